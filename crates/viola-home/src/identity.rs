@@ -108,6 +108,13 @@ impl KnownObject {
         }
     }
 
+    /// Returns whether an object in its place is only what is left of it: its place is empty since, and no later clip
+    /// sees what is found there.
+    fn is_left_over(&self, object: &Object, looked: &LookedThrough) -> bool {
+        (self.is_gone || evidence::is_empty(&self.points, looked))
+            && !evidence::is_seen_later(&self.points, &evidence::points_of(object, looked))
+    }
+
     /// Counts a revision in which it is not found.
     fn miss(&mut self, looked: &LookedThrough) {
         self.missing = self.missing.saturating_add(1);
@@ -177,8 +184,8 @@ impl History {
     }
 
     /// Gives the objects of the next revision their ids, and remembers these objects. `looked`: what the clips
-    /// of the next revision looked through.
-    pub fn identify_objects(&mut self, objects: &mut [Object], stated: &Stated, looked: &LookedThrough) {
+    /// of the next revision looked through. What is left of an object that is gone is no object.
+    pub fn identify_objects(&mut self, objects: &mut Vec<Object>, stated: &Stated, looked: &LookedThrough) {
         self.remember_stated(stated);
         let mut candidates = Vec::new();
         for (row, known) in self.objects.iter().enumerate() {
@@ -202,6 +209,12 @@ impl History {
                 }
             };
         }
+        let known: BTreeMap<&str, &KnownObject> =
+            self.objects.iter().map(|known| (known.id.as_str(), known)).collect();
+        objects.retain(|object| {
+            let known = known.get(object.id.as_str()).filter(|known| !stated.contains_key(&known.id));
+            !known.is_some_and(|known| known.is_left_over(object, looked))
+        });
         let found: BTreeSet<&str> = objects.iter().map(|object| object.id.as_str()).collect();
         let (last, mut missing): (Vec<KnownObject>, Vec<KnownObject>) =
             self.objects.drain(..).partition(|known| found.contains(known.id.as_str()));

@@ -2,6 +2,7 @@
 
 use super::super::objects::UprightBox;
 use super::assignment::{Candidate, best_pairs};
+use super::likeness::is_family;
 use super::{History, KnownObject};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
@@ -15,6 +16,8 @@ const SIDE_FRACTION: f64 = 0.25;
 const LONGEST_RATIO: f64 = 1.5;
 /// Difference of the sizes of such an object, as of [`unlike`].
 const MOST_UNLIKE: f64 = 3.0;
+/// Lower score of a pair whose classes differ: more than all differences of two objects of one class.
+const OTHER_CLASS: i64 = 4000;
 /// Distance beyond which all moves are alike.
 const FAR_M: f64 = 20.0;
 
@@ -100,33 +103,34 @@ fn by_id(ids: &History) -> BTreeMap<&str, &KnownObject> {
     ids.objects.iter().map(|known| (known.id.as_str(), known)).collect()
 }
 
-/// Makes pairs of gone and new objects that are one object in another place.
+/// Makes pairs of gone and new objects that are one object in another place. An object in a place that nobody had filmed
+/// before may have been there all the time.
 fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut ObjectChanges) {
-    let arrived: Vec<usize> = changes.added.iter().chain(&changes.discovered).copied().collect();
     let mut candidates = Vec::new();
     for (row, i) in changes.gone.iter().enumerate() {
-        for (column, j) in arrived.iter().enumerate() {
+        for (column, j) in changes.added.iter().enumerate() {
             let (a, b) = (&from.objects[*i], &to.objects[*j]);
-            if a.class != b.class {
+            let is_same_class = a.class == b.class;
+            if !is_same_class && !is_family(a.class, b.class) {
                 continue;
             }
-            // A place that was emptied and one that was filled are evidence enough, and visits show parts of an object.
-            let of_part = || (changes.added.contains(j) && is_as_long(a, b)).then_some(MOST_UNLIKE);
+            // A place that was emptied and one that was filled are evidence enough: visits show parts of an object. What
+            // labels take for another of its family must be as high.
+            let of_part = || (is_as_long(a, b) && (is_same_class || is_as_high(a, b))).then_some(MOST_UNLIKE);
             if let Some(unlike) = unlike(a, b).or_else(of_part) {
                 let far = (distance_m(a, b) / FAR_M).min(1.0);
+                let kind = if is_same_class { 0 } else { OTHER_CLASS };
                 // Every pair counts more than the choice between pairs.
-                let score = 10_000 - (unlike * 1000.0) as i64 - (far * 500.0) as i64;
+                let score = 10_000 - kind - (unlike * 1000.0) as i64 - (far * 500.0) as i64;
                 candidates.push(Candidate { row, column, score });
             }
         }
     }
     let pairs = best_pairs(&candidates);
     let pairs: Vec<(usize, usize)> =
-        pairs.into_iter().map(|(row, column)| (changes.gone[row], arrived[column])).collect();
+        pairs.into_iter().map(|(row, column)| (changes.gone[row], changes.added[column])).collect();
     changes.gone.retain(|i| !pairs.iter().any(|pair| pair.0 == *i));
-    for arrived in [&mut changes.added, &mut changes.discovered] {
-        arrived.retain(|j| !pairs.iter().any(|pair| pair.1 == *j));
-    }
+    changes.added.retain(|j| !pairs.iter().any(|pair| pair.1 == *j));
     changes.moved.extend(pairs);
     changes.moved.sort_unstable();
 }
@@ -140,6 +144,10 @@ fn distance_m(a: &MovedObject, b: &MovedObject) -> f64 {
 fn is_as_long(a: &MovedObject, b: &MovedObject) -> bool {
     let [a_m, b_m] = [a, b].map(|object| object.bounds.size_m.iter().copied().fold(0.0, f64::max));
     a_m.max(b_m) < LONGEST_RATIO * a_m.min(b_m)
+}
+
+fn is_as_high(a: &MovedObject, b: &MovedObject) -> bool {
+    (a.bounds.top_m() - b.bounds.top_m()).abs() < SIDE_M
 }
 
 /// Returns the difference of the sizes, 0 to 3; none if it is more than one object's views differ by.
@@ -238,7 +246,25 @@ mod tests {
                 "into a place that nobody had looked at",
                 vec![chair("chair-1", 0.0)],
                 vec![chair("chair-2", 3.0), missed(chair("chair-1", 0.0), true)],
+                ObjectChanges { discovered: vec![0], gone: vec![0], ..none() },
+            ),
+            (
+                "labels took it for another of its family",
+                vec![known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6])],
+                vec![
+                    new(known("cabinet-1", Class::Cabinet, 3.0, [1.7, 0.7, 0.6])),
+                    missed(known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6]), true),
+                ],
                 ObjectChanges { moved: vec![(0, 0)], ..none() },
+            ),
+            (
+                "another of its family of another height",
+                vec![known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6])],
+                vec![
+                    new(known("cabinet-1", Class::Cabinet, 3.0, [1.7, 0.7, 0.9])),
+                    missed(known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6]), true),
+                ],
+                ObjectChanges { added: vec![0], gone: vec![0], ..none() },
             ),
             (
                 "another class",

@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 const MIN_EMPTY: f64 = 0.4;
 /// The same of an object that is still found there, but in a slightly different place.
 const MIN_EMPTIED: f64 = 0.25;
+/// Minimum fraction of the points in an object's place that later clips see, if it is not gone.
+const MIN_SEEN_LATER: f64 = 0.3;
 /// Minimum fraction of an object's points in the changed tiles: the others are not judged.
 const MIN_JUDGED: f64 = 0.3;
 
@@ -36,6 +38,13 @@ pub fn was_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
 /// Returns whether clips looked through an object's place after it was seen there.
 pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
     share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTY
+}
+
+/// Returns whether clips after those of an object's points see enough of `now`; a clip of unknown time may be one.
+pub fn is_seen_later(then: &[KnownPoint], now: &[KnownPoint]) -> bool {
+    let last_ms = then.iter().filter_map(|point| point.1).max();
+    let later = now.iter().filter(|point| point.1.is_none() || point.1 > last_ms).count();
+    later as f64 >= MIN_SEEN_LATER * now.len() as f64
 }
 
 /// Returns whether an object was pushed aside: clips looked through a part of its earlier place after it was seen there,

@@ -38,7 +38,7 @@ const FAMILIES: [&[Class]; 5] = [
     &[Class::Picture, Class::Mirror, Class::Television],
 ];
 
-fn is_family(a: Class, b: Class) -> bool {
+pub fn is_family(a: Class, b: Class) -> bool {
     a == b || FAMILIES.iter().any(|family| family.contains(&a) && family.contains(&b))
 }
 

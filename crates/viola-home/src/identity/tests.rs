@@ -82,7 +82,7 @@ fn a_number_is_never_used_again() {
     // A corrected object is remembered.
     let stated = Stated::from([("chair-2".to_owned(), None), ("chair-9".to_owned(), None)]);
     for _ in 0..20 {
-        history.identify_objects(&mut [], &stated, &LookedThrough::default());
+        history.identify_objects(&mut vec![], &stated, &LookedThrough::default());
     }
     assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(4.0, 0.0)]), ["chair-2", "chair-10"]);
 }
@@ -211,7 +211,7 @@ fn an_object_is_new_only_if_its_place_was_empty_before() {
     for (name, clip, empty, is_new) in cases {
         let mut history = History::default();
         let looked = LookedThrough::of_boxes(&times, &empty);
-        history.identify_objects(&mut [seen_chair(1.0, clip)], &Stated::new(), &looked);
+        history.identify_objects(&mut vec![seen_chair(1.0, clip)], &Stated::new(), &looked);
         assert_eq!(history.objects[0].is_new, is_new, "{name}");
     }
 }
@@ -221,7 +221,7 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
     let times = [Some(10), Some(20), Some(30)];
     let looked = |empty: &[_]| LookedThrough::of_boxes(&times, empty);
     let mut history = History::default();
-    history.identify_objects(&mut [seen_chair(1.0, 1)], &Stated::new(), &looked(&[]));
+    history.identify_objects(&mut vec![seen_chair(1.0, 1)], &Stated::new(), &looked(&[]));
     // (what was looked through, gone, missing)
     for (empty, is_gone, missing) in [
         (vec![], false, 1),
@@ -231,12 +231,12 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
         // It stays gone when its tile does not change any more.
         (vec![], true, 5),
     ] {
-        history.identify_objects(&mut [], &Stated::new(), &looked(&empty));
+        history.identify_objects(&mut vec![], &Stated::new(), &looked(&empty));
         let known = &history.objects[0];
         assert_eq!((known.is_gone, known.missing), (is_gone, missing), "{empty:?}");
     }
     // It came back.
-    history.identify_objects(&mut [seen_chair(1.0, 2)], &Stated::new(), &looked(&[]));
+    history.identify_objects(&mut vec![seen_chair(1.0, 2)], &Stated::new(), &looked(&[]));
     let known = &history.objects[0];
     assert_eq!((known.id.as_str(), known.is_new, known.is_gone), ("chair-1", true, false));
 }
@@ -247,12 +247,38 @@ fn an_object_that_was_pushed_aside_moved_and_one_that_was_seen_better_did_not() 
     for (empty, moves) in [(vec![space(1.0, 0.8, 1)], 1), (vec![], 0)] {
         let mut history = History::default();
         history.identify_objects(
-            &mut [seen_chair(1.0, 0)],
+            &mut vec![seen_chair(1.0, 0)],
             &Stated::new(),
             &LookedThrough::of_boxes(&times, &[]),
         );
-        let mut later = [seen_chair(1.3, 1)];
+        let mut later = vec![seen_chair(1.3, 1)];
         history.identify_objects(&mut later, &Stated::new(), &LookedThrough::of_boxes(&times, &empty));
         assert_eq!((later[0].id.as_str(), history.objects[0].moves), ("chair-1", moves));
+    }
+}
+
+#[test]
+fn what_is_left_of_an_object_that_is_gone_is_no_object() {
+    let times = [Some(10), Some(20)];
+    let looked = |empty: &[_]| LookedThrough::of_boxes(&times, empty);
+    // (clip that sees what is found in its place, what the later clip looked through, found)
+    for (clip, empty, is_found) in [
+        (0, vec![space(1.0, 0.8, 1)], false),
+        (1, vec![space(1.0, 0.8, 1)], true),
+        (0, vec![space(1.0, 0.2, 1)], true),
+    ] {
+        let mut history = History::default();
+        history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked(&[]));
+        let mut left = vec![seen_chair(1.0, clip)];
+        history.identify_objects(&mut left, &Stated::new(), &looked(&empty));
+        assert_eq!((left.len() == 1, history.objects[0].is_gone), (is_found, !is_found), "{empty:?}");
+        // It stays so when its tile does not change any more, and what a person corrected stays in any case.
+        let mut left = vec![seen_chair(1.0, clip)];
+        history.identify_objects(&mut left, &Stated::new(), &looked(&[]));
+        assert_eq!(left.len() == 1, is_found, "{empty:?}");
+        let stated = Stated::from([("chair-1".to_owned(), None)]);
+        let mut left = vec![seen_chair(1.0, clip)];
+        history.identify_objects(&mut left, &stated, &looked(&empty));
+        assert_eq!(left.len(), 1);
     }
 }

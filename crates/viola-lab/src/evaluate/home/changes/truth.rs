@@ -7,6 +7,7 @@ use crate::simulate::{ClipParams, Home, HomeObject, Survey, View};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
+use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pinhole, Point3, Pose2, Pose3};
 use viola_home::{MIN_MOVE_M, is_furniture};
 
@@ -26,8 +27,9 @@ pub struct Visit {
     camera: Pinhole,
     range_m: f64,
     views: Vec<(View, Pose3)>,
-    /// Surface of each piece that the views show, by the piece's number.
-    seen: FxHashMap<u16, FxHashSet<Cell>>,
+    /// Surface of each piece that the views show, by the piece's number and the class: what stands on a piece is a
+    /// part of it.
+    seen: FxHashMap<(u16, Class), FxHashSet<Cell>>,
 }
 
 impl Visit {
@@ -48,9 +50,8 @@ impl Visit {
         visit
     }
 
-    fn surfaces(&self, home: &Home) -> FxHashMap<u16, FxHashSet<Cell>> {
-        let pieces = home.objects_alone();
-        let mut seen: FxHashMap<u16, FxHashSet<Cell>> = FxHashMap::default();
+    fn surfaces(&self, home: &Home) -> FxHashMap<(u16, Class), FxHashSet<Cell>> {
+        let mut seen: FxHashMap<(u16, Class), FxHashSet<Cell>> = FxHashMap::default();
         for (view, home_from_camera) in &self.views {
             let pixels = (0..view.height)
                 .step_by(STRIDE)
@@ -61,12 +62,10 @@ impl Visit {
                     continue;
                 }
                 let (class, piece) = home.scene().label(view.solid[y * view.width + x] as usize);
-                let is_piece = |piece: &HomeObject| piece.class == class;
-                if usize::from(piece).checked_sub(1).and_then(|at| pieces.get(at)).is_some_and(is_piece) {
+                if piece > 0 {
                     let at = home_from_camera * self.camera.unproject(x as f64, y as f64, depth_m);
-                    seen.entry(piece)
-                        .or_default()
-                        .insert([at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32));
+                    let cell = [at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32);
+                    seen.entry((piece, class)).or_default().insert(cell);
                 }
             }
         }
@@ -74,8 +73,22 @@ impl Visit {
     }
 
     /// Returns the cells of a piece that the visit shows; none if they are too few to find it.
-    fn shown(&self, piece: u16) -> Option<Vec<Point3>> {
-        let cells = self.seen.get(&piece).filter(|cells| cells.len() >= MIN_POINTS)?;
+    fn shown(&self, piece: &HomeObject) -> Option<Vec<Point3>> {
+        self.places(piece.instance, piece.class)
+    }
+
+    /// Returns what the visit shows of the other classes of a piece, such as the television on a cabinet.
+    fn shown_on(&self, piece: &HomeObject, map_from_home: &Pose2) -> Vec<Thing> {
+        let others = Class::ALL.iter().filter(|class| **class != piece.class);
+        let of_class = |class: &Class| {
+            let places = self.places(piece.instance, *class)?;
+            Some(Thing { class: *class, ..thing(piece, &places, map_from_home) })
+        };
+        others.filter_map(of_class).collect()
+    }
+
+    fn places(&self, piece: u16, class: Class) -> Option<Vec<Point3>> {
+        let cells = self.seen.get(&(piece, class)).filter(|cells| cells.len() >= MIN_POINTS)?;
         let mut cells: Vec<Cell> = cells.iter().copied().collect();
         cells.sort_unstable();
         Some(
@@ -111,7 +124,8 @@ pub struct TrueChanges {
     pub added: Vec<Thing>,
     pub moved: Vec<[Thing; 2]>,
     pub gone: Vec<Thing>,
-    /// Other places where something changed: the clips do not decide what, it is small, or it is not furniture.
+    /// Other places where something changed: the clips do not decide what, it is small, it is not furniture, or it stands
+    /// on a piece that changed.
     pub open: Vec<Thing>,
 }
 
@@ -123,30 +137,35 @@ pub fn true_changes(days: &[Home; 2], visits: &[Visit; 2], map_from_home: &Pose2
         partner[0].insert(then, now);
         partner[1].insert(now, then);
     }
-    let shown = |day: usize, piece: u16| -> Option<Shown> {
+    let shown = |day: usize, piece: &HomeObject| -> Option<Shown> {
         let places = visits[day].shown(piece)?;
-        let object = &pieces[day][usize::from(piece) - 1];
         Some(Shown {
-            thing: thing(object, &places, map_from_home),
+            thing: thing(piece, &places, map_from_home),
             is_looked_at: visits[1 - day].looks_at(&places),
         })
     };
     let mut changes = TrueChanges::default();
     for piece in &pieces[0] {
         let Some(now) = partner[0].get(&piece.instance) else {
-            changes.push(shown(0, piece.instance), None);
+            changes.push(shown(0, piece), None);
+            changes.open.extend(visits[0].shown_on(piece, map_from_home));
             continue;
         };
         let later = &pieces[1][usize::from(*now) - 1];
+        if apart_m(piece, later) > 0.0 || piece.yaw_rad != later.yaw_rad {
+            changes.open.extend(visits[0].shown_on(piece, map_from_home));
+            changes.open.extend(visits[1].shown_on(later, map_from_home));
+        }
         if apart_m(piece, later) >= MIN_MOVE_M {
-            changes.push(shown(0, piece.instance), shown(1, *now));
+            changes.push(shown(0, piece), shown(1, later));
         } else if apart_m(piece, later) > 0.0 || piece.yaw_rad != later.yaw_rad {
-            let both = [shown(0, piece.instance), shown(1, *now)];
+            let both = [shown(0, piece), shown(1, later)];
             changes.open.extend(both.into_iter().flatten().map(|shown| shown.thing));
         }
     }
     for piece in pieces[1].iter().filter(|piece| !partner[1].contains_key(&piece.instance)) {
-        changes.push(None, shown(1, piece.instance));
+        changes.push(None, shown(1, piece));
+        changes.open.extend(visits[1].shown_on(piece, map_from_home));
     }
     changes
 }
@@ -154,9 +173,9 @@ pub fn true_changes(days: &[Home; 2], visits: &[Visit; 2], map_from_home: &Pose2
 /// Returns the furniture that the clips of a visit show, as boxes of what they saw, in the map.
 pub fn shown_things(home: &Home, visit: &Visit, map_from_home: &Pose2) -> Vec<Thing> {
     let pieces = home.objects_alone();
-    let shown = pieces.iter().filter_map(|piece| {
-        Some(thing(piece, &visit.shown(piece.instance)?, map_from_home)).filter(is_large)
-    });
+    let shown = pieces
+        .iter()
+        .filter_map(|piece| Some(thing(piece, &visit.shown(piece)?, map_from_home)).filter(is_large));
     shown.collect()
 }
 
