@@ -154,7 +154,9 @@ def changes(runs):
     """Right of reported changes of true ones, for each kind."""
     rows = runs["run"].json("changes.json")["rows"]
     told = lambda score: f"{score['right']} / {score['told']} / {score['truth']}"
-    return [{"set": row["set"], "homes": row["homes"]} | {kind: told(row["scores"][kind]) for kind in ("added", "moved", "gone")} for row in rows]
+    kept = lambda kept: f"{kept['one_id']} of {kept['objects']}" if kept["objects"] else "-"
+    return [{"set": row["set"], "homes": row["homes"], "one id": kept(row["kept"])}
+            | {kind: told(row["scores"][kind]) for kind in ("added", "moved", "gone")} for row in rows]
 
 
 def metres(runs):
@@ -311,12 +313,12 @@ PARTS = [
     },
     {
         "name": "changes", "title": "Changes of objects", "needs": [],
-        "note": "Right / reported / true. Homes of `changed` are filmed in two visits; in `normal` nothing changes.",
-        "runs": {"run": "viola evaluate --changes --set {sets} --seeds {seeds} --clips {clips} --frames 20 \\\n  --picture-labels 0.75 --out {out}"},
+        "note": "Right / reported / true. Homes of `changed` are filmed in two visits; in `normal` nothing changes, and clips come one by one.",
+        "runs": {"run": "viola evaluate --changes --set {sets} --seeds {seeds} --clips {clips} --frames 30 \\\n  --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"sets": "changed", "seeds": "2000..2001", "clips": "2"}, "quick": {"sets": "normal,changed", "seeds": "5000..5001", "clips": "5"},
-                     "all": {"sets": "normal,changed", "seeds": "5000..5006", "clips": "8"}},
-        "minutes": {"tiny": 1, "quick": 3, "all": 20}, "rows": changes,
-        "columns": [of("set"), of("homes"), of("added"), of("moved"), of("gone")],
+                     "all": {"sets": "normal,changed", "seeds": "5000..5006", "clips": "12"}},
+        "minutes": {"tiny": 1, "quick": 3, "all": 10}, "rows": changes,
+        "columns": [of("set"), of("homes"), of("one id"), of("added"), of("moved"), of("gone")],
     },
     {
         "name": "metres", "title": "Clips without metres", "needs": ["VIOLA_TEST_DATA"],
