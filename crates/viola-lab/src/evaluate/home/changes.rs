@@ -106,7 +106,7 @@ pub fn changes(
         if let Some(last) = &last {
             scores.add(&score(&truth, &told(last, &now)));
         }
-        ids.add(&now);
+        ids.add(&now.objects);
         last = Some(now);
     }
     let (kept, renamed) = ids.kept();
