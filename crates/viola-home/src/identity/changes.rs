@@ -62,7 +62,8 @@ impl ObjectChanges {
 }
 
 /// Returns the changes of the objects `from` one revision `to` another, both in one frame. An object moved if it
-/// has its id elsewhere, or if one is gone from one place, and one of the same class and size is new in another.
+/// has its id elsewhere, or if one is gone from one place, and one of its class or
+/// family and of its size is new in another, which was empty before.
 pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectChanges {
     let mut changes = ObjectChanges::default();
     let (known_then, known_now) = (by_id(from.ids), by_id(to.ids));
