@@ -56,43 +56,84 @@ impl Default for WorkerParams {
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
-    while !stop.is_cancelled() {
-        match queue.storage.release_lost(&params.retry, Timestamp::now()).await {
+    let mut worker = Worker { queue, params, stop, merged: String::new() };
+    while !worker.stop.is_cancelled() {
+        worker.queue_lost().await;
+        // Jobs and merges take turns, so that neither waits until the other queue is empty. A home with queued clips is
+        // not due, so it is merged once.
+        let worked = worker.work().await;
+        let merged = !worker.stop.is_cancelled() && worker.merge().await;
+        if !worked && !merged {
+            worker.rest().await;
+        }
+    }
+}
+
+struct Worker {
+    queue: Arc<Queue>,
+    params: WorkerParams,
+    stop: CancellationToken,
+    /// Tenant of the last merge.
+    merged: String,
+}
+
+impl Worker {
+    /// Queues the jobs of lost workers again.
+    async fn queue_lost(&self) {
+        match self.queue.storage.release_lost(&self.params.retry, Timestamp::now()).await {
             Ok(0) => {}
             Ok(jobs) => {
                 warn!(jobs, "jobs of lost workers are queued again");
-                queue.wake();
+                self.queue.wake();
             }
             Err(error) => error!(%error, "jobs of lost workers could not be queued again"),
         }
-        match queue.storage.claim(params.lease, Timestamp::now()).await {
-            Ok(Some(claim)) => {
-                // There may be more jobs: wake the next worker, and this job's listeners.
-                queue.wake();
-                let job = &claim.job;
-                let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
-                Attempt { queue: &queue, params: &params, claim }.run(&stop).instrument(span).await;
-                queue.wake();
-                continue;
+    }
+
+    /// Does a job; returns false if none is due.
+    async fn work(&self) -> bool {
+        let claim = match self.queue.storage.claim(self.params.lease, Timestamp::now()).await {
+            Ok(Some(claim)) => claim,
+            Ok(None) => return false,
+            Err(error) => {
+                error!(%error, "no job could be claimed");
+                return false;
             }
-            // Merges come after jobs, so that a home with many queued clips is merged once.
-            Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
-                Ok(Some(claim)) => {
-                    let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
-                    let surface = params.align.align.label.surface.clone();
-                    if merge(&queue, &claim, surface, params.lease, &stop).instrument(span).await {
-                        tokio::spawn(make_meshes(queue.storage.clone(), claim.home));
-                    }
-                    continue;
-                }
-                Ok(None) => {}
-                Err(error) => error!(%error, "no map could be claimed"),
-            },
-            Err(error) => error!(%error, "no job could be claimed"),
+        };
+        // There may be more jobs: wake the next worker, and this job's listeners.
+        self.queue.wake();
+        let job = &claim.job;
+        let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
+        Attempt { queue: &self.queue, params: &self.params, claim }.run(&self.stop).instrument(span).await;
+        self.queue.wake();
+        true
+    }
+
+    /// Merges a home; returns false if none is due.
+    async fn merge(&mut self) -> bool {
+        let Worker { queue, params, stop, merged } = self;
+        let claim = match queue.storage.claim_merge(merged, params.lease, Timestamp::now()).await {
+            Ok(Some(claim)) => claim,
+            Ok(None) => return false,
+            Err(error) => {
+                error!(%error, "no map could be claimed");
+                return false;
+            }
+        };
+        claim.home.tenant().clone_into(merged);
+        let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
+        let surface = params.align.align.label.surface.clone();
+        if merge(queue, &claim, surface, params.lease, stop).instrument(span).await {
+            tokio::spawn(make_meshes(queue.storage.clone(), claim.home));
         }
+        true
+    }
+
+    /// Waits until something may be due.
+    async fn rest(&self) {
         tokio::select! {
-            () = stop.cancelled() => {}
-            () = queue.due.notified() => {}
+            () = self.stop.cancelled() => {}
+            () = self.queue.due.notified() => {}
             () = tokio::time::sleep(POLL) => {}
         }
     }

@@ -190,14 +190,14 @@ async fn choices_that_cannot_be(storage: Storage) {
 async fn a_choice_makes_the_map_due(storage: Storage) {
     let (home, _) = one_job(&storage).await;
     let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
-    let claim = storage.claim_merge(LEASE, at(100)).await.unwrap().expect("its neighbours may decide");
+    let claim = storage.claim_merge("", LEASE, at(100)).await.unwrap().expect("its neighbours may decide");
     assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
     assert!(storage.finish_merge(&claim, None, at(100)).await.unwrap());
     choose(&storage, &clip, Chosen::Alternative(1), 200).await;
-    let claim = storage.claim_merge(LEASE, at(300)).await.unwrap().expect("a clip was placed by hand");
+    let claim = storage.claim_merge("", LEASE, at(300)).await.unwrap().expect("a clip was placed by hand");
     assert!(matches!(claim.members[0].verdict, Verdict::Chosen { .. }));
     storage.give_back_merge(&claim, at(300)).await.unwrap();
     storage.withdraw_choice(&home, clip.id, |_| true, at(301)).await.unwrap();
-    let claim = storage.claim_merge(LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
+    let claim = storage.claim_merge("", LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
     assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
 }

@@ -1,8 +1,14 @@
 //! The order of jobs.
 
+use super::home_maps::align;
 use super::*;
 
-on_every_back_end!(nobody_waits_behind_all_of_another, who_asks_comes_first, nobody_waits_for_ever);
+on_every_back_end!(
+    nobody_waits_behind_all_of_another,
+    who_asks_comes_first,
+    nobody_waits_for_ever,
+    tenants_take_turns_in_merging,
+);
 
 /// Returns the homes of claimed jobs, as `tenant/home`, all at one moment.
 async fn order(storage: &Storage, now_s: i64, count: usize) -> Vec<String> {
@@ -38,6 +44,24 @@ async fn nobody_waits_behind_all_of_another(storage: Storage) {
     assert_eq!(order.len(), 8);
     assert!(at("acme/modest") <= 3 && at("bolt/other") <= 3, "{order:?}");
     assert!(order[4..].iter().filter(|home| *home == "acme/greedy").count() >= 3, "{order:?}");
+}
+
+async fn tenants_take_turns_in_merging(storage: Storage) {
+    for (tenant, id) in [("acme", "a"), ("acme", "b"), ("acme", "c"), ("bolt", "d"), ("corp", "e")] {
+        let home = home_with_map(&storage, tenant, id).await;
+        add(&storage, &home, b"clip").await;
+        align(&storage, AlignmentState::Aligned).await;
+    }
+    let mut order = Vec::new();
+    let mut last = String::new();
+    for second in 0..6 {
+        // Leases end before the next claim, so each home stays due.
+        let now = at(200 + 100 * second);
+        let claim = storage.claim_merge(&last, LEASE, now).await.unwrap().expect("homes are due");
+        claim.home.tenant().clone_into(&mut last);
+        order.push(format!("{last}/{}", claim.home));
+    }
+    assert_eq!(order, ["acme/a", "bolt/d", "corp/e", "acme/b", "bolt/d", "corp/e"]);
 }
 
 async fn who_asks_comes_first(storage: Storage) {

@@ -152,7 +152,7 @@ async fn a_store_that_fails_every_third_write_makes_whole_maps() {
     let writes = break_writes(&mut storage, |write| write % 3 == 2);
     let (home, clip) = aligned(&storage).await;
     for number in 1..=4u8 {
-        let claim = storage.claim_merge(LEASE, at(10)).await.unwrap().expect("the home is due");
+        let claim = storage.claim_merge("", LEASE, at(10)).await.unwrap().expect("the home is due");
         assert!(storage.finish_merge(&claim, Some(&revision(number)), at(10)).await.unwrap());
         assert_eq!(whole(&storage, &home).await, Some(number));
         storage.align_clip(&home, clip.id, at(11)).await.unwrap();
@@ -170,19 +170,19 @@ async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let mut storage = in_folder(folder.path()).await;
     let (home, clip) = aligned(&storage).await;
-    let claim = storage.claim_merge(LEASE, at(10)).await.unwrap().expect("the home is due");
+    let claim = storage.claim_merge("", LEASE, at(10)).await.unwrap().expect("the home is due");
     assert!(storage.finish_merge(&claim, Some(&revision(1)), at(10)).await.unwrap());
     storage.align_clip(&home, clip.id, at(11)).await.unwrap();
     align(&storage).await;
     break_writes(&mut storage, |write| write >= 2);
-    let claim = storage.claim_merge(LEASE, at(12)).await.unwrap().expect("the home is due");
+    let claim = storage.claim_merge("", LEASE, at(12)).await.unwrap().expect("the home is due");
     let failed = storage.finish_merge(&claim, Some(&revision(2)), at(12)).await;
     assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
     assert_eq!(whole(&storage, &home).await, Some(1));
     let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
     assert!(kept.iter().all(|key| named.contains(key)), "what was written of it is gone");
     storage.give_back_merge(&claim, at(13)).await.unwrap();
-    assert!(storage.claim_merge(LEASE, at(13)).await.unwrap().is_some(), "it is tried again");
+    assert!(storage.claim_merge("", LEASE, at(13)).await.unwrap().is_some(), "it is tried again");
 }
 
 /// Runs `work` until it has waited `waits` times, and drops it there, like a kill at that moment.
@@ -228,7 +228,7 @@ async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
     let mut cuts = 0;
     for waits in 0.. {
         let before = whole(&storage, &home).await;
-        let claim = storage.claim_merge(LEASE, at(now)).await.unwrap().expect("the home is due");
+        let claim = storage.claim_merge("", LEASE, at(now)).await.unwrap().expect("the home is due");
         number += 1;
         let finished = cut_off(storage.finish_merge(&claim, Some(&revision(number)), at(now)), waits).await;
         // As after a kill: the storage is opened anew, which sweeps.

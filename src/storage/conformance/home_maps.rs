@@ -52,7 +52,7 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
 }
 
 pub(super) async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
-    storage.claim_merge(LEASE, at(seconds)).await.unwrap()
+    storage.claim_merge("", LEASE, at(seconds)).await.unwrap()
 }
 
 /// Returns the clouds of a claim, one after the other.

@@ -20,6 +20,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (12, "sessions", include_str!("../../../migrations/0012_sessions.sql")),
     (13, "limits", include_str!("../../../migrations/0013_limits.sql")),
     (14, "names and coverage", include_str!("../../../migrations/0014_names_and_coverage.sql")),
+    (15, "fair merges", include_str!("../../../migrations/0015_fair_merges.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -78,17 +78,19 @@ pub struct NewRevision {
 /// map, which queues all clips again, makes one new revision, and the old one stays until then. The merge
 /// does not wait for a job with a long pause after a fault.
 macro_rules! claim {
-    ($lock:literal) => {
+    ($tenants:literal, $lock:literal) => {
         concat!(
-            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2
+            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2, map_claimed_at = $1
     WHERE id = (
         SELECT id FROM homes
-        WHERE map_made < map_wanted
+        WHERE map_made < map_wanted AND tenant ",
+            $tenants,
+            " $5
             AND (map_lease_until IS NULL OR map_lease_until <= $1 OR map_lease_until > $4)
             AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
                 AND NOT EXISTS (SELECT 1 FROM jobs
                     WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > $3))
-        ORDER BY id LIMIT 1 ",
+        ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
             $lock,
             ")
     RETURNING id, map_wanted, map_fence"
@@ -97,22 +99,33 @@ macro_rules! claim {
 }
 
 impl Storage {
-    /// Claims a home whose map is due; returns `None` if there is none.
+    /// Claims a home whose map is due; returns `None` if there is none. Tenants take turns: the first one with a due home
+    /// after the tenant named `after` comes first.
     pub async fn claim_merge(
         &self,
+        after: &str,
         lease: Duration,
         now: Timestamp,
     ) -> Result<Option<MergeClaim>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let statement = transaction.either(claim!(""), claim!("FOR NO KEY UPDATE SKIP LOCKED"));
-        let row = query(statement)
-            .bind(now.as_millisecond())
-            .bind((now + lease).as_millisecond())
-            .bind((now + LONG_REST).as_millisecond())
-            .bind(clock::no_lease_after(now))
-            .fetch_optional(&mut transaction)
-            .await?;
-        let Some(row) = row else { return Ok(None) };
+        let later = transaction.either(claim!(">", ""), claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
+        let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
+        let mut claimed = None;
+        for statement in [later, others] {
+            let row = query(statement)
+                .bind(now.as_millisecond())
+                .bind((now + lease).as_millisecond())
+                .bind((now + LONG_REST).as_millisecond())
+                .bind(clock::no_lease_after(now))
+                .bind(after)
+                .fetch_optional(&mut transaction)
+                .await?;
+            if row.is_some() {
+                claimed = row;
+                break;
+            }
+        }
+        let Some(row) = claimed else { return Ok(None) };
         let home = row.home("id")?;
         let lidar_maps = lidar_maps::levels(&mut transaction, &home).await?;
         let last = newest(&mut transaction, &home).await?;
