@@ -14,6 +14,11 @@ export class Refusal extends Error {
   ) {
     super(message);
   }
+
+  /** True if asking again gives the same answer: the session has ended, or what was asked for is gone. */
+  get isFinal(): boolean {
+    return [401, 403, 404].includes(this.status);
+  }
 }
 
 /** The explanation in a problem document, or the status where there is none. */
@@ -57,11 +62,11 @@ async function getIfThere<T>(path: string, signal: AbortSignal): Promise<T | nul
   }
 }
 
-async function send<T>(method: string, path: string, body?: unknown): Promise<T | null> {
-  const options: RequestInit = { method };
+async function send<T>(method: string, path: string, body?: unknown, headers: Record<string, string> = {}): Promise<T | null> {
+  const options: RequestInit = { method, headers };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
-    options.headers = { "content-type": "application/json" };
+    options.headers = { ...headers, "content-type": "application/json" };
   }
   const text = await (await ask(path, options)).text();
   return text ? (JSON.parse(text) as T) : null;
@@ -139,8 +144,15 @@ export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> 
   return items;
 }
 
-export function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
-  return get(homePath(home, "clips", id), signal);
+/** The `ETag` of each clip that was read alone: a choice is about the clip as a person saw it. */
+const tags = new WeakMap<Clip, string>();
+
+export async function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
+  const answer = await ask(homePath(home, "clips", id), { signal });
+  const clip = (await answer.json()) as Clip;
+  const tag = answer.headers.get("etag");
+  if (tag) tags.set(clip, tag);
+  return clip;
 }
 
 export async function deleteClip(clip: Clip): Promise<void> {
@@ -152,7 +164,8 @@ export async function alignAgain(clip: Clip): Promise<void> {
 }
 
 export async function choose(clip: Clip, alternative: number): Promise<void> {
-  await send("PUT", clipPath(clip, "alignment"), { alternative });
+  const tag = tags.get(clip);
+  await send("PUT", clipPath(clip, "alignment"), { alternative }, tag ? { "if-match": tag } : {});
 }
 
 export async function withdraw(clip: Clip): Promise<void> {

@@ -40,7 +40,7 @@ async function show(): Promise<void> {
   // Errors are told by the page itself.
   void isSignedIn(signal).then((signedIn) => leave.hidden = !signedIn, () => leave.hidden = true);
   const route = parse(location.hash);
-  const place = { main, crumbs, signal };
+  const place = { main, crumbs, signal, again: () => void show() };
   try {
     if (route.page === "homes") await showHomes(place, route.asked);
     else if (route.page === "home") await showHome(place, route.home, route.view);
@@ -49,7 +49,7 @@ async function show(): Promise<void> {
   } catch (error) {
     if (signal.aborted) return;
     if (error instanceof Refusal && error.status === 401) {
-      showSignIn(place, () => void show());
+      showSignIn(place, place.again);
       return;
     }
     put(main, h("section", { class: "empty" },

@@ -64,10 +64,13 @@ export function plain(code: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
+/** Letters of an id that is made of a name: an id has at most 64, and a number may follow. */
+const MOST_LETTERS = 56;
+
 /** The id of a home of this name: "Flat 3, Elm Street" becomes "flat-3-elm-street". */
 export function idOf(name: string): string {
   const letters = name.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase();
-  return letters.replace(/[^a-z0-9]+/g, "-").slice(0, 100).replace(/^-+|-+$/g, "") || "home";
+  return letters.replace(/[^a-z0-9]+/g, "-").slice(0, MOST_LETTERS).replace(/^-+|-+$/g, "") || "home";
 }
 
 export function isUnderWay(clip: Clip): boolean {

@@ -10,7 +10,7 @@ import { addressOf, inkOf } from "../paper.ts";
 import { confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
-import { attempt, say } from "../parts/notices.ts";
+import { attempt, messageOf, say } from "../parts/notices.ts";
 import { thumbnail } from "../parts/thumbnail.ts";
 import { toHome, toHomes } from "../route.ts";
 import { isDark, onTheme } from "../theme.ts";
@@ -34,6 +34,7 @@ export async function showClip(place: Place, home: string, id: string): Promise<
 class ClipPage {
   private ground: Ground = { lidars: [], pictures: new Map(), scan: null };
   private drawn = "";
+  private job: string | undefined;
   private readonly head = h("div", {});
   private readonly verdict = h("section", { class: "verdict" });
   private readonly places = h("section", {});
@@ -42,6 +43,8 @@ class ClipPage {
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   private readonly stage = h("span", { class: "hint", role: "status" });
+  /** Why the page is not up to date. */
+  private readonly lost = h("p", { class: "reason", role: "status" });
   private readonly repeated: Repeated;
 
   constructor(
@@ -63,8 +66,12 @@ class ClipPage {
       try {
         this.clip = await api.clip(clip.home, clip.id, signal);
         await this.draw();
+        this.lost.textContent = "";
       } catch (error) {
-        if (error instanceof api.Refusal && error.status === 404) location.hash = toHome(clip.home);
+        if (signal.aborted) return null;
+        if (error instanceof api.Refusal && error.status === 404) return (location.hash = toHome(clip.home)), null;
+        if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
+        this.lost.textContent = messageOf(error);
         return RETRY_MS;
       }
       followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
@@ -76,7 +83,7 @@ class ClipPage {
     const { place, clip, name } = this;
     setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
     put(place.main, h("div", { class: "page clip-page" },
-      this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
+      this.lost, this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
     onTheme(() => {
       this.ground.pictures.clear();
       this.drawn = "";
@@ -93,6 +100,9 @@ class ClipPage {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     const { clip, name } = this;
+    // Another job may have aligned it to another LiDAR map.
+    if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
+    this.job = job?.id;
     put(this.head, h("div", { class: "head" },
       h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), this.actions()));
     this.drawVerdict();
@@ -173,9 +183,8 @@ class ClipPage {
     if (list.length === 0) return put(this.places);
     const choose = (index: number, button: HTMLButtonElement) =>
       void attempt(button, async () => {
-        await api.choose(clip, index);
+        await api.choose(clip, index).finally(() => this.repeated.again());
         say(`Place ${index + 1} is chosen; the map is made again.`);
-        this.repeated.again();
       });
     const isDoubtful = clip.state === "failed" || isForeign(clip);
     const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;

@@ -1,6 +1,6 @@
 // One home: its map, its clips, and what is put into it.
 
-import { deleteHome } from "../api.ts";
+import { deleteHome, Refusal } from "../api.ts";
 import { h, put } from "../dom.ts";
 import { ClipsPanel } from "../home/clips.ts";
 import { Compare } from "../home/compare.ts";
@@ -92,6 +92,7 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
       describe();
     } catch (error) {
       if (signal.aborted) return null;
+      if (error instanceof Refusal && error.isFinal) return place.again(), null;
       status.classList.add("bad");
       status.dataset.lost = "yes";
       status.textContent = error instanceof Error ? error.message : String(error);

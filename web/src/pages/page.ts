@@ -8,6 +8,8 @@ export interface Place {
   crumbs: HTMLElement;
   /** Ends everything the page has begun. */
   signal: AbortSignal;
+  /** Shows the page anew: the form to sign in, if the session has ended. */
+  again: () => void;
 }
 
 /** Where one is: links to the pages above, and this one's name. */

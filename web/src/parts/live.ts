@@ -15,14 +15,14 @@ export class Followed {
     private readonly onEnd: () => void,
     signal: AbortSignal,
   ) {
-    signal.addEventListener("abort", () => {
-      for (const stream of this.streams.values()) stream.close();
-      this.streams.clear();
-    });
+    signal.addEventListener("abort", () => this.stopAll());
+    // The page asks again when it is looked at, and then follows its jobs.
+    document.addEventListener("visibilitychange", () => document.hidden && this.stopAll(), { signal });
   }
 
   /** Follows these jobs, the first ones first, and no others. */
   follow(jobs: Job[]): void {
+    if (document.hidden) return;
     const wanted = new Set(jobs.slice(0, MAX_FOLLOWED).map((job) => job.id));
     for (const id of this.streams.keys()) if (!wanted.has(id)) this.stop(id);
     for (const id of wanted) if (!this.streams.has(id)) this.start(id);
@@ -36,7 +36,7 @@ export class Followed {
       this.stop(id);
       this.onEnd();
     });
-    // A stream that cannot be opened is not tried again by the browser; asking from time to time goes on anyway.
+    // The browser does not try a refused stream again; the home's own stream tells when to follow the job again.
     stream.addEventListener("error", () => {
       if (stream.readyState === EventSource.CLOSED) this.stop(id);
     });
@@ -46,14 +46,46 @@ export class Followed {
     this.streams.get(id)?.close();
     this.streams.delete(id);
   }
+
+  private stopAll(): void {
+    for (const id of [...this.streams.keys()]) this.stop(id);
+  }
 }
 
-/** Calls back when a home changes, and when the connection is there again after a loss. */
+/** Time until a refused stream is opened again. */
+const REOPEN_MS = 3000;
+
+/**
+ * Calls back when a home changes, and when its stream is there again after a loss. A page that is not looked at has no
+ * stream: six of them would hold all connections that a browser opens to a host.
+ */
 export function onHomeChange(home: string, changed: () => void, signal: AbortSignal): void {
-  const stream = new EventSource(homePath(home, "events"));
-  stream.addEventListener("open", changed);
-  stream.addEventListener("change", changed);
-  signal.addEventListener("abort", () => stream.close());
+  let stream: EventSource | null = null;
+  let timer = 0;
+  const close = () => {
+    clearTimeout(timer);
+    stream?.close();
+    stream = null;
+  };
+  const open = () => {
+    close();
+    if (document.hidden || signal.aborted) return;
+    const opened = new EventSource(homePath(home, "events"));
+    stream = opened;
+    opened.addEventListener("open", changed);
+    opened.addEventListener("change", changed);
+    // The browser does not try a refused stream again. Asking for the home tells the page why it was refused.
+    opened.addEventListener("error", () => {
+      if (opened.readyState !== EventSource.CLOSED) return;
+      timer = window.setTimeout(() => {
+        changed();
+        open();
+      }, REOPEN_MS);
+    });
+  };
+  document.addEventListener("visibilitychange", () => (document.hidden ? close() : open()), { signal });
+  signal.addEventListener("abort", close);
+  open();
 }
 
 /** Calls `ask` now, whenever `again` is called, and after as many milliseconds as it answers; null waits for `again`. */

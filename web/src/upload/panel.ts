@@ -1,39 +1,26 @@
-// The drop area, and the progress of each upload.
+// The places to drop files on, and the queue of the home's uploads.
 
-import { homePath } from "../api.ts";
 import { h } from "../dom.ts";
 import { ask } from "../parts/dialog.ts";
-import { messageOf } from "../parts/notices.ts";
-import { bytes, percent } from "../words.ts";
+import { bytes } from "../words.ts";
 import { type Kind, kindOf } from "./kind.ts";
-import { send } from "./send.ts";
-
-interface Upload {
-  file: File;
-  kind: Kind;
-  row: HTMLElement;
-  bar: HTMLProgressElement;
-  word: HTMLElement;
-  stop: AbortController;
-}
-
-const WORDS: Record<Kind, string> = { clip: "Clip", map: "LiDAR map" };
+import { queueOf } from "./queue.ts";
 
 export class UploadPanel {
   readonly element: HTMLElement;
-  private readonly list = h("ul", { class: "uploads", "aria-label": "Uploads" });
-  private readonly said = h("p", { class: "hidden-text", role: "status", "aria-live": "polite" });
-  private waiting: Upload[] = [];
-  private isSending = false;
+  private readonly add: (file: File, kind: Kind) => void;
 
   constructor(
-    private readonly home: string,
+    home: string,
     /** The level that a LiDAR map is put for. */
-    private readonly level: () => string,
-    private readonly onDone: (kind: Kind) => void,
+    level: () => string,
+    onDone: () => void,
     private readonly signal: AbortSignal,
   ) {
-    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), this.list, this.said);
+    const queue = queueOf(home);
+    queue.onDone = onDone;
+    this.add = (file, kind) => queue.add(file, kind, level());
+    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), queue.list, queue.said);
     this.takeDrops();
   }
 
@@ -98,54 +85,5 @@ export class UploadPanel {
       { word: "A LiDAR map", value: "map" },
       { word: "Neither", value: null },
     ]);
-  }
-
-  private add(file: File, kind: Kind): void {
-    const bar = h("progress", { max: 1, value: 0, "aria-label": `Upload of ${file.name}` });
-    const word = h("span", { class: "hint" }, "waits");
-    const close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${file.name}` }, "✕");
-    const title = h("span", { class: "file" }, file.name);
-    const row = h("li", {}, h("span", { class: "kind" }, WORDS[kind]), title, word, close, bar);
-    const upload: Upload = { file, kind, row, bar, word, stop: new AbortController() };
-    close.addEventListener("click", () => {
-      upload.stop.abort();
-      this.waiting = this.waiting.filter((other) => other !== upload);
-      row.remove();
-    });
-    this.list.append(row);
-    // Clips wait for a map anyway, so that the map goes first.
-    this.waiting = kind === "map" ? [upload, ...this.waiting] : [...this.waiting, upload];
-    void this.work();
-  }
-
-  /** One at a time: two would only share the same line. */
-  private async work(): Promise<void> {
-    if (this.isSending) return;
-    this.isSending = true;
-    for (let upload = this.waiting.shift(); upload; upload = this.waiting.shift()) await this.sendOne(upload);
-    this.isSending = false;
-  }
-
-  private async sendOne({ file, kind, row, bar, word, stop }: Upload): Promise<void> {
-    const onSent = (share: number) => {
-      bar.value = share;
-      word.textContent = share < 1 ? `${percent(share)} of ${bytes(file.size)}` : "being read";
-    };
-    onSent(0);
-    try {
-      const [method, path] = kind === "clip"
-        ? (["POST", homePath(this.home, "clips")] as const)
-        : (["PUT", homePath(this.home, "lidar-maps", encodeURIComponent(this.level()))] as const);
-      await send(method, path, file, onSent, stop.signal);
-      this.said.textContent = `${file.name} is stored.`;
-      row.remove();
-      this.onDone(kind);
-    } catch (error) {
-      if (stop.signal.aborted) return;
-      row.classList.add("failed");
-      bar.remove();
-      word.remove();
-      row.append(h("p", { class: "reason", role: "alert" }, messageOf(error)));
-    }
   }
 }

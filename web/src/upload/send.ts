@@ -8,11 +8,14 @@ export function send(
   file: File,
   onSent: (share: number) => void,
   signal: AbortSignal,
+  /** A clip that was stored under this key is not stored again. */
+  idempotencyKey?: string,
 ): Promise<void> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open(method, path);
     request.setRequestHeader("content-type", "application/octet-stream");
+    if (idempotencyKey) request.setRequestHeader("idempotency-key", idempotencyKey);
     request.upload.addEventListener("progress", ({ loaded, total }) => onSent(total > 0 ? loaded / total : 0));
     request.addEventListener("load", () => {
       if (request.status >= 200 && request.status < 300) resolve();
