@@ -323,6 +323,20 @@ pub fn db3(root: &str, recording: &Recording) -> Files {
     vec![(format!("{root}bag_0.db3"), database(DB3, rows))]
 }
 
+/// Cameras of other kinds once made a bag unreadable.
+#[test]
+fn pictures_without_or_with_too_many_pixels_are_passed_over() {
+    let recording = Recording::small(4);
+    let mut messages = messages(&recording, PosesBy::Odometry);
+    for (topic, (width, height)) in [("/other/image_raw", (0, 0)), ("/large/image_raw", (60_000, 60_000))] {
+        let cdr = Cdr::new().header(messages[0].0, "camera").u32(height).u32(width).text("mono8");
+        messages.push((messages[0].0, topic, IMAGE, cdr.put([0]).u32(width).bytes(&[]).0));
+    }
+    let file = mcap_file(&messages, "", <[u8]>::to_vec);
+    let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
+    crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+}
+
 #[test]
 fn depth_packed_by_rvl_and_stamped_poses_are_read() {
     let recording = Recording::small(4);

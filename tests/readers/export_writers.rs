@@ -310,12 +310,16 @@ pub fn spectacular(root: &str, recording: &Recording) -> Files {
         let (number, time_s) = (frame.number, frame.time_s);
         let pose = frame.world_from_camera * camera_from_imu;
         let [x, y, z, w] = quaternion(&pose);
-        for (name, off_m) in [("ARKit", 1.0), ("groundTruth", 0.0)] {
-            lines.push(
-                json!({ "time": time_s, name: { "orientation": { "w": w, "x": x, "y": y, "z": z },
-                "position": { "x": pose[(0, 3)] + off_m, "y": pose[(1, 3)], "z": pose[(2, 3)] } } })
-                .to_string(),
-            );
+        let entry = |off_m: f64| {
+            json!({ "orientation": { "w": w, "x": x, "y": y, "z": z },
+                "position": { "x": pose[(0, 3)] + off_m, "y": pose[(1, 3)], "z": pose[(2, 3)] } })
+        };
+        // A line has the pose of one method, or of several.
+        if number.is_multiple_of(2) {
+            lines.push(json!({ "time": time_s, "ARKit": entry(1.0), "groundTruth": entry(0.0) }).to_string());
+        } else {
+            lines.push(json!({ "time": time_s, "ARKit": entry(1.0) }).to_string());
+            lines.push(json!({ "time": time_s, "groundTruth": entry(0.0) }).to_string());
         }
         lines.push(
             json!({ "sensor": { "type": "accelerometer", "values": FELT_BY_IMU }, "time": time_s })

@@ -120,6 +120,11 @@ fn ros_maps_in_each_mode_and_encoding() {
     for (x, y, symbol) in cells().filter(|(_, _, symbol)| *symbol != ' ') {
         clear.put_pixel(x as u32, y as u32, LumaA([if symbol == '#' { 0 } else { 255 }, 255]));
     }
+    // Grey with alpha counts as red, green, blue and alpha: an opaque wall has an occupancy of 0.75.
+    let opaque = DynamicImage::from(grey(0, 254, 205)).to_luma_alpha8();
+    let thresholds = String::from_utf8(yaml("")).unwrap().replace("0.196", "0.1").into_bytes();
+    check("grey with alpha", &thresholds, &encode(&opaque.into(), ImageFormat::Png));
+    check("a mode in capitals", &yaml("mode: Scale\n"), &pgm(grey(10, 250, 128)));
     check("scale with alpha", &yaml("mode: scale\n"), &encode(&clear.into(), ImageFormat::Png));
 }
 
@@ -127,9 +132,9 @@ fn ros_maps_in_each_mode_and_encoding() {
 fn a_ros_map_is_read_from_its_yaml_file() {
     let image = pgm(grey(0, 254, 205));
     let absolute = String::from_utf8(yaml("")).unwrap().replace("map.pgm", "/home/robot/maps/map.pgm");
-    for yaml in [yaml(""), absolute.into_bytes()] {
-        let folder = as_folder(&[("map.yaml".into(), yaml), ("map.pgm".into(), image.clone())]);
-        check_home("yaml", &LidarMap::open(&folder.path().join("map.yaml")).unwrap(), [-1.0, 2.0]);
+    for (name, yaml) in [("map.yaml", yaml("")), ("MAP.YAML", absolute.into_bytes())] {
+        let folder = as_folder(&[(name.into(), yaml), ("map.pgm".into(), image.clone())]);
+        check_home(name, &LidarMap::open(&folder.path().join(name)).unwrap(), [-1.0, 2.0]);
     }
 }
 
@@ -163,6 +168,7 @@ fn csv_points_with_any_header_and_separator() {
     let swapped = |p: &Point2| vec![9.0, p.y, p.x];
     for (what, csv) in [
         ("comma", format!("x_m,y_m\n{}", lines(",", &plain))),
+        ("capitals and tabs", format!("X\tY\n{}\n", lines("\t", &plain))),
         ("capitals", format!("X;Y\r\n{}\r\n", lines(";", &plain).replace('\n', "\r\n"))),
         ("blanks", format!("\n# drawn\nx y\n{}\n\n", lines("  ", &plain))),
         ("tabs", lines("\t", &plain)),

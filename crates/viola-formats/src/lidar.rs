@@ -123,7 +123,7 @@ impl LidarMap {
     pub fn open(path: &Path) -> Result<LidarMap, LidarError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let bytes = read_file(path, &name)?;
-        if name.ends_with(".yaml") || name.ends_with(".yml") {
+        if ros::is_yaml(&name) {
             return ros::read(&bytes, &name, |image| read_file(&path.with_file_name(image), image));
         }
         LidarMap::read(&bytes)

@@ -20,6 +20,10 @@ const MAX_SIDE: i64 = 4096;
 /// Returns whether the bytes begin as a zlib stream without a preset dictionary (RFC 1950).
 pub(super) fn is_zlib(bytes: &[u8]) -> bool {
     let &[method, flags, ..] = bytes else { return false };
+    // A table whose head begins with a column `X` and a tab looks like one.
+    if bytes.starts_with(b"X\t") {
+        return false;
+    }
     let has_dictionary = flags & 0x20 != 0;
     method & 0x0f == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 && !has_dictionary
 }

@@ -29,12 +29,26 @@ struct Description {
 }
 
 #[derive(Deserialize, Default, Clone, Copy, PartialEq)]
-#[serde(rename_all = "lowercase")]
+#[serde(try_from = "String")]
 enum Mode {
     #[default]
     Trinary,
     Scale,
     Raw,
+}
+
+impl TryFrom<String> for Mode {
+    type Error = String;
+
+    /// Parses a mode in letters of either case, as map_server does.
+    fn try_from(name: String) -> Result<Mode, String> {
+        match name.to_ascii_lowercase().as_str() {
+            "trinary" => Ok(Mode::Trinary),
+            "scale" => Ok(Mode::Scale),
+            "raw" => Ok(Mode::Raw),
+            _ => Err(format!("mode is trinary, scale or raw, and not {name}")),
+        }
+    }
 }
 
 #[derive(Deserialize, Clone, Copy)]
@@ -44,10 +58,16 @@ enum Switch {
     Number(i64),
 }
 
+/// Returns whether a file is a map's description by its name.
+pub(super) fn is_yaml(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    name.ends_with(".yaml") || name.ends_with(".yml")
+}
+
 /// Reads a zip with one yaml file and the image that it names.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
-    let mut yamls = zip.names().iter().filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"));
+    let mut yamls = zip.names().iter().filter(|name| is_yaml(name));
     let name = yamls.next().ok_or(LidarError::UnknownFormat)?;
     if let Some(second) = yamls.next() {
         let reason = format!("the archive has another one, {second}; send one map");

@@ -106,8 +106,12 @@ impl Rule {
         };
         let is_opaque = pixel[self.color_channels..].iter().all(|&a| f64::from(a.into()) >= self.max_value);
         match self.mode {
-            // map_server averages alpha in with the colours here, and writers rely on it.
-            Mode::Trinary => self.by_threshold(mean(pixel)),
+            // map_server averages alpha in with red, green and blue here, and writers rely on it. A grey value is all
+            // three.
+            Mode::Trinary => match pixel {
+                [grey, alpha] => self.by_threshold(mean(&[*grey, *grey, *grey, *alpha])),
+                _ => self.by_threshold(mean(pixel)),
+            },
             // Between the thresholds the occupancy is neither a wall's nor free floor's.
             Mode::Scale if is_opaque => self.by_threshold(mean(&pixel[..self.color_channels])),
             Mode::Scale => Cell::Unknown,

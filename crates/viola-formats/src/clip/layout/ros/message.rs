@@ -86,7 +86,10 @@ pub(super) fn image(message: &[u8]) -> Option<Option<Image>> {
     let stride = cdr.u32()?;
     let data = range(message, cdr.bytes()?);
     let Some(encoding) = Encoding::of(encoding) else { return Some(None) };
-    picture::check_pixels("", width, height).ok()?;
+    // Another camera of the robot, or a placeholder before its first picture.
+    if picture::check_pixels("", width, height).is_err() {
+        return Some(None);
+    }
     let rows = Rows { encoding, is_big_endian, width, height, stride };
     if rows.bytes()? > data.len() as u64 {
         return None;
@@ -114,14 +117,14 @@ pub(super) fn compressed_image(message: &[u8]) -> Option<Option<Image>> {
     let (size, coding, packed) = if format.contains("rvl") {
         let (size, packed) = packed.split_at_checked(8)?;
         let side = |at: usize| size[at..].first_chunk().map_or(0, |side| u32::from_le_bytes(*side));
-        let size = picture::check_pixels("", side(0), side(4)).ok()?;
+        let Ok(size) = picture::check_pixels("", side(0), side(4)) else { return Some(None) };
         // Inverse depth in RVL is possible, but no recording of it is known.
         if is_inverse {
             return Some(None);
         }
         (size, Coding::Rvl(size), packed)
     } else {
-        let size = picture::size_of(packed, "").ok()?;
+        let Ok(size) = picture::size_of(packed, "") else { return Some(None) };
         let inverse = Coding::InversePicture { a: parameters[1], b: parameters[2] };
         (size, if is_inverse { inverse } else { Coding::Picture }, packed)
     };

@@ -101,7 +101,10 @@ impl Line {
 
     pub fn pose(&self) -> Option<PoseLine<'_>> {
         let time_s = self.time.filter(|time_s| time_s.is_finite())?;
-        let (name, entry) = self.others.iter().find(|(_, value)| value.get("orientation").is_some())?;
+        let is_pose = |entry: &(&String, &Value)| entry.1.get("orientation").is_some();
+        // A line may have the poses of several methods.
+        let truth = self.others.get_key_value(super::TRUTH).filter(is_pose);
+        let (name, entry) = truth.or_else(|| self.others.iter().find(is_pose))?;
         let PoseEntry { position, orientation } = PoseEntry::deserialize(entry).ok()?;
         Some(PoseLine { time_s, method: name, position, orientation })
     }
