@@ -191,7 +191,7 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
         assert_eq!(of_class, count(name), "{name}");
         points += of_class;
     }
-    assert_eq!(points * 36, body.len());
+    assert_eq!(points * 40, body.len());
     assert_eq!(points, vertices(&all).len());
     let request =
         server.request(Method::GET, &format!("{home}/map/points")).header("accept", "model/gltf-binary");

@@ -13,6 +13,7 @@ mod frame_pictures;
 mod identity;
 mod info;
 mod lettering;
+mod light;
 mod map_point;
 mod mesh;
 mod objects;

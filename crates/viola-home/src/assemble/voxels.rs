@@ -17,8 +17,8 @@ const LEAST_WEIGHT: i64 = 16;
 /// Maximum weight of a point: eight readings from 1 m. Readings of one recording have correlated errors.
 const MOST_WEIGHT: u16 = 2_048;
 
-/// Maximum number of voxels from a point without a colour to those that give it one. Beyond, nobody saw its colour.
-const NEAR_COLOR: i32 = 4;
+/// Maximum distance along each axis from a point without a colour to those that give it one. Beyond, nobody saw its colour.
+const NEAR_COLOR_M: f64 = 0.12;
 
 /// Views that a label counts as without any: shapes and surface networks know something, too.
 const PSEUDO_VIEWS: u32 = 3;
@@ -172,7 +172,7 @@ impl Voxels {
 
     /// Returns the mean colour of the nearest voxels that have one: pictures show less than depth at edges.
     fn color_beside(&self, key: &[i32; 3]) -> [u8; 3] {
-        for reach in 1..=NEAR_COLOR {
+        for reach in 1..=(NEAR_COLOR_M / self.side_m + 1e-6) as i32 {
             let mut sum = Voxel::default();
             let steps = || -reach..=reach;
             for step in steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| [x, y, z]))) {

@@ -4,6 +4,7 @@
 //! have the light of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
 
 use super::{Mesh, Vertex, y_up};
+use crate::light::linear_u16;
 use serde_json::{Value, json};
 
 /// Position, normal and RGBA colour of 16 bits.
@@ -35,7 +36,7 @@ fn body(mesh: &Mesh) -> Vec<u8> {
     for Vertex { position_m, normal, color, .. } in &mesh.vertices {
         let floats = y_up(*position_m).into_iter().chain(y_up(*normal));
         floats.for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
-        let color = color.map(linear).into_iter().chain([u16::MAX]);
+        let color = color.map(linear_u16).into_iter().chain([u16::MAX]);
         color.for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
     }
     for part in &mesh.parts {
@@ -45,13 +46,6 @@ fn body(mesh: &Mesh) -> Vec<u8> {
         });
     }
     out
-}
-
-/// Returns an sRGB value as linear light in 65535ths (IEC 61966-2-1).
-fn linear(value: u8) -> u16 {
-    let c = f64::from(value) / 255.0;
-    let light = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-    (light * f64::from(u16::MAX)).round() as u16
 }
 
 fn document(mesh: &Mesh) -> Value {

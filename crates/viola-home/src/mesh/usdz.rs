@@ -3,6 +3,7 @@
 
 use super::parts::Part;
 use super::{Mesh, y_up};
+use crate::light::linear;
 use std::fmt::Write as _;
 use std::io::{Cursor, Write as _};
 use zip::write::SimpleFileOptions;
@@ -90,7 +91,7 @@ fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
     );
     let points = list(&mut positions.iter().map(|place| triple(*place)));
     let normals = list(&mut vertices.iter().map(|vertex| triple(y_up(vertex.normal))));
-    let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| f32::from(c) / 255.0))));
+    let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| linear(c) as f32))));
     // Writing to a String cannot fail.
     let _ = write!(
         out,

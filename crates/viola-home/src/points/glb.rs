@@ -1,14 +1,16 @@
 //! A map's points as binary glTF 2.0 (Khronos, GLB container), with a named node, mesh and material per
 //! class, so that any viewer can distinguish, hide and colour classes.
 //!
-//! glTF has y up: a map point (x, y, z) becomes (x, z, -y).
+//! glTF has y up: a map point (x, y, z) becomes (x, z, -y). Its vertex colours are linear. They already have the light
+//! of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
 
 use crate::assemble::POINT_BYTES;
+use crate::light::linear_u16;
 use serde_json::{Value, json};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Position, normal, RGBA colour, probability, clip and padding.
-const VERTEX_BYTES: usize = 36;
+/// Position, normal, RGBA colour of 16 bits, probability, clip and padding.
+const VERTEX_BYTES: usize = 40;
 
 /// Extent of one class's points in one tile.
 #[derive(Debug, Clone, Copy)]
@@ -49,12 +51,14 @@ impl Glb {
 
     /// Returns a tile's points as vertices, grouped by class.
     pub fn tile(points: &[u8]) -> Vec<u8> {
+        let light: Vec<[u8; 2]> = (0..=255).map(|value| linear_u16(value).to_le_bytes()).collect();
         let mut by_class: Vec<Vec<u8>> = vec![Vec::new(); CLASSES];
         for point in points.chunks_exact(POINT_BYTES) {
             let Some(out) = by_class.get_mut(usize::from(point[27])) else { continue };
             position(point).iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
             position(&point[12..]).iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
-            out.extend_from_slice(&[point[24], point[25], point[26], 255]);
+            point[24..27].iter().for_each(|value| out.extend_from_slice(&light[usize::from(*value)]));
+            out.extend_from_slice(&u16::MAX.to_le_bytes());
             out.extend_from_slice(&point[28..32]);
             out.extend_from_slice(&[point[34], point[35], 0, 0]);
         }
@@ -97,9 +101,9 @@ impl Glb {
                 };
                 accessor(0, 5126, "VEC3", json!({ "min": part.min_m, "max": part.max_m }));
                 accessor(12, 5126, "VEC3", json!({}));
-                accessor(24, 5121, "VEC4", json!({ "normalized": true }));
-                accessor(28, 5126, "SCALAR", json!({}));
-                accessor(32, 5123, "SCALAR", json!({}));
+                accessor(24, 5123, "VEC4", json!({ "normalized": true }));
+                accessor(32, 5126, "SCALAR", json!({}));
+                accessor(36, 5123, "SCALAR", json!({}));
                 primitives[usize::from(class.id())].push(
                     json!({ "mode": 0, "material": material, "attributes": {
                     "POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2,
@@ -110,6 +114,7 @@ impl Glb {
         let material = |class: &Class| {
             let color = class.color().map(|c| (f64::from(c) / 255.0 * 1000.0).round() / 1000.0);
             json!({ "name": class.name(), "extras": { "class_color": color, "class_id": class.id() },
+                "extensions": { "KHR_materials_unlit": {} },
                 "pbrMetallicRoughness": { "baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 1 } })
         };
         let mesh = |class: &Class| json!({ "name": class.name(), "primitives": primitives[usize::from(class.id())] });
@@ -122,6 +127,7 @@ impl Glb {
         if let (Value::Object(document), false) = (&mut document, classes.is_empty()) {
             let nodes: Vec<usize> = (0..classes.len()).collect();
             document.insert("scenes".into(), json!([{ "name": "home", "nodes": nodes }]));
+            document.insert("extensionsUsed".into(), json!(["KHR_materials_unlit"]));
             document.insert("nodes".into(), classes.iter().enumerate().map(node).collect());
             document.insert("meshes".into(), classes.iter().map(mesh).collect());
             document.insert("materials".into(), classes.iter().map(material).collect());
@@ -156,5 +162,23 @@ impl Glb {
     pub fn size_bytes(&self) -> Option<u64> {
         let size = (self.head().len() + self.body_bytes()) as u64;
         (size <= u64::from(u32::MAX)).then_some(size)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assemble::point_bytes;
+    use crate::points::tests::points;
+
+    #[test]
+    fn colours_are_linear_light() {
+        let mut point = points(1).remove(0);
+        point.point.color = [128, 0, 255];
+        let vertex = Glb::tile(&point_bytes(&point));
+        assert_eq!(vertex.len(), VERTEX_BYTES);
+        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+        // IEC 61966-2-1: 128 is light of 0.2159.
+        assert_eq!(light, [14_146, 0, u16::MAX, u16::MAX]);
     }
 }
