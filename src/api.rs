@@ -15,6 +15,7 @@ mod documents;
 mod error;
 mod export;
 mod extract;
+mod fair;
 mod health;
 mod home_events;
 mod homes;
@@ -65,6 +66,7 @@ use attempts::Attempts;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use limits::Limits;
+use map::Making;
 use parameters::Parameters;
 use readers::Readers;
 use std::ops::Deref;
@@ -103,6 +105,7 @@ struct Shared {
     /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: AtomicBool,
     readers: Arc<Readers>,
+    making: Making,
     exports: export::Places,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,

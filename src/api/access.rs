@@ -32,12 +32,18 @@ pub(super) struct Caller {
     home: Option<HomeId>,
     /// None if the service requires no key.
     pub key: Option<Uuid>,
+    credentials: Option<Credentials>,
 }
 
 impl Caller {
     /// Returns the caller of a service that requires no key.
     fn anyone() -> Caller {
-        Caller { tenant: Tenant::default(), role: Role::Admin, home: None, key: None }
+        Caller { tenant: Tenant::default(), role: Role::Admin, home: None, key: None, credentials: None }
+    }
+
+    fn new(key: ApiKey, credentials: Credentials) -> Caller {
+        let ApiKey { tenant, role, home, id, .. } = key;
+        Caller { tenant, role, home, key: Some(id), credentials: Some(credentials) }
     }
 
     /// Returns the tenant's home with an id; refuses a home that the caller may not access.
@@ -57,12 +63,6 @@ impl Caller {
             None => Ok(&self.tenant),
             Some(_) => Err(Error::Forbidden("this key is for one home, and this path is about all of them")),
         }
-    }
-}
-
-impl From<ApiKey> for Caller {
-    fn from(key: ApiKey) -> Caller {
-        Caller { tenant: key.tenant, role: key.role, home: key.home, key: Some(key.id) }
     }
 }
 
@@ -94,8 +94,13 @@ pub(super) async fn check(
         turn = Some(take_turn(&app, tenant, request.extensions()).await);
     }
     let caller = match credentials {
-        Some(Credentials::Key(secret)) => Some(key(&app, address, &secret).await?.into()),
-        Some(Credentials::Session(token)) => Some(session(&app, address, &token).await?.into()),
+        Some(credentials) => {
+            let key = match &credentials {
+                Credentials::Key(secret) => key(&app, address, secret).await?,
+                Credentials::Session(token) => session(&app, address, token).await?,
+            };
+            Some(Caller::new(key, credentials))
+        }
         None if asks_for_keys(&app).await? => return Err(Error::KeyMissing),
         None => None,
     };
@@ -165,6 +170,24 @@ async fn find_key(
     Ok(found)
 }
 
+/// Resolves when the key or the session of a caller is no longer valid: an endless answer may outlive it.
+pub(super) async fn expired(app: App, caller: Caller) {
+    loop {
+        tokio::time::sleep(app.bodies.credentials).await;
+        let found = match &caller.credentials {
+            Some(Credentials::Key(secret)) => app.storage.use_key(secret, Timestamp::now()).await,
+            Some(Credentials::Session(token)) => app.storage.use_session(token, Timestamp::now()).await,
+            // The first key ends the time without keys.
+            None if app.has_keys.load(Ordering::Relaxed) => Ok(None),
+            None => continue,
+        };
+        if matches!(found, Ok(None)) {
+            return;
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
 enum Credentials {
     Key(Secret),
     Session(SessionToken),

@@ -21,7 +21,7 @@ use utoipa::{PartialSchema, ToSchema};
 /// Minimum mean rate of a file's body, in each window of time.
 const MIN_BYTES_PER_S: f64 = 1024.0;
 
-/// Time limits of the bodies of requests.
+/// Time limits of the bodies of requests and answers.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyParams {
     /// Timeout for a whole JSON body.
@@ -29,11 +29,14 @@ pub struct BodyParams {
     /// Length of the windows in which a file must arrive at 1024 bytes per second on average. The time that the service
     /// itself takes does not count.
     pub window: Duration,
+    /// Interval at which an event stream checks that its caller's key or session is still valid.
+    pub credentials: Duration,
 }
 
 impl Default for BodyParams {
     fn default() -> BodyParams {
-        BodyParams { json: Duration::from_secs(10), window: Duration::from_secs(60) }
+        let minute = Duration::from_secs(60);
+        BodyParams { json: Duration::from_secs(10), window: minute, credentials: minute }
     }
 }
 

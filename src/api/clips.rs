@@ -119,12 +119,22 @@ pub(super) async fn add_clip(
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
     let unknown_scale = is_scale_unknown(query.scale.as_deref())?;
     let (title, file_name) = (names::title(query.title)?, names::file_name(query.filename)?);
-    let told_bytes = content_length(request.headers()).unwrap_or(0);
-    app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
+    // A dry run stores nothing, and neither does a retry.
+    let is_retry = match &idempotency_key {
+        Some(key) => app.storage.is_key_used(&home, key).await?,
+        None => false,
+    };
+    let needs_room = !dry_run && !is_retry;
+    if needs_room {
+        let told_bytes = content_length(request.headers()).unwrap_or(0);
+        app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
+    }
     let file = receive(&app, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
     let (file, info, estimate) = open(&app, caller.tenant.name(), file, unknown_scale).await?;
-    app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
+    if needs_room {
+        app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
+    }
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));

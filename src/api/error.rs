@@ -108,7 +108,7 @@ pub(super) enum Error {
     )]
     TenantFull { used: u64, limit: u64 },
     #[error(
-        "the clip is `{0}`: it has this file once a job ran to an answer, and completion.png only where something was filled in"
+        "the clip is `{0}`: it has this file once a job ran to an answer; completion.png only if something was filled in, frames.jpg only if the clip is not `aligned`"
     )]
     NoSuchResult(&'static str),
     #[error(

@@ -8,6 +8,7 @@ use crate::storage::{HomeId, UploadError};
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
 use jiff::Timestamp;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
@@ -270,13 +271,18 @@ pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Er
     })
 }
 
-/// A JSON object as the body; the default if the body is `null`, or if it and its media type are absent.
+/// A JSON object as the body; the default if the body is `null` or absent.
 pub(super) struct Json<T>(pub T);
 
 impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
     type Rejection = Error;
 
     async fn from_request(request: Request, app: &App) -> Result<Json<T>, Error> {
+        // axum ignores a body without a media type.
+        if has_body(request.headers()) && !request.headers().contains_key(header::CONTENT_TYPE) {
+            let detail = "the body has no media type: add the header `Content-Type: application/json`";
+            return Err(Error::UnsupportedMediaType(detail.to_owned()));
+        }
         // Parsed as an object first, because serde also accepts an array for a struct.
         let read = Option::<axum::Json<Option<Map<String, Value>>>>::from_request(request, app);
         let late = |_| {
@@ -289,6 +295,12 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
             Err(rejection) => Err(refused_json(&rejection)),
         }
     }
+}
+
+/// Returns whether a body follows the headers of a request (RFC 9112, section 6.3).
+fn has_body(headers: &HeaderMap) -> bool {
+    let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
+    length || headers.contains_key(header::TRANSFER_ENCODING)
 }
 
 /// Parses a JSON object; a refusal names the member at fault.

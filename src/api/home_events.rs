@@ -1,6 +1,7 @@
 //! `/v1/homes/{home}/events`
 
 use super::App;
+use super::access::{self, Caller};
 use super::error::Error;
 use super::extract::HomePath;
 use super::problems::CommonProblems;
@@ -16,7 +17,7 @@ use futures::StreamExt;
 /// Every `change` event has a change as in `GET /v1/changes`: of the home, its LiDAR map, a clip, the fused map or
 /// its objects. The `id` of an event is the change's place in the feed; a client that reconnects with it as
 /// `Last-Event-ID` misses nothing. The stream begins with the next change, so open it first and read the home then.
-/// It ends when the home is removed.
+/// It ends when the home is removed, or when the key or session is no longer valid.
 #[utoipa::path(get, path = "/v1/homes/{home}/events", tag = "homes",
     params(HomePath,
         ("Last-Event-ID" = Option<String>, Header, description = "The `id` of the last event that the client has seen")),
@@ -25,6 +26,7 @@ use futures::StreamExt;
         CommonProblems))]
 pub(super) async fn watch_home(
     State(app): State<App>,
+    caller: Caller,
     HomePath { home }: HomePath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
@@ -43,5 +45,6 @@ pub(super) async fn watch_home(
             Err(axum::Error::new(error))
         }
     });
-    Ok(Sse::new(events.take_until(stop.cancelled_owned())).keep_alive(KeepAlive::default()).into_response())
+    let events = events.take_until(stop.cancelled_owned()).take_until(Box::pin(access::expired(app, caller)));
+    Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }

@@ -1,7 +1,7 @@
 //! `/v1/jobs`
 
 use super::App;
-use super::access::Caller;
+use super::access::{self, Caller};
 use super::digits::json;
 use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
@@ -68,6 +68,7 @@ pub(super) async fn get_job(
         CommonProblems))]
 pub(super) async fn watch_job(
     State(app): State<App>,
+    caller: Caller,
     JobPath { job: id }: JobPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
@@ -76,7 +77,8 @@ pub(super) async fn watch_job(
     if job.state.is_final() && job.version == seen {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    Ok(Sse::new(events(app, id, seen)).keep_alive(KeepAlive::default()).into_response())
+    let events = events(app.clone(), id, seen).take_until(Box::pin(access::expired(app, caller)));
+    Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }
 
 fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axum::Error>> {

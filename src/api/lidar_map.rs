@@ -109,9 +109,8 @@ pub(super) async fn put(
     let headers = request.headers().clone();
     let file = receive(&app, request, MAX_FILE_BYTES).await?;
     let new = app.readers.run(home.tenant(), move || open(level, file, file_name)).await??;
+    let is_same = is_current(&app, &home, level, &new.file.sha256).await?;
     if dry_run {
-        let current = app.storage.lidar_maps(&home).await?.into_iter().find(|map| map.level == level);
-        let is_same = current.is_some_and(|map| map.sha256 == new.file.sha256);
         let report = LidarMapDryRun {
             size_bytes: new.file.size_bytes,
             understood: new.info.into(),
@@ -119,7 +118,9 @@ pub(super) async fn put(
         };
         return Ok((StatusCode::OK, Document(PutAnswer::DryRun(Box::new(report)))));
     }
-    app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
+    if !is_same {
+        app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
+    }
     to_the_end(async move {
         let is_expected = is_expected(&headers);
         let put = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await;
@@ -129,6 +130,17 @@ pub(super) async fn put(
         Ok((status, Document(PutAnswer::Revision(Box::new(revision.into())))))
     })
     .await
+}
+
+/// Returns whether a level's current map has a file, so that storing the file changes nothing.
+pub(super) async fn is_current(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+    sha256: &str,
+) -> Result<bool, Error> {
+    let maps = app.storage.lidar_maps(home).await?;
+    Ok(maps.iter().any(|map| map.level == level && map.sha256 == sha256))
 }
 
 /// Returns whether a request allows to replace a LiDAR map: its conditions are about the document of the current one.

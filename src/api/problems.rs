@@ -66,7 +66,7 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "503",
-                "The database or the store of files does not answer now, or too many files are being read: `unavailable`, `readers-busy`. `Retry-After` says when to try again",
+                "The database or the store of files does not answer now, or too many files are being read or made: `unavailable`, `readers-busy`, `makers-busy`. `Retry-After` says when to try again",
             ),
         ];
         responses(&[&own[..], &KEY_PROBLEMS].concat())

@@ -2,13 +2,12 @@
 //! one tenant do not stall the uploads of others.
 
 use super::error::Defence;
+use super::fair::FairPlaces;
 use crate::jobs::give_way;
-use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+use tokio::sync::oneshot;
 use tokio::time::timeout;
 
 /// Limits of readers.
@@ -37,19 +36,12 @@ impl Default for ReaderParams {
 
 pub(super) struct Readers {
     params: ReaderParams,
-    all: Arc<Semaphore>,
-    tenants: Mutex<HashMap<String, Arc<Semaphore>>>,
-}
-
-/// A reader's place in its tenant and in the process.
-struct Place {
-    _of_tenant: OwnedSemaphorePermit,
-    _of_process: OwnedSemaphorePermit,
+    places: FairPlaces,
 }
 
 impl Readers {
     pub fn new(params: ReaderParams) -> Readers {
-        Readers { params, all: Arc::new(Semaphore::new(params.most)), tenants: Mutex::default() }
+        Readers { params, places: FairPlaces::new(params.most, params.most_of_tenant) }
     }
 
     /// Runs a blocking reader on a thread of its own, once the tenant and the process have a place. The place is free when
@@ -59,7 +51,7 @@ impl Readers {
         tenant: &str,
         read: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Defence> {
-        let place = timeout(self.params.wait, self.place(tenant)).await;
+        let place = timeout(self.params.wait, self.places.take(tenant)).await;
         let place = place.map_err(|_| Defence::ReadersBusy { wait: self.params.wait })?;
         let busy = || Defence::ReadersBusy { wait: self.params.wait };
         let (ended, end) = oneshot::channel();
@@ -78,28 +70,12 @@ impl Readers {
             Err(_) => Err(Defence::TookTooLong { limit: self.params.work }),
         }
     }
-
-    /// Waits in the queue of the tenant, then in that of the process.
-    async fn place(&self, tenant: &str) -> Place {
-        let of_tenant = {
-            let mut tenants = self.tenants.lock().unwrap_or_else(PoisonError::into_inner);
-            // The map holds the last reference to the queue of a tenant that reads nothing.
-            tenants.retain(|_, queue| Arc::strong_count(queue) > 1);
-            let new = || Arc::new(Semaphore::new(self.params.most_of_tenant));
-            tenants.entry(tenant.to_owned()).or_insert_with(new).clone()
-        };
-        let closed = "the semaphore is never closed";
-        Place {
-            _of_tenant: of_tenant.acquire_owned().await.expect(closed),
-            _of_process: self.all.clone().acquire_owned().await.expect(closed),
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc;
+    use std::sync::{Arc, mpsc};
 
     fn readers(most: usize, most_of_tenant: usize) -> Arc<Readers> {
         let second = Duration::from_secs(1);

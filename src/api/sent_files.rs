@@ -5,10 +5,10 @@ use super::bodies::{FileBytes, attachment, send};
 use super::error::Error;
 use super::extract::{ClipPath, LevelRevisionPath};
 use super::problems::CommonProblems;
-use super::reply::{IMMUTABLE, unless_known};
+use super::reply::{IMMUTABLE, REVALIDATED, unless_known};
 use crate::storage::{BlobReader, StorageError};
 use axum::extract::State;
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 
 /// Get the recording of a clip, as it was uploaded
@@ -26,7 +26,8 @@ pub(super) async fn get_clip_recording(
     let clip = app.storage.clip(&home, id).await?;
     let blob = app.storage.clip_recording(id).await?.ok_or(StorageError::NoSuchClip)?;
     let name = clip.file_name.unwrap_or_else(|| format!("clip-{id}"));
-    Ok(sent(&headers, &clip.sha256, &name, blob))
+    // The address has the clip's id, which is never used again.
+    Ok(sent(&headers, &clip.sha256, &name, blob, IMMUTABLE))
 }
 
 /// Get the file of a LiDAR map, as it was uploaded
@@ -46,13 +47,14 @@ pub(super) async fn get_lidar_map_file(
     let map = map.ok_or(Error::NoSuchLidarRevision(revision))?;
     let blob = app.storage.lidar_map_blob(&map).await?;
     let name = map.file_name.unwrap_or_else(|| format!("{home}-{level}-{revision}"));
-    Ok(sent(&headers, &map.sha256, &name, blob))
+    // A home that was deleted and made again counts its revisions from 1 again.
+    Ok(sent(&headers, &map.sha256, &name, blob, REVALIDATED))
 }
 
-/// Returns the answer with a file. Its address always has the same bytes.
-fn sent(headers: &HeaderMap, sha256: &str, name: &str, blob: BlobReader) -> Response {
+/// Returns the answer with a file.
+fn sent(headers: &HeaderMap, sha256: &str, name: &str, blob: BlobReader, cached: HeaderValue) -> Response {
     let file = || attachment(send(blob, "application/octet-stream"), name);
     let mut answer = unless_known(headers, &format!("\"{sha256}\""), file);
-    answer.headers_mut().insert(header::CACHE_CONTROL, IMMUTABLE);
+    answer.headers_mut().insert(header::CACHE_CONTROL, cached);
     answer
 }

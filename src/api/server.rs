@@ -6,6 +6,7 @@ use super::connections::{ConnectionParams, TenantOf};
 use super::export::Places;
 use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
+use super::map::Making;
 use super::readers::{ReaderParams, Readers};
 use super::turns::Turns;
 use super::uploads::{UploadParams, clean};
@@ -96,6 +97,7 @@ pub async fn serve(
         cors_origins: params.cors_origins,
         has_keys: has_keys.into(),
         readers: Arc::new(Readers::new(params.readers)),
+        making: Making::default(),
         exports: Places::default(),
         stop: stop.clone(),
     }));

@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::database::{Connection, query};
-use super::{HomeId, StorageError};
+use super::{HomeId, Storage, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -10,6 +10,13 @@ use uuid::Uuid;
 pub(super) struct Used {
     pub clip: Uuid,
     pub sha256: String,
+}
+
+impl Storage {
+    /// Returns whether a clip was uploaded to a home with this key.
+    pub async fn is_key_used(&self, home: &HomeId, key: &str) -> Result<bool, StorageError> {
+        Ok(find(&mut self.database.reader().await?, home, key).await?.is_some())
+    }
 }
 
 pub(super) async fn find(

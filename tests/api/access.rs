@@ -7,7 +7,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use viola::api::LimitParams;
-use viola::storage::{NewKey, Role};
+use viola::storage::{NewKey, Role, TenantLimits};
 use viola_testing::client::{Answer, Client};
 use viola_testing::{room, tus};
 
@@ -293,4 +293,26 @@ async fn a_tenant_has_its_share_of_room() {
         .header("upload-length", limit)
         .header("upload-metadata", tus::metadata(&[("home", "h")]));
     acme.send(begin).await.problem(507, "tenant-full");
+}
+
+/// A retry of a stored clip was once refused for its room, and the app told its user that the clip was lost.
+#[tokio::test]
+async fn what_stores_nothing_needs_no_room() {
+    let (clip, map) = (small_clip(), room::lidar_csv());
+    let server = Server::without_workers().await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    acme.make_home("h").await;
+    let put = acme.put("/v1/homes/h/lidar-map", map.clone()).await.ok(201);
+    let keyed = |key| {
+        let request = acme.request(Method::POST, "/v1/homes/h/clips").header("idempotency-key", key);
+        acme.send(request.body(clip.clone()))
+    };
+    let stored = keyed("one").await.ok(201);
+    let used = acme.get("/v1/usage").await.ok(200)["bytes"].as_u64();
+    let limits = TenantLimits { max_bytes: used, max_uploads: None };
+    server.administer().await.set_tenant_limits(&"acme".parse().unwrap(), &limits).await.unwrap();
+    keyed("two").await.problem(507, "tenant-full");
+    assert_eq!(keyed("one").await.ok(201)["id"], stored["id"]);
+    acme.post("/v1/homes/h/clips?dry_run=true", clip.clone()).await.ok(200);
+    assert_eq!(acme.put("/v1/homes/h/lidar-map", map).await.ok(200)["revision"], put["revision"]);
 }

@@ -88,11 +88,14 @@ async fn bad_json_is_told_apart() {
         (json_type, name(&"n".repeat(201)), 422, "invalid-body", Some("name")),
         (json_type, name(&"n".repeat(100_000)), 413, "body-too-large", None),
         ("text/plain", "{}".to_owned(), 415, "unsupported-media-type", None),
+        ("", name("x"), 415, "unsupported-media-type", None),
     ];
     for (media_type, body, status, code, field) in cases {
         let what = body.chars().take(20).collect::<String>();
+        let request = server.request(Method::PUT, "/v1/homes/h");
         let request =
-            server.request(Method::PUT, "/v1/homes/h").header("content-type", media_type).body(body);
+            if media_type.is_empty() { request } else { request.header("content-type", media_type) };
+        let request = request.body(body);
         let problem = server.send(request).await.problem(status, code);
         assert_eq!(problem["field"].as_str(), field, "{what}: {problem}");
     }

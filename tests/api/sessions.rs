@@ -1,5 +1,6 @@
 //! Sessions of browsers, and the limit of failed keys.
 
+use crate::clips::small_clip;
 use crate::server::{Server, Store};
 use jiff::Timestamp;
 use reqwest::Method;
@@ -8,6 +9,7 @@ use std::time::Duration;
 use viola::api::AttemptParams;
 use viola::storage::Role;
 use viola_testing::client::Answer;
+use viola_testing::room;
 
 async fn sign_in(server: &Server, key: &str) -> Answer {
     server.send(server.request(Method::PUT, "/v1/session").json(&json!({"key": key}))).await
@@ -52,6 +54,38 @@ async fn a_browser_has_a_session_of_its_own() {
     with_cookie(&server, Method::GET, &second).await.ok(200);
     server.administer().await.revoke_key(key.id, Timestamp::now()).await.unwrap();
     with_cookie(&server, Method::GET, &second).await.problem(401, "session-ended");
+}
+
+/// Streams once went on after their key was revoked.
+#[tokio::test]
+async fn event_streams_end_with_their_key_or_session() {
+    let often = Duration::from_millis(5);
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.bodies.credentials = often;
+    })
+    .await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    admin.make_home("h").await;
+    let clip = admin.post("/v1/homes/h/clips", small_clip()).await.ok(201);
+    admin.put("/v1/homes/h/lidar-map", room::lidar_csv()).await.ok(201);
+    let clip = admin.get(&format!("/v1/homes/h/clips/{}", clip["id"].as_str().unwrap())).await.ok(200);
+    let job = format!("/v1/jobs/{}/events", clip["job"]["id"].as_str().unwrap());
+    let (key, secret) = server.key("acme", Role::Reader, None).await;
+    let (_, other) = server.key("acme", Role::Reader, None).await;
+    let session = cookie(&sign_in(&server, other.show()).await);
+    let watch = |path: &str, header: (&'static str, String)| {
+        server.request(Method::GET, path).header(header.0, header.1).send()
+    };
+    let bearer = || ("authorization", format!("Bearer {}", secret.show()));
+    let of_key = [watch("/v1/homes/h/events", bearer()).await.unwrap(), watch(&job, bearer()).await.unwrap()];
+    let of_session = watch("/v1/homes/h/events", ("cookie", session.clone())).await.unwrap();
+    server.administer().await.revoke_key(key.id, Timestamp::now()).await.unwrap();
+    for stream in of_key {
+        stream.text().await.unwrap();
+    }
+    with_cookie(&server, Method::DELETE, &session).await;
+    of_session.text().await.unwrap();
 }
 
 #[tokio::test]

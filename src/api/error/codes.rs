@@ -1,7 +1,7 @@
 //! The codes of all problems, for the OpenAPI document.
 
 /// The codes, with underscores, in order.
-pub(in crate::api) const CODES: [&str; 148] = [
+pub(in crate::api) const CODES: [&str; 149] = [
     "archive_bomb",
     "bad_compression",
     "bad_depth",
@@ -56,6 +56,7 @@ pub(in crate::api) const CODES: [&str; 148] = [
     "last_level",
     "lidar_map_not_found",
     "link",
+    "makers_busy",
     "malformed_json",
     "map_not_found",
     "map_revision_removed",

@@ -3,7 +3,7 @@
 use axum::http::StatusCode;
 use std::time::Duration;
 
-/// Time after which readers may have a place again.
+/// Time after which there may be a place again.
 const BUSY_RETRY_AFTER: Duration = Duration::from_secs(10);
 
 /// The reason why a request is refused to protect others.
@@ -25,6 +25,8 @@ pub(in crate::api) enum Defence {
     TooManyFailures { wait: Duration },
     #[error("other files are being read, and none of them ended within {} s; send the file again later", .wait.as_secs_f64())]
     ReadersBusy { wait: Duration },
+    #[error("other files are being made, and none of them ended within {} s; ask again later", .wait.as_secs_f64())]
+    MakersBusy { wait: Duration },
     #[error("reading the file took longer than {} s; send the recording in parts", .limit.as_secs_f64())]
     TookTooLong { limit: Duration },
 }
@@ -45,6 +47,9 @@ impl Defence {
             Defence::ReadersBusy { .. } => {
                 (S::SERVICE_UNAVAILABLE, "readers_busy", "Too many files are being read")
             }
+            Defence::MakersBusy { .. } => {
+                (S::SERVICE_UNAVAILABLE, "makers_busy", "Too many files are being made")
+            }
             Defence::TookTooLong { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "took_too_long", "The file takes too long to read")
             }
@@ -56,9 +61,10 @@ impl Defence {
             Defence::ForeignHost(_) => Some("Host"),
             Defence::ForeignOrigin(_) => Some("Origin"),
             Defence::SessionEnded => Some("Cookie"),
-            Defence::TooManyFailures { .. } | Defence::ReadersBusy { .. } | Defence::TookTooLong { .. } => {
-                None
-            }
+            Defence::TooManyFailures { .. }
+            | Defence::ReadersBusy { .. }
+            | Defence::MakersBusy { .. }
+            | Defence::TookTooLong { .. } => None,
         }
     }
 
@@ -66,7 +72,7 @@ impl Defence {
     pub(super) fn retry_after(&self) -> Option<Duration> {
         match self {
             Defence::TooManyFailures { wait } => Some(*wait),
-            Defence::ReadersBusy { .. } => Some(BUSY_RETRY_AFTER),
+            Defence::ReadersBusy { .. } | Defence::MakersBusy { .. } => Some(BUSY_RETRY_AFTER),
             _ => None,
         }
     }

@@ -2,7 +2,8 @@
 
 use super::points::Points;
 use crate::api::bodies::attachment;
-use crate::api::error::Error;
+use crate::api::error::{Defence, Error};
+use crate::api::fair::{FairPlace, FairPlaces};
 use crate::api::reply::tagged;
 use crate::storage::{MapFile, StorageError};
 use axum::body::Body;
@@ -12,21 +13,47 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
 use std::path::PathBuf;
+use std::time::Duration;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::{Semaphore, SemaphorePermit};
+use tokio::time::timeout;
 use tokio_util::io::ReaderStream;
 use uuid::{Builder, Uuid};
 use viola_home::{MapPoint, POINT_BYTES, read_point};
 
-/// Making a file takes a core for seconds and room on the disk, so that the others wait.
-static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
-
 /// Bytes read at a time when the file is sent.
 const PIECE_BYTES: usize = 64 << 10;
 
-/// Waits until no other file is made.
-pub(super) async fn turn() -> SemaphorePermit<'static> {
-    ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed")
+/// Timeout for waiting until a file can be made.
+const WAIT: Duration = Duration::from_secs(60);
+
+/// The places of requests whose file is made while they wait. One mesh and one other file are made at a time, and tenants
+/// take turns.
+pub(in crate::api) struct Making {
+    meshes: FairPlaces,
+    files: FairPlaces,
+}
+
+impl Default for Making {
+    fn default() -> Making {
+        Making { meshes: FairPlaces::new(1, 1), files: FairPlaces::new(1, 1) }
+    }
+}
+
+impl Making {
+    /// Waits for the place of a mesh: making one takes seconds and all cores.
+    pub async fn mesh(&self, tenant: &str) -> Result<FairPlace, Error> {
+        place(&self.meshes, tenant).await
+    }
+
+    /// Waits for the place of another file: making one takes a core for seconds, memory, and room on the disk.
+    pub async fn file(&self, tenant: &str) -> Result<FairPlace, Error> {
+        place(&self.files, tenant).await
+    }
+}
+
+async fn place(places: &FairPlaces, tenant: &str) -> Result<FairPlace, Error> {
+    let place = timeout(WAIT, places.take(tenant)).await;
+    Ok(place.map_err(|_| Defence::MakersBusy { wait: WAIT })?)
 }
 
 /// The points of a map in a temporary file.
@@ -75,10 +102,10 @@ fn id_of(sum: Sha256) -> Uuid {
     Builder::from_custom_bytes(bytes).into_uuid()
 }
 
-/// Makes a file of a map's points by `write`; returns the body of an answer and its size. The turn ends when the file
-/// is made.
+/// Makes a file of a map's points by `write`; returns the body of an answer and its size. The place is free
+/// when the file is made.
 pub(super) async fn make(
-    turn: SemaphorePermit<'static>,
+    place: FairPlace,
     points: &Points,
     tiles: &[MapFile],
     write: impl FnOnce(File, Spool) -> io::Result<()> + Send + 'static,
@@ -86,8 +113,8 @@ pub(super) async fn make(
     let spool = spool(points, tiles).await?;
     let out = points.app.storage.scratch_file()?;
     let made = tokio::task::spawn_blocking(move || {
-        // The work goes on if the client leaves, so the turn ends with it.
-        let _turn = turn;
+        // The work goes on if the client leaves, so it holds the place.
+        let _place = place;
         let mut file = out.try_clone()?;
         write(out, spool)?;
         file.rewind()?;

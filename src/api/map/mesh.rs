@@ -12,13 +12,10 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
-use tokio::sync::Semaphore;
 use viola_home::{MESH_TRIANGLES, Mesh};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
-/// A mesh takes seconds and all cores, so that the others wait.
-static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
 
 /// The format and the size of a mesh.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -160,13 +157,13 @@ impl Wanted<'_> {
                 ),
             });
         }
-        let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
+        let place = app.making.mesh(self.home.tenant()).await?;
         let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);
         let make = move || {
-            // The work goes on if the client leaves, so the turn ends with it.
-            let _turn = turn;
+            // The work goes on if the client leaves, so it holds the place.
+            let _place = place;
             format.write(&surface.mesh(budget))
         };
         match tokio::task::spawn_blocking(make).await {

@@ -1,6 +1,6 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
-use super::made_file::{answer, make, turn};
+use super::made_file::{answer, make};
 use super::points::Points;
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
@@ -71,7 +71,7 @@ pub(in crate::api) async fn get_map_recording(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let turn = turn().await;
+    let place = app.making.file(home.tenant()).await?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let level_map = LevelMap {
         level: level.level,
@@ -82,7 +82,7 @@ pub(in crate::api) async fn get_map_recording(
     };
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
     let points = Points { app, clips, filter: PointFilter::default() };
-    let body = make(turn, &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
+    let body = make(place, &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
     let name = format!("{home}-{}.mcap", map.revision);
     Ok(answer(body, MCAP, &name, &tag))
 }

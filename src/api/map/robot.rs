@@ -13,13 +13,9 @@ use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
-use tokio::sync::Semaphore;
 use viola_formats::lidar::{LidarMap, valetudo_json};
 use viola_geometry::LevelName;
 use viola_home::{Ground, PlanImage, RobotLevel, Tile};
-
-/// A LiDAR map as values takes a hundred megabytes at most, so that the others wait.
-static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
 
 /// The format of a file for robots.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -100,14 +96,15 @@ pub(in crate::api) async fn get_map_robot(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
+    // A LiDAR map as values takes up to a hundred megabytes.
+    let place = app.making.file(home.tenant()).await?;
     let mut sources = Vec::new();
     for level in levels {
         sources.push(Source::read(&app, &home, &map, level, format).await?);
     }
     let make = move || {
-        // The work goes on if the client leaves, so the turn ends with it.
-        let _turn = turn;
+        // The work goes on if the client leaves, so it holds the place.
+        let _place = place;
         write(format, &sources)
     };
     let bytes = apart(make).await?;
