@@ -22,6 +22,7 @@ pub struct ObjectScore {
     pub oriented: Matches,
     /// Found objects of classes absent from the truth, on unlabelled surface: neither right nor wrong.
     pub unjudged: Vec<String>,
+    /// By oriented boxes.
     pub truth: Vec<TruthRow>,
     pub found: Vec<FoundRow>,
 }
@@ -32,6 +33,7 @@ pub struct TruthRow {
     pub class: Class,
     pub centre_m: [f64; 3],
     pub size_m: [f64; 3],
+    pub yaw_rad: f64,
     pub found: Option<String>,
     pub iou: Option<f64>,
     /// The found object with the largest IoU, of any class.
@@ -81,18 +83,19 @@ pub fn score_objects(
         counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
     let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
     let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
-    let along_axes = matches(&truth_in_world, &[], &found_in_world, MIN_EXTENT_M);
-    for (f, _) in along_axes.of_truth.iter().flatten() {
+    let oriented = matches(&truth_in_map, &[], &found_in_map, MIN_EXTENT_M);
+    for (f, _) in oriented.of_truth.iter().flatten() {
         rows[*f].right = true;
     }
-    let truth_rows = truth.iter().zip(&along_axes.of_truth).map(|(instance, matched)| {
-        let shares = found_in_world.iter().enumerate().map(|(f, o)| (f, instance.world_box.iou(&o.bounds)));
+    let truth_rows = truth.iter().zip(&oriented.of_truth).map(|(instance, matched)| {
+        let shares = found_in_map.iter().enumerate().map(|(f, o)| (f, instance.map_box.iou(&o.bounds)));
         let nearest = shares.filter(|(_, iou)| *iou > 0.0).max_by(|a, b| a.1.total_cmp(&b.1));
         let id = |f: usize| rows[f].id.clone();
         TruthRow {
             class: instance.class,
             centre_m: instance.map_box.centre_m,
             size_m: instance.map_box.size_m,
+            yaw_rad: instance.map_box.yaw_rad,
             found: matched.map(|(f, _)| id(f)),
             iou: matched.map(|(_, iou)| iou),
             nearest: nearest.map(|(f, iou)| format!("{} ({iou:.2})", id(f))),
@@ -100,8 +103,8 @@ pub fn score_objects(
     });
     ObjectScore {
         truth: truth_rows.collect(),
-        oriented: matches(&truth_in_map, &[], &found_in_map, MIN_EXTENT_M),
-        along_axes,
+        along_axes: matches(&truth_in_world, &[], &found_in_world, MIN_EXTENT_M),
+        oriented,
         unjudged,
         found: rows,
     }
