@@ -98,7 +98,7 @@ enum Command {
     Health(health::HealthArguments),
     /// Create, list and revoke the keys of the service.
     Keys(keys::KeysArguments),
-    /// List the tenants, or remove one with all its data.
+    /// List the tenants, set the limits of one, or remove one with all its data.
     Tenants(tenants::TenantsArguments),
     /// Show the effective configuration: each value, its source and its environment variable.
     ///

@@ -1,10 +1,10 @@
-"""A home from its map to its clip's pose, by the generated client: `python tour.py BASE MAP CLIP`."""
+"""A home from its map to its clip's pose, by the generated client: `python tour.py BASE MAP CLIP [KEY]`."""
 
 import json
 import sys
 import time
 
-from viola_client import Client
+from viola_client import AuthenticatedClient, Client
 from viola_client.api.changes import list_changes
 from viola_client.api.clips import add_clip, get_clip, get_clip_recording, patch_clip
 from viola_client.api.homes import get_home, list_homes, put_home
@@ -12,8 +12,8 @@ from viola_client.api.lidar_map import put_lidar_map
 from viola_client.models import ClipPatch, ClipState, HomeBody, LidarMapDryRun, Problem, ProblemType
 from viola_client.types import File
 
-base, lidar, clip = sys.argv[1:]
-api = Client(base_url=base)
+base, lidar, clip, *key = sys.argv[1:]
+api = AuthenticatedClient(base_url=base, token=key[0]) if key else Client(base_url=base)
 home = "python"
 
 
@@ -42,10 +42,17 @@ recording = accepted(get_clip_recording.sync(home, added.id, client=api)).payloa
 with open(clip, "rb") as file:
     assert recording == file.read()
 
-homes = accepted(list_homes.sync(client=api, q="ELM"))
-assert [one.id for one in homes.items] == [home]
-changes = accepted(list_changes.sync(client=api, limit=10))
-assert any(str(change.clip) == str(added.id) for change in changes.items)
+homes = accepted(list_homes.sync(client=api, q="PYTHON"))
+assert home in [one.id for one in homes.items]
+# The feed comes in pages, the oldest first.
+page = accepted(list_changes.sync(client=api))
+is_told = False
+while True:
+    is_told = is_told or any(str(change.clip) == str(added.id) for change in page.items)
+    if not page.more:
+        break
+    page = accepted(list_changes.sync(client=api, after=page.next_))
+assert is_told
 
 # A refusal has a type that programs can tell apart.
 nowhere = get_home.sync("nowhere", client=api)

@@ -17,15 +17,28 @@ export function viola(base: string, key?: string): Viola {
   });
 }
 
-/** What an operation refused, as an exception. */
+/** A refusal, as an exception. */
 export class Refused extends Error {
-  constructor(readonly problem: Problem) {
-    super(`${problem.title}: ${problem.detail}`);
+  constructor(
+    readonly status: number,
+    /** The service's explanation; none if a proxy answered in its place. */
+    readonly problem: Problem | undefined,
+    /** Seconds after which a retry may succeed (`Retry-After`), for 429 and 503. */
+    readonly retryAfterS: number | undefined,
+  ) {
+    super(problem ? `${problem.title}: ${problem.detail}` : `The answer has the status ${status}.`);
   }
 }
 
 /** The data of an answer; a refusal is thrown. */
-export function accepted<Data>(answer: { data?: Data; error?: Problem }): Data {
-  if (answer.error !== undefined) throw new Refused(answer.error);
-  return answer.data as Data;
+export function accepted<Data>(answer: { data?: Data; error?: unknown; response: Response }): Data {
+  const { data, error, response } = answer;
+  if (response.ok) return data as Data;
+  const isProblem = typeof error === "object" && error !== null && "title" in error && "detail" in error;
+  const seconds = Number(response.headers.get("retry-after") ?? Number.NaN);
+  throw new Refused(
+    response.status,
+    isProblem ? (error as Problem) : undefined,
+    Number.isFinite(seconds) ? seconds : undefined,
+  );
 }

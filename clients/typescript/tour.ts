@@ -1,11 +1,11 @@
-// A home from its map to its clip's pose, by the generated client: `node build/tour.js BASE MAP CLIP`.
+// A home from its map to its clip's pose, by the generated client: `node build/tour.js BASE MAP CLIP [KEY]`.
 import assert from "node:assert/strict";
 import { readFile } from "node:fs/promises";
 import { accepted, type Clip, Refused, viola } from "./client.js";
 
-const [base, map, clip] = process.argv.slice(2);
-if (base === undefined || map === undefined || clip === undefined) throw new Error("give BASE MAP CLIP");
-const api = viola(base);
+const [base, map, clip, key] = process.argv.slice(2);
+if (base === undefined || map === undefined || clip === undefined) throw new Error("give BASE MAP CLIP [KEY]");
+const api = viola(base, key);
 const home = "typescript";
 const octets = { headers: { "content-type": "application/octet-stream" } };
 
@@ -31,13 +31,20 @@ while (now.state === "queued" || now.state === "aligning") {
   const path = { home, clip: added.id };
   now = accepted(await api.GET("/v1/homes/{home}/clips/{clip}", { params: { path } }));
 }
-const changes = accepted(await api.GET("/v1/changes", { params: { query: { limit: 10 } } }));
-assert.ok(changes.items.some((change) => change.kind === "clip" && change.clip === added.id));
+// The feed comes in pages, the oldest first.
+let isTold = false;
+let page = accepted(await api.GET("/v1/changes", {}));
+for (;;) {
+  isTold ||= page.items.some((change) => change.kind === "clip" && change.clip === added.id);
+  if (!page.more) break;
+  page = accepted(await api.GET("/v1/changes", { params: { query: { after: page.next } } }));
+}
+assert.ok(isTold);
 
 // A refusal has a type that programs can tell apart.
 const nowhere = await api.GET("/v1/homes/{home}", { params: { path: { home: "nowhere" } } });
 assert.throws(
   () => accepted(nowhere),
-  (error) => error instanceof Refused && error.problem.type === "urn:viola:problem:home-not-found",
+  (error) => error instanceof Refused && error.status === 404 && error.problem?.type === "urn:viola:problem:home-not-found",
 );
 console.log(JSON.stringify({ state: now.state, map_from_clip: now.alignment?.map_from_clip }));

@@ -103,8 +103,12 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);
+    let folder = arguments.out.join("completion");
+    // Pictures of another answer.
+    if folder.is_dir() {
+        std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+    }
     if !pictures.is_empty() {
-        let folder = arguments.out.join("completion");
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         for (name, bytes) in &pictures {

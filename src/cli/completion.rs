@@ -1,6 +1,7 @@
 //! Arguments for the completion of what a clip did not see.
 
 use super::networks::NetworkArguments;
+use super::worker::seconds;
 use anyhow::{Result, anyhow};
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
@@ -16,8 +17,8 @@ pub struct CompletionArguments {
     #[arg(long)]
     complete_always: bool,
     /// Time after which the completion starts no new view, in seconds.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
-    complete_seconds: f64,
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = seconds)]
+    complete_seconds: Duration,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -33,8 +34,7 @@ enum Completion {
 impl CompletionArguments {
     /// Returns the parameters; fails for imagination without an inpainting network in the models folder.
     pub fn params(&self, networks: &NetworkArguments) -> Result<CompleteParams> {
-        let time = Duration::from_secs_f64(self.complete_seconds.clamp(0.0, 86_400.0));
-        let mut params = CompleteParams { time, ..CompleteParams::default() };
+        let mut params = CompleteParams { time: self.complete_seconds, ..CompleteParams::default() };
         if self.complete_always {
             params.when = Activation::Always;
         }

@@ -4,7 +4,7 @@
 
 use anyhow::{Context, Result, bail};
 use clap::{Arg, ArgAction, Args, Command};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -158,8 +158,14 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     };
     let settings =
         arguments.file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
-    for arg in command.get_arguments().filter(|arg| !arg.is_hide_set()) {
+    // The settings of `keys` and `tenants` are those of what they do.
+    let mut shown_names = BTreeSet::new();
+    let arguments = command.get_subcommands().chain([command]).flat_map(Command::get_arguments);
+    for arg in arguments.filter(|arg| !arg.is_hide_set() && !arg.is_positional()) {
         let Some(long) = arg.get_long().filter(|long| *long != "help") else { continue };
+        if !shown_names.insert(long) {
+            continue;
+        }
         let (value, source) = value_of(arg, settings.get(long));
         let shown = match value {
             Some(_) if arg.is_hide_env_values_set() => "(set, and secret)".to_owned(),

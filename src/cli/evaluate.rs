@@ -1,6 +1,7 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
 use super::networks::NetworkArguments;
+use super::progress::tell;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -335,10 +336,10 @@ impl Report {
                 let scale = r
                     .scale_error
                     .map_or_else(String::new, |error| format!(", scale {:+.2} %", 100.0 * error));
-                eprintln!(
+                tell(&format!(
                     "{done}/{} {} {} {} {}: {error}{scale}, {:?}, {:.2} s",
                     self.total, r.set, r.frames, r.clip, r.method, r.state, r.register_seconds
-                );
+                ));
             }
         }
     }

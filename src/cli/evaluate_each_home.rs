@@ -1,6 +1,7 @@
 //! The simulated homes of an evaluation, one after the other.
 
 use super::evaluate::{EvaluateArguments, homes};
+use super::progress::tell;
 use anyhow::{Context, Result};
 use std::fs;
 use std::path::Path;
@@ -22,7 +23,7 @@ pub(super) fn each_home<T>(
     for &set in &homes.sets {
         for seed in homes.seeds.clone() {
             done.push(evaluate(set, seed, &homes, &params, &folder)?);
-            eprintln!("{} {seed}", set.name());
+            tell(&format!("{} {seed}", set.name()));
         }
     }
     Ok(done)

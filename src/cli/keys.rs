@@ -20,7 +20,7 @@ enum KeysCommand {
     Create(CreateArguments),
     /// List the keys, without their secrets.
     List(ListArguments),
-    /// Revoke a key with immediate effect.
+    /// Revoke a key: requests with it are refused at once, its event streams end within a minute.
     Revoke(RevokeArguments),
 }
 
@@ -104,23 +104,25 @@ async fn list(arguments: &ListArguments) -> Result<()> {
         let document = |key: &ApiKey| {
             json!({"id": key.id, "tenant": key.tenant.name(), "role": key.role.name(),
                 "home": key.home.as_ref().map(HomeId::as_str), "state": state(key, now),
-                "last_used_at": key.last_used_at, "label": key.label})
+                "expires_at": key.expires_at, "last_used_at": key.last_used_at, "label": key.label})
         };
         let documents: Vec<_> = keys.iter().map(document).collect();
         println!("{}", serde_json::to_string_pretty(&documents)?);
         return Ok(());
     }
     println!(
-        "{:36}  {:16}  {:8}  {:16}  {:8}  {:20}  label",
-        "id", "tenant", "role", "home", "state", "last used"
+        "{:36}  {:16}  {:8}  {:16}  {:8}  {:16}  {:16}  label",
+        "id", "tenant", "role", "home", "state", "expires", "last used"
     );
     for key in &keys {
         let home = key.home.as_ref().map_or("all", HomeId::as_str);
-        let used =
-            key.last_used_at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
+        let when = |at: Option<Timestamp>| {
+            at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string())
+        };
+        let (expires, used) = (when(key.expires_at), when(key.last_used_at));
         let (id, tenant, role) = (key.id, key.tenant.name(), key.role.name());
         println!(
-            "{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {used:20}  {}",
+            "{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {expires:16}  {used:16}  {}",
             state(key, now),
             key.label
         );

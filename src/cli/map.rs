@@ -29,19 +29,19 @@ use files::HomeFiles;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use viola_align::AlignParams;
+use viola_align::{AlignParams, Alignment};
 use viola_home as home;
 use viola_home::{Manifest, Member};
 
-/// Exit code if the map was written and a clip has no answer. clap uses 2 for wrong arguments.
-const CLIP_WITHOUT_ANSWER: u8 = 3;
+/// Exit code if the map was written and a clip has no pose. clap uses 2 for wrong arguments.
+const CLIP_WITHOUT_POSE: u8 = 3;
 
 /// The exit codes, for the help.
 pub const EXIT_CODES: &str = "Exit codes:
-  0  every clip has an answer, which may be that no pose can be given
+  0  every clip has a pose
   1  there is no map: for example, the LiDAR map cannot be read
   2  wrong arguments
-  3  the map was written, and at least one clip could not be read or aligned; map.json says why";
+  3  the map was written, and at least one clip could not be read or has no pose; map.json says why";
 
 #[derive(Args)]
 pub struct MapArguments {
@@ -98,8 +98,9 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     } else {
         table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     }
-    let all_answered = clips.iter().all(|clip| clip.answer.is_ok());
-    Ok(if all_answered { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_ANSWER) })
+    let has_pose = |answer: &Alignment| answer.map_from_clip.is_some();
+    let all_have_poses = clips.iter().all(|clip| clip.answer.as_ref().is_ok_and(has_pose));
+    Ok(if all_have_poses { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_POSE) })
 }
 
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.

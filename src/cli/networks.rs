@@ -1,7 +1,7 @@
 //! Arguments for the networks of a command.
 
 use super::runtime::RuntimeArguments;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -43,6 +43,12 @@ impl NetworkArguments {
     fn installed(&self, task: Task) -> Result<Option<Installed>> {
         if self.is_off() {
             return Ok(None);
+        }
+        if let Some(folder) = self.folder().filter(|folder| !folder.is_dir()) {
+            bail!(
+                "the models folder {} does not exist; `viola models fetch NAME --models DIR` makes one",
+                folder.display()
+            );
         }
         manifest::installed(task, self.folder()).context("the list of networks")
     }

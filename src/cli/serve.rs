@@ -50,7 +50,11 @@ pub struct ServeArguments {
 }
 
 pub fn run(arguments: &ServeArguments) -> Result<()> {
-    let params = ServeParams {
+    service::run(|| params(arguments), |params, stop| serve(params, stop, print_address))
+}
+
+fn params(arguments: &ServeArguments) -> Result<ServeParams> {
+    Ok(ServeParams {
         listen: arguments.listen,
         admin_listen: arguments.admin_listen,
         storage: arguments.store.params(),
@@ -72,8 +76,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
         worker: arguments.worker.params()?,
         webhooks: arguments.worker.webhooks(),
         cors_origins: arguments.cors_origins.clone(),
-    };
-    service::run(|stop| serve(params, stop, print_address))
+    })
 }
 
 /// Returns the limits of connections, which take at most half of the files that the process may open.

@@ -9,14 +9,19 @@ use std::net::SocketAddr;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-/// Runs a service until it ends; SIGTERM or SIGINT asks it to stop.
-pub fn run<E, F>(service: impl FnOnce(CancellationToken) -> F) -> Result<()>
+/// Makes a service of its parameters and runs it until it ends; SIGTERM or SIGINT asks it to stop. The log begins before
+/// the parameters are made: networks are opened for them.
+pub fn run<P, E, F>(
+    params: impl FnOnce() -> Result<P>,
+    service: impl FnOnce(P, CancellationToken) -> F,
+) -> Result<()>
 where
     E: Into<anyhow::Error>,
     F: Future<Output = Result<(), E>>,
 {
     hide_from_children();
     let _telemetry = Telemetry::start()?;
+    let params = params()?;
     // The threads of merges, beside those of requests. A network that was loaded may have started them already.
     if let Err(error) = rayon::ThreadPoolBuilder::new().start_handler(|_| give_way()).build_global() {
         tracing::warn!(%error, "the threads of merges keep the priority of requests");
@@ -29,7 +34,7 @@ where
             stop_asked().await;
             stopping.cancel();
         });
-        service(stop).await
+        service(params, stop).await
     });
     // Otherwise a method that did not stop within its grace period would block the process.
     runtime.shutdown_background();

@@ -41,7 +41,7 @@ pub fn man(arguments: &ManArguments, program: &Command) -> Result<()> {
 }
 
 /// Prints a text; without a reader it ends as `println!` does.
-fn print(text: &[u8]) -> Result<()> {
+pub(super) fn print(text: &[u8]) -> Result<()> {
     match std::io::stdout().write_all(text) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         done => done.context("cannot print"),

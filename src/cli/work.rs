@@ -20,12 +20,14 @@ pub struct WorkArguments {
 }
 
 pub fn run(arguments: &WorkArguments) -> Result<()> {
-    let params = WorkParams {
-        storage: arguments.store.params(),
-        workers: arguments.worker.workers,
-        worker: arguments.worker.params()?,
-        webhooks: arguments.worker.webhooks(),
-        listen: arguments.admin_listen,
+    let params = || {
+        Ok(WorkParams {
+            storage: arguments.store.params(),
+            workers: arguments.worker.workers,
+            worker: arguments.worker.params()?,
+            webhooks: arguments.worker.webhooks(),
+            listen: arguments.admin_listen,
+        })
     };
-    service::run(|stop| work(params, stop, print_address))
+    service::run(params, |params, stop| work(params, stop, print_address))
 }
