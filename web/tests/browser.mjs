@@ -6,6 +6,7 @@ import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { cloudOf } from "./browser/cloud.mjs";
 import { homeSteps } from "./browser/home.mjs";
+import { lossSteps } from "./browser/losses.mjs";
 import { boxOf, dropFiles, isResponsive, recordProgress } from "./browser/page.mjs";
 import { placeSteps } from "./browser/places.mjs";
 import { surfaceSteps } from "./browser/surface.mjs";
@@ -310,7 +311,7 @@ try {
     ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), aMapAmongClipsIsOfferedAsTheMap,
     badFilesAreExplained, themesAndPhones,
     anAlternativeIsChosen, homesAreSearched, ...placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }), aMillionPointsStayResponsive,
-    aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, aLostServerIsTold,
+    aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, ...lossSteps({ page, base, go, file, shot }), aLostServerIsTold,
   ];
   for (const step of steps) {
     const begun = performance.now();
