@@ -18,7 +18,8 @@ use metrics::{counter, describe_counter};
 use send::Sender;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
+use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
@@ -26,8 +27,8 @@ use tracing::{info, warn};
 const LEASE: Duration = Duration::from_secs(60);
 /// Messages that are sent to one address at a time.
 const AT_ONCE: u32 = 16;
-/// Addresses that are served at a time by one process.
-const SENDERS: usize = 4;
+/// Addresses that are served at a time by one process; one that never answers takes a place for 15 s.
+const SENDERS: usize = 32;
 /// Polling interval for changes and due deliveries.
 const POLL: Duration = Duration::from_secs(1);
 
@@ -49,7 +50,7 @@ pub async fn deliver(
     stop: CancellationToken,
 ) {
     let sender = match Sender::new(&params, send::resolve) {
-        Ok(sender) => sender,
+        Ok(sender) => Arc::new(sender),
         Err(error) => return warn!(%error, "webhooks cannot be sent"),
     };
     let fan_out = async {
@@ -65,38 +66,52 @@ pub async fn deliver(
             let _ = tokio::time::timeout(POLL, told).await;
         }
     };
-    let senders = futures::future::join_all((0..SENDERS).map(|_| send_for_ever(&storage, &sender)));
     tokio::select! {
         () = stop.cancelled() => {}
         () = fan_out => {}
-        _ = senders => {}
+        () = send_for_ever(&storage, &sender) => {}
     }
 }
 
-async fn send_for_ever(storage: &Storage, sender: &Sender) {
+/// Claims webhooks with due deliveries, one after the other, and sends to several at a time.
+async fn send_for_ever(storage: &Arc<Storage>, sender: &Arc<Sender>) {
+    let places = Arc::new(Semaphore::new(SENDERS));
+    let mut batches = JoinSet::new();
     loop {
-        match send_batch(storage, sender).await {
-            Ok(true) => continue,
-            Ok(false) => {}
-            Err(error) => warn!(%error, "webhooks could not be sent; they wait"),
+        let place = places.clone().acquire_owned().await.expect("the semaphore is never closed");
+        while batches.try_join_next().is_some() {}
+        match storage.claim_deliveries(AT_ONCE, LEASE, Timestamp::now()).await {
+            Ok(Some(sending)) => {
+                let (storage, sender) = (storage.clone(), sender.clone());
+                batches.spawn(async move {
+                    let _place = place;
+                    if let Err(error) = send_batch(&storage, &sender, &sending).await {
+                        warn!(%error, "webhooks could not be sent; they wait");
+                    }
+                });
+                continue;
+            }
+            Ok(None) => {}
+            Err(error) => warn!(%error, "webhooks could not be claimed; they wait"),
         }
-        tokio::time::sleep(POLL).await;
+        // The end of a batch frees its webhook, which may have more deliveries.
+        tokio::select! {
+            Some(_) = batches.join_next() => {}
+            () = tokio::time::sleep(POLL) => {}
+        }
     }
 }
 
-/// Sends the due deliveries of one webhook; returns false if there are none.
-async fn send_batch(storage: &Storage, sender: &Sender) -> Result<bool, StorageError> {
-    let claimed = storage.claim_deliveries(AT_ONCE, LEASE, Timestamp::now()).await?;
-    let Some(sending) = claimed else { return Ok(false) };
+/// Sends the claimed deliveries of one webhook.
+async fn send_batch(storage: &Storage, sender: &Sender, sending: &Sending) -> Result<(), StorageError> {
     let attempts = sending.deliveries.iter().map(async |delivery| {
-        let sent = sender.send(&sending, delivery).await;
-        tell(&sending, delivery.id, &sent);
-        storage.note_attempt(&sending, delivery, &sent, Timestamp::now()).await
+        let sent = sender.send(sending, delivery).await;
+        tell(sending, delivery.id, &sent);
+        storage.note_attempt(sending, delivery, &sent, Timestamp::now()).await
     });
     let noted = futures::future::join_all(attempts).await;
-    storage.release_webhook(&sending, Timestamp::now()).await?;
-    noted.into_iter().collect::<Result<Vec<()>, _>>()?;
-    Ok(true)
+    storage.release_webhook(sending, Timestamp::now()).await?;
+    noted.into_iter().collect()
 }
 
 /// Counts and logs an attempt. The address is not logged: it may hold a password.

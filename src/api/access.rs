@@ -12,12 +12,14 @@ use axum::http::request::Parts;
 use axum::http::{Extensions, HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
+use futures::FutureExt;
 use jiff::Timestamp;
 use std::future::Future;
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
+use tokio_util::task::AbortOnDropHandle;
 use uuid::Uuid;
 
 /// The cookie of the viewer's session: image requests of a page cannot send a header.
@@ -170,8 +172,13 @@ async fn find_key(
     Ok(found)
 }
 
-/// Resolves when the key or the session of a caller is no longer valid: an endless answer may outlive it.
-pub(super) async fn expired(app: App, caller: Caller) {
+/// Resolves when the key or the session of a caller is no longer valid: an endless answer may outlive it. A task looks,
+/// since the answer is only polled while its client reads, and a query that is not polled holds its connection.
+pub(super) fn expiry(app: App, caller: Caller) -> impl Future<Output = ()> + Unpin {
+    AbortOnDropHandle::new(tokio::spawn(expired(app, caller))).map(|_| ())
+}
+
+async fn expired(app: App, caller: Caller) {
     loop {
         tokio::time::sleep(app.bodies.credentials).await;
         let found = match &caller.credentials {

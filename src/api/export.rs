@@ -22,6 +22,7 @@ use futures::{FutureExt, StreamExt, stream};
 use places::Place;
 use std::io;
 use tokio::sync::mpsc;
+use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument;
 
 /// Export a home as one zip
@@ -47,8 +48,8 @@ pub(super) async fn export_home(
     Ok(attachment(answer, &name))
 }
 
-/// Returns a body that writes the zip when its reader asks for more. It needs no task of its own, so an
-/// export ends with its connection and then frees its place.
+/// Returns the body of the zip. A task writes it, because it takes turns with other exports: if only the connection polled it,
+/// a slow reader would keep its turn. The task waits for the reader, ends with the connection, and then the place is free.
 fn body(
     writing: impl Future<Output = Result<(), ExportError>> + Send + 'static,
     pieces: mpsc::Receiver<Bytes>,
@@ -57,8 +58,13 @@ fn body(
     let pieces = stream::unfold((pieces, place), |(mut pieces, place)| async {
         pieces.recv().await.map(|piece| (Ok(piece), (pieces, place)))
     });
+    let writing = AbortOnDropHandle::new(tokio::spawn(writing));
     let failed = writing.into_stream().filter_map(|written| async {
-        let error = written.err()?;
+        let error: Box<dyn std::error::Error + Send + Sync> = match written {
+            Ok(Ok(())) => return None,
+            Ok(Err(error)) => error.into(),
+            Err(error) => error.into(),
+        };
         tracing::error!(%error, "an export broke off");
         // Breaks the answer off, so that the reader notices the error.
         Some(Err(io::Error::other(error)))

@@ -45,6 +45,6 @@ pub(super) async fn watch_home(
             Err(axum::Error::new(error))
         }
     });
-    let events = events.take_until(stop.cancelled_owned()).take_until(Box::pin(access::expired(app, caller)));
+    let events = events.take_until(stop.cancelled_owned()).take_until(access::expiry(app, caller));
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }

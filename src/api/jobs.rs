@@ -77,7 +77,7 @@ pub(super) async fn watch_job(
     if job.state.is_final() && job.version == seen {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let events = events(app.clone(), id, seen).take_until(Box::pin(access::expired(app, caller)));
+    let events = events(app.clone(), id, seen).take_until(access::expiry(app, caller));
     Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
 }
 

@@ -193,7 +193,12 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
             app.storage.delete_upload(id, Timestamp::now()).await?;
             return Err(error);
         }
-        finish::finish(&app, id).await?;
+        match finish::finish(&app, id).await {
+            Err(error) if error.is_refusal() => return Err(error),
+            // All bytes are stored and the cleaner tries again: a client that got an error would send them again.
+            Err(error) => tracing::warn!(upload = %id, %error, "a complete upload waits to be made a clip"),
+            Ok(_) => {}
+        }
         answer::created(&app, id).await
     })
     .await

@@ -200,16 +200,32 @@ impl Attempt<'_> {
             Begun::Stopped => return Some(Ending::GivenUp),
         };
         match self.attend(&mut method, limits, &report, stop).await {
-            Watched::Ended(ended) => Some(self.conclude(*ended).await),
+            Watched::Ended(ended) => Some(self.conclude(*ended, report.heard()).await),
             Watched::TooSlowToStop => Some(Ending::GivenUp),
             Watched::Lost => None,
         }
     }
 
-    async fn conclude(&self, ended: Ended) -> Ending {
+    async fn conclude(&self, ended: Ended, heard: Heard) -> Ending {
         match ended {
-            Ok(finished) => self.keep(finished).await,
+            Ok(finished) => self.keep_alive(finished, heard).await,
             Err(trouble) => ending_of(trouble),
+        }
+    }
+
+    /// Stores the results and renews the lease meanwhile: a slow store would otherwise give the job away.
+    async fn keep_alive(&self, finished: Finished, heard: Heard) -> Ending {
+        let mut keeping = std::pin::pin!(self.keep(finished));
+        let mut tick = tokio::time::interval(TICK);
+        let mut said = Said { heard, at: Instant::now() };
+        loop {
+            tokio::select! {
+                ending = &mut keeping => return ending,
+                // A lost job is noticed when its end is recorded.
+                _ = tick.tick() => if let Err(error) = self.beat(heard, &mut said).await {
+                    warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded");
+                },
+            }
         }
     }
 

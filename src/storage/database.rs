@@ -13,6 +13,7 @@ pub(super) use query::{Query, Row, query};
 
 use super::StorageError;
 use health::{Verdict, WriteHealth};
+use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPool, PgPoolOptions};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
@@ -61,6 +62,15 @@ async fn begin_whole(
     Ok(Transaction::of_postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??, health))
 }
 
+/// Returns the reason why PostgreSQL cannot be reached. A pool only says that it waited in vain.
+async fn unreachable(options: &PgConnectOptions, error: sqlx::Error) -> StorageError {
+    let source = match error {
+        sqlx::Error::PoolTimedOut => options.connect().await.err().unwrap_or(error),
+        error => error,
+    };
+    StorageError::NoDatabase { host: options.get_host().to_owned(), port: options.get_port(), source }
+}
+
 impl Database {
     fn new(pools: Pools) -> Database {
         Database { pools, health: Arc::default() }
@@ -91,8 +101,12 @@ impl Database {
         let pool = PgPoolOptions::new()
             .max_connections(connections.max(2))
             .acquire_timeout(ACQUIRE)
-            .connect_with(options)
-            .await?;
+            .connect_with(options.clone())
+            .await;
+        let pool = match pool {
+            Ok(pool) => pool,
+            Err(error) => return Err(unreachable(&options, error).await),
+        };
         tables::postgres().run(&pool).await?;
         Ok(Database::new(Pools::Postgres(pool)))
     }

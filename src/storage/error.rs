@@ -22,6 +22,10 @@ pub enum StorageError {
          backup"
     )]
     DamagedFile { key: String, found: u64, expected: u64 },
+    #[error(
+        "the database at {host}, port {port}, cannot be reached: {source}. Start it, or correct the database URL"
+    )]
+    NoDatabase { host: String, port: u16, source: sqlx::Error },
     #[error("database: {0}")]
     Database(#[from] sqlx::Error),
     /// The commit was sent; its effect is unknown.
@@ -84,7 +88,9 @@ impl StorageError {
             StorageError::Database(error) => {
                 !matches!(DatabaseFault::of(error), DatabaseFault::Lasting | DatabaseFault::Damaged)
             }
-            StorageError::Unsettled(_) | StorageError::WritesFail { .. } => true,
+            StorageError::Unsettled(_)
+            | StorageError::WritesFail { .. }
+            | StorageError::NoDatabase { .. } => true,
             StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
             StorageError::Blobs(_) => true,
             _ => false,

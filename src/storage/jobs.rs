@@ -202,6 +202,9 @@ pub(super) fn by_id(rows: &[Row]) -> Result<HashMap<Uuid, Job>, StorageError> {
     rows.iter().map(|row| Ok((row.id("id")?, from_row(row)?))).collect()
 }
 
+/// Ended jobs of a clip that are kept.
+const KEPT: i64 = 10;
+
 /// Queues the alignment of a clip to a map and cancels the clip's earlier jobs. Returns the blobs that the
 /// clip no longer refers to.
 pub(super) async fn enqueue(
@@ -219,6 +222,15 @@ pub(super) async fn enqueue(
     )
     .bind(clip.to_string())
     .bind(now.as_millisecond())
+    .execute(transaction)
+    .await?;
+    // A robot's map may change every day, and queues all clips again.
+    query(
+        "DELETE FROM jobs WHERE clip_id = $1 AND state NOT IN ('queued', 'running')
+            AND id NOT IN (SELECT id FROM jobs WHERE clip_id = $1 ORDER BY id DESC LIMIT $2)",
+    )
+    .bind(clip.to_string())
+    .bind(KEPT)
     .execute(transaction)
     .await?;
     let id = Uuid::now_v7();

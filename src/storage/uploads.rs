@@ -255,6 +255,12 @@ impl Storage {
     /// Deletes an upload and its bytes. A clip that was made of it stays.
     pub async fn delete_upload(&self, id: Uuid, now: Timestamp) -> Result<(), UploadError> {
         let mut transaction = self.database.begin().await?;
+        // A join by another process may take the pieces.
+        let lock = transaction.either(
+            "SELECT id FROM uploads WHERE id = $1",
+            "SELECT id FROM uploads WHERE id = $1 FOR UPDATE",
+        );
+        query(lock).bind(id.to_string()).fetch_optional(&mut transaction).await?;
         find_living(&mut transaction, id, now).await?;
         let keys = piece_keys(&mut transaction, id).await?;
         query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;

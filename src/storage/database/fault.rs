@@ -60,8 +60,10 @@ impl DatabaseFault {
             ("53100", _) => DatabaseFault::Full,
             // Insufficient resources, system error.
             (_, "53" | "58") => DatabaseFault::System,
-            // lock_not_available; connection lost, transaction rolled back, operator intervention.
-            ("55P03", _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
+            // lock_not_available; "cached plan must not change result type": a newer process added a column, and the
+            // statement is prepared anew on the next connection; connection lost, transaction rolled back, operator
+            // intervention.
+            ("55P03" | "0A000", _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
             _ => DatabaseFault::Lasting,
         }
     }
@@ -99,6 +101,7 @@ mod tests {
             ("40001", DatabaseFault::Passing),
             ("57P01", DatabaseFault::Passing),
             ("55P03", DatabaseFault::Passing),
+            ("0A000", DatabaseFault::Passing),
             ("55000", DatabaseFault::Lasting),
             ("23503", DatabaseFault::Lasting),
             ("", DatabaseFault::Lasting),

@@ -153,7 +153,9 @@ impl Storage {
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         let renewed = query(
-            "UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2 AND map_lease_until IS NOT NULL",
+            // A merge that has just ended has no lease any more, and is not lost.
+            "UPDATE homes SET map_lease_until = CASE WHEN map_lease_until IS NULL THEN NULL ELSE $3 END
+            WHERE id = $1 AND map_fence = $2",
         )
         .bind(claim.home.key())
         .bind(claim.fence)

@@ -32,6 +32,8 @@ impl Storage {
         }
         let newest = left.iter().max_by_key(|map| map.revision).ok_or(StorageError::LastLevel)?;
         let mut keys = remove_to(&mut transaction, home, level, 0, now).await?;
+        // Jobs before clips, as everywhere.
+        jobs::lock_of_home(&mut transaction, home).await?;
         withdraw_choices(&mut transaction, home, level).await?;
         corrections::forget_level(&mut transaction, home, level).await?;
         keys.extend(jobs::enqueue_home(&mut transaction, home, newest.id, now).await?);

@@ -9,6 +9,19 @@ use jiff::Timestamp;
 /// Most uploads that are removed in one transaction.
 const BATCH: i64 = 100;
 
+/// Selects the uploads that expire.
+macro_rules! due {
+    ($lock:literal) => {
+        concat!(
+            "SELECT id FROM uploads
+            WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
+                OR (state = 'arrived' AND kind = 'partial'))
+            ORDER BY expires_at LIMIT $2",
+            $lock
+        )
+    };
+}
+
 impl Storage {
     /// Removes idle uploads and old records of ended ones; returns their number. A complete file was
     /// acknowledged and never expires.
@@ -16,13 +29,9 @@ impl Storage {
         let mut expired = 0;
         loop {
             let mut transaction = self.database.begin().await?;
-            let rows = query(
-                "SELECT id FROM uploads
-                WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
-                    OR (state = 'arrived' AND kind = 'partial'))
-                ORDER BY expires_at LIMIT $2",
-            );
-            let rows = rows.bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut transaction).await?;
+            // An upload that receives a piece, or is joined to another one, is left alone.
+            let due = transaction.either(due!(""), due!(" FOR UPDATE SKIP LOCKED"));
+            let rows = query(due).bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut transaction).await?;
             let mut keys = Vec::new();
             for row in &rows {
                 let id = row.id("id")?;
