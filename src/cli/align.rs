@@ -5,7 +5,7 @@ use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
-use super::wrong_file;
+use super::wrong_file::{self, Advice};
 use crate::jobs::level_maps;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -84,7 +84,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
         Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(&arguments.clip, &video_tools())
-        .map_err(|error| wrong_file::of_clip(&arguments.clip, error))?;
+        .map_err(|error| wrong_file::of_clip(&arguments.clip, error, Advice::Flags))?;
     let clip = if arguments.scale.is_some() { clip.with_unknown_scale() } else { clip };
     let maps = levels::open(&arguments.lidar)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };

@@ -3,7 +3,7 @@
 mod sketch;
 
 use super::video_tools::video_tools;
-use super::wrong_file;
+use super::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     }
     if path.is_dir() {
         let found = Clip::open_with(path, &video_tools());
-        return clip(arguments, &found.map_err(|error| wrong_file::of_clip(path, error))?);
+        return clip(arguments, &found.map_err(|error| wrong_file::of_clip(path, error, Advice::Flags))?);
     }
     let refused = match LidarMap::open(path) {
         Ok(found) => return map(arguments, &found),
@@ -52,7 +52,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
             "{name} is {}, neither a clip nor a LiDAR map (unknown_format)\n\
              `viola align --help` lists the clips and the maps that are read.\n\
              docs/formats.md has the details.",
-            wrong_file::kind(path).unwrap_or("an archive of other files")
+            wrong_file::kind(path, Advice::Flags).unwrap_or("an archive of other files")
         ),
         Err(error) => bail!(
             "{name} can be used neither as a map ({}): {refused}, nor as a clip ({}): {error}",

@@ -1,6 +1,6 @@
 //! The `--lidar` argument of homes with one level or several.
 
-use super::wrong_file;
+use super::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::collections::BTreeMap;
@@ -43,7 +43,7 @@ pub fn open(arguments: &[LevelArgument]) -> Result<Vec<(LevelName, LidarMap)>> {
         bail!("two LiDAR maps were given for the level {}; name the levels: LEVEL=FILE", pair[0].level);
     }
     let open = |LevelArgument { level, path }: &LevelArgument| {
-        let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error))?;
+        let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error, Advice::Flags))?;
         Ok((*level, map))
     };
     sorted.iter().map(open).collect()

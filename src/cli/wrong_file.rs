@@ -13,10 +13,35 @@ const MAPS: &str = "A LiDAR map is the file of a robot (Valetudo, Roborock, Drea
                     both), a CARMEN log, or points as CSV, PLY or PCD.";
 const MORE: &str = "docs/formats.md lists what is read.";
 
+/// Advice for a file on the place of the other kind, by what a command takes.
+#[derive(Clone, Copy)]
+pub enum Advice {
+    /// The command has the flags `--clip` and `--lidar`.
+    Flags,
+    /// `viola convert`: the target names the kind.
+    Target,
+}
+
+impl Advice {
+    fn of_lidar_map(self) -> &'static str {
+        match self {
+            Advice::Flags => "a LiDAR map (give it as --lidar)",
+            Advice::Target => "a LiDAR map (choose --to valetudo, ros or ply)",
+        }
+    }
+
+    fn of_clip(self) -> &'static str {
+        match self {
+            Advice::Flags => "a clip (give it as --clip)",
+            Advice::Target => "a clip (choose --to stray, tum or scannet)",
+        }
+    }
+}
+
 /// Returns the error of a clip that cannot be opened; a file of another kind is told in three lines.
-pub fn of_clip(path: &Path, error: ClipError) -> Error {
+pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
     let name = path.display();
-    match (error, kind(path)) {
+    match (error, kind(path, advice)) {
         (ClipError::UnknownLayout { .. }, Some(kind)) => {
             anyhow!("{name} is {kind}, not a clip\n{CLIPS}\n{MORE}")
         }
@@ -28,23 +53,23 @@ pub fn of_clip(path: &Path, error: ClipError) -> Error {
 }
 
 /// Returns the error of a LiDAR map that cannot be opened; a file of another kind is told in three lines.
-pub fn of_map(path: &Path, error: LidarError) -> Error {
+pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     let name = path.display();
     if !matches!(error, LidarError::UnknownFormat) {
         return Error::new(error).context(format!("LiDAR map {name}"));
     }
     let is_clip = Clip::open(path).is_ok();
-    let kind = if is_clip { Some("a clip (give it as --clip)") } else { kind(path) };
+    let kind = if is_clip { Some(advice.of_clip()) } else { kind(path, advice) };
     anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or("an archive of other files"))
 }
 
 /// Names the kind of a file in words; `None` if it is a folder, an archive or unknown.
-pub fn kind(path: &Path) -> Option<&'static str> {
+pub fn kind(path: &Path, advice: Advice) -> Option<&'static str> {
     let mut head = [0; 512];
     let read = File::open(path).and_then(|mut file| file.read(&mut head)).ok().filter(|_| path.is_file())?;
     let head = &head[..read];
     if LidarMap::open(path).is_ok() {
-        return Some("a LiDAR map (give it as --lidar)");
+        return Some(advice.of_lidar_map());
     }
     Some(match head {
         [] => "an empty file",
@@ -86,7 +111,7 @@ mod tests {
         ] {
             let path = folder.path().join("file");
             std::fs::write(&path, bytes).unwrap();
-            let error = of_clip(&path, ClipError::UnknownLayout { files: 1 }).to_string();
+            let error = of_clip(&path, ClipError::UnknownLayout { files: 1 }, Advice::Flags).to_string();
             assert!(error.lines().count() == 3 && error.contains(words), "{error}");
         }
         let path = folder.path().join("file");
@@ -95,12 +120,12 @@ mod tests {
             (b"PK\x05\x06", "is an archive of other files"),
         ] {
             std::fs::write(&path, bytes).unwrap();
-            let error = of_map(&path, LidarError::UnknownFormat).to_string();
+            let error = of_map(&path, LidarError::UnknownFormat, Advice::Flags).to_string();
             assert!(error.lines().count() == 3 && error.contains(words), "{error}");
         }
-        let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 });
+        let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 }, Advice::Flags);
         assert!(format!("{other:#}").starts_with("LiDAR map "), "{other:#}");
-        let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 });
+        let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 }, Advice::Flags);
         assert!(format!("{other:#}").contains("before frame 7"), "{other:#}");
     }
 }

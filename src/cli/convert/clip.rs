@@ -2,7 +2,7 @@
 
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
-use crate::cli::wrong_file;
+use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -22,7 +22,8 @@ fn write_zip(clip: &Clip, layout: WrittenLayout, out: &Path, progress: &dyn Prog
 
 /// Writes a clip into a new or empty folder, or into a zip archive.
 pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {
-    let clip = Clip::open_with(file, &video_tools()).map_err(|error| wrong_file::of_clip(file, error))?;
+    let clip = Clip::open_with(file, &video_tools())
+        .map_err(|error| wrong_file::of_clip(file, error, Advice::Target))?;
     if !clip.info().metric {
         bail!(
             "{}: the unit of its poses and depth is unknown, and clips are written in metres",

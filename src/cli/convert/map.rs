@@ -1,7 +1,7 @@
 //! Conversion of maps.
 
 use super::write;
-use crate::cli::wrong_file;
+use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
 use std::io::Cursor;
 use std::path::Path;
@@ -9,7 +9,7 @@ use viola_formats::clip::write::{Sink, ZipSink};
 use viola_formats::lidar::LidarMap;
 
 fn open(file: &Path) -> Result<LidarMap> {
-    LidarMap::open(file).map_err(|error| wrong_file::of_map(file, error))
+    LidarMap::open(file).map_err(|error| wrong_file::of_map(file, error, Advice::Target))
 }
 
 /// Returns the notes of the reader, then those of the writer.
