@@ -28,6 +28,7 @@ mod open_clip;
 mod openapi;
 mod progress;
 mod runtime;
+mod seconds;
 mod serve;
 mod service;
 mod shell;
@@ -89,22 +90,28 @@ enum Command {
     /// List, fetch and check the neural networks.
     Models(models::ModelsArguments),
     /// Serve the HTTP API, with workers in the same process.
+    #[command(after_help = config::HELP)]
     Serve(serve::ServeArguments),
     /// Run the jobs of servers that share a PostgreSQL database.
+    #[command(after_help = config::HELP)]
     Work(work::WorkArguments),
     /// Remove expired uploads and the files that killed processes left behind.
+    #[command(after_help = config::HELP)]
     Clean(clean::CleanArguments),
     /// Check whether a running process can serve.
     Health(health::HealthArguments),
     /// Create, list and revoke the keys of the service.
+    #[command(after_help = config::HELP)]
     Keys(keys::KeysArguments),
     /// List the tenants, set the limits of one, or remove one with all its data.
+    #[command(after_help = config::HELP)]
     Tenants(tenants::TenantsArguments),
     /// Show the effective configuration: each value, its source and its environment variable.
     ///
     /// Settings file: `--config FILE` or VIOLA_CONFIG, for serve, work, migrate, keys, tenants and clean.
     Config(config::ConfigArguments),
     /// Create or update the database tables without serving; `serve` and `work` do it too.
+    #[command(after_help = config::HELP)]
     Migrate(migrate::MigrateArguments),
     /// Print the OpenAPI document of the service.
     Openapi,

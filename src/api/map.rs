@@ -9,7 +9,6 @@ mod robot;
 mod scene;
 
 pub(super) use changes::{__path_get_map_changes, get_map_changes};
-pub(super) use made_file::Making;
 pub(super) use mesh::{__path_get_map_mesh, MeshFormat, get_map_mesh};
 pub(super) use points::{__path_get_map_points, get_map_points};
 pub(super) use recording::{__path_get_map_recording, RecordingFormat, get_map_recording};

@@ -6,7 +6,7 @@ use super::connections::{ConnectionParams, TenantOf};
 use super::export::Places;
 use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
-use super::map::Making;
+use super::making::Making;
 use super::readers::{ReaderParams, Readers};
 use super::turns::Turns;
 use super::uploads::{UploadParams, clean};

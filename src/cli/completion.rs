@@ -1,7 +1,7 @@
 //! Arguments for the completion of what a clip did not see.
 
 use super::networks::NetworkArguments;
-use super::worker::seconds;
+use super::seconds::seconds;
 use anyhow::{Result, anyhow};
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};

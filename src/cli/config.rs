@@ -14,6 +14,10 @@ const VARIABLE: &str = "VIOLA_CONFIG";
 /// Commands that take a configuration.
 const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "clean"];
 
+/// Told by the help of each of them.
+pub const HELP: &str = "Settings: a flag, else the environment, else the file named by --config FILE or VIOLA_CONFIG. \
+    `viola config COMMAND` shows all of them.";
+
 #[derive(Args)]
 pub struct ConfigArguments {
     /// Command whose configuration is shown.

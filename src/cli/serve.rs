@@ -1,9 +1,10 @@
 //! `viola serve`: serves the HTTP API, with or without workers in the same process.
 
 use super::align_job::child;
+use super::seconds::seconds;
 use super::service::{self, print_address};
 use super::store::StoreArguments;
-use super::worker::{WorkerArguments, seconds};
+use super::worker::WorkerArguments;
 use crate::api::{
     AttemptParams, BodyParams, ConnectionParams, LimitParams, Origin, ReaderParams, ServeParams,
     UploadParams, serve,

@@ -2,6 +2,7 @@
 
 use super::align_job::child_params;
 use super::method::MethodArguments;
+use super::seconds::seconds;
 use crate::jobs::{JobLimitParams, WorkerParams};
 use crate::storage::RetryPolicy;
 use crate::webhooks::WebhookParams;
@@ -61,9 +62,4 @@ impl WorkerArguments {
             ..WorkerParams::default()
         })
     }
-}
-
-pub fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse::<f64>().map_err(|error| error.to_string())?;
-    Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
 }

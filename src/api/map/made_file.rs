@@ -2,8 +2,8 @@
 
 use super::points::Points;
 use crate::api::bodies::attachment;
-use crate::api::error::{Defence, Error};
-use crate::api::fair::{FairPlace, FairPlaces};
+use crate::api::error::Error;
+use crate::api::fair::FairPlace;
 use crate::api::reply::tagged;
 use crate::storage::{MapFile, StorageError};
 use axum::body::Body;
@@ -13,48 +13,13 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
 use std::path::PathBuf;
-use std::time::Duration;
 use tokio::io::AsyncWriteExt;
-use tokio::time::timeout;
 use tokio_util::io::ReaderStream;
 use uuid::{Builder, Uuid};
 use viola_home::{MapPoint, POINT_BYTES, read_point};
 
 /// Bytes read at a time when the file is sent.
 const PIECE_BYTES: usize = 64 << 10;
-
-/// Timeout for waiting until a file can be made.
-const WAIT: Duration = Duration::from_secs(60);
-
-/// The places of requests whose file is made while they wait. One mesh and one other file are made at a time, and tenants
-/// take turns.
-pub(in crate::api) struct Making {
-    meshes: FairPlaces,
-    files: FairPlaces,
-}
-
-impl Default for Making {
-    fn default() -> Making {
-        Making { meshes: FairPlaces::new(1, 1), files: FairPlaces::new(1, 1) }
-    }
-}
-
-impl Making {
-    /// Waits for the place of a mesh: making one takes seconds and all cores.
-    pub async fn mesh(&self, tenant: &str) -> Result<FairPlace, Error> {
-        place(&self.meshes, tenant).await
-    }
-
-    /// Waits for the place of another file: making one takes a core for seconds, memory, and room on the disk.
-    pub async fn file(&self, tenant: &str) -> Result<FairPlace, Error> {
-        place(&self.files, tenant).await
-    }
-}
-
-async fn place(places: &FairPlaces, tenant: &str) -> Result<FairPlace, Error> {
-    let place = timeout(WAIT, places.take(tenant)).await;
-    Ok(place.map_err(|_| Defence::MakersBusy { wait: WAIT })?)
-}
 
 /// The points of a map in a temporary file.
 pub(super) struct Spool {

@@ -131,6 +131,7 @@ function emptyStage({ lidar, clips, map, level }: HomeData): HTMLElement[] {
   if (clips.some(isUnderWay)) {
     return said("The clips are being aligned", "The map appears here as soon as the first clip has found its place.");
   }
+  if (map && clips.length === 0) return said("No clips yet", "Film the home and drop the clips on this page.");
   if (map) return said(`No clip of the level ${level}`, "Film on this level and drop the clips on this page.");
   if (!lidar) {
     return said(clips.length === 0 ? "This home is empty" : "No fused map yet",
