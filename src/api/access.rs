@@ -185,8 +185,10 @@ async fn expired(app: App, caller: Caller) {
             Some(Credentials::Key(secret)) => app.storage.use_key(secret, Timestamp::now()).await,
             Some(Credentials::Session(token)) => app.storage.use_session(token, Timestamp::now()).await,
             // The first key ends the time without keys.
-            None if app.has_keys.load(Ordering::Relaxed) => Ok(None),
-            None => continue,
+            None => match asks_for_keys(&app).await {
+                Ok(true) => Ok(None),
+                _ => continue,
+            },
         };
         if matches!(found, Ok(None)) {
             return;

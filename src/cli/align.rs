@@ -104,10 +104,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);
     let folder = arguments.out.join("completion");
-    // Pictures of another answer.
-    if folder.is_dir() {
-        std::fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
-    }
+    remove_pictures(&folder).with_context(|| format!("cannot remove pictures of {}", folder.display()))?;
     if !pictures.is_empty() {
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
@@ -190,6 +187,23 @@ pub(super) fn range<T: std::str::FromStr + PartialOrd>(text: &str) -> Result<Ran
     let (first, end) = text.split_once("..").ok_or_else(form)?;
     let (first, end): (T, T) = (first.parse().map_err(|_| form())?, end.parse().map_err(|_| form())?);
     if first < end { Ok(first..end) } else { Err(format!("'{text}' is empty: END must be above FIRST")) }
+}
+
+/// Removes the completion's pictures of an earlier answer.
+fn remove_pictures(folder: &Path) -> std::io::Result<()> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    for entry in entries {
+        let entry = entry?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name == "sheet.png"
+            || (["plan_", "view_"].iter().any(|kind| name.starts_with(kind)) && name.ends_with(".png"))
+        {
+            std::fs::remove_file(entry.path())?;
+        }
+    }
+    // A folder with other files stays.
+    let _ = std::fs::remove_dir(folder);
+    Ok(())
 }
 
 #[cfg(test)]

@@ -65,7 +65,10 @@ async fn begin_whole(
 /// Returns the reason why PostgreSQL cannot be reached. A pool only says that it waited in vain.
 async fn unreachable(options: &PgConnectOptions, error: sqlx::Error) -> StorageError {
     let source = match error {
-        sqlx::Error::PoolTimedOut => options.connect().await.err().unwrap_or(error),
+        sqlx::Error::PoolTimedOut => match tokio::time::timeout(CHECK, options.connect()).await {
+            Ok(Err(cause)) => cause,
+            Ok(Ok(_)) | Err(_) => error,
+        },
         error => error,
     };
     StorageError::NoDatabase { host: options.get_host().to_owned(), port: options.get_port(), source }

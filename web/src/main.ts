@@ -9,6 +9,7 @@ import { showSignIn } from "./pages/signIn.ts";
 import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { themeButton } from "./theme.ts";
+import { stopUploads } from "./upload/queue.ts";
 import "./styles/main.css";
 
 const crumbs = h("nav", { class: "crumbs", "aria-label": "Breadcrumb" });
@@ -17,6 +18,7 @@ const main = h("main", { id: "main", tabindex: -1 });
 const leave = h("button", { type: "button", class: "quiet", hidden: true }, "Sign out");
 leave.addEventListener("click", () => void attempt(leave, async () => {
   await signOut();
+  stopUploads();
   await show();
 }));
 

@@ -43,7 +43,7 @@ class ClipPage {
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   private readonly stage = h("span", { class: "hint", role: "status" });
-  /** Why the page is not up to date. */
+  /** The reason that the page is not up to date. */
   private readonly lost = h("p", { class: "reason", role: "status" });
   private readonly repeated: Repeated;
 
@@ -183,7 +183,7 @@ class ClipPage {
     if (list.length === 0) return put(this.places);
     const choose = (index: number, button: HTMLButtonElement) =>
       void attempt(button, async () => {
-        await api.choose(clip, index).finally(() => this.repeated.again());
+        await api.choose(this.clip, index).finally(() => this.repeated.again());
         say(`Place ${index + 1} is chosen; the map is made again.`);
       });
     const isDoubtful = clip.state === "failed" || isForeign(clip);

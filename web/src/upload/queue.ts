@@ -29,8 +29,11 @@ export function queueOf(home: string): UploadQueue {
   return queue;
 }
 
-/** The browser asks before a tab with unsent files is closed. */
-const askBeforeLeaving = (event: BeforeUnloadEvent) => event.preventDefault();
+/** Ends all uploads: they are of the person who signs out. */
+export function stopUploads(): void {
+  for (const queue of queues.values()) queue.stop();
+  queues.clear();
+}
 
 /** Random visible letters; `crypto.randomUUID` is only there over TLS. */
 function randomKey(): string {
@@ -39,7 +42,7 @@ function randomKey(): string {
 
 /** Returns whether the same file may be taken later: a refusal of the file itself is final. */
 function isPassing(error: unknown): boolean {
-  return error instanceof Refusal && (error.status < 400 || error.status >= 500 || [408, 429].includes(error.status));
+  return error instanceof Refusal && (error.status < 400 || error.status >= 500 || [401, 408, 429].includes(error.status));
 }
 
 class UploadQueue {
@@ -49,11 +52,20 @@ class UploadQueue {
   onDone: () => void = () => {};
   private waiting: Upload[] = [];
   private isSending = false;
+  private sent: Upload | null = null;
+  /** The browser asks before a tab with unsent files is closed. */
+  private readonly askBeforeLeaving = (event: BeforeUnloadEvent) => event.preventDefault();
 
   constructor(private readonly home: string) {}
 
   add(file: File, kind: Kind, level: string): void {
     this.enter({ file, kind, level, key: randomKey(), row: h("li", {}), stop: new AbortController() });
+  }
+
+  stop(): void {
+    this.waiting = [];
+    this.sent?.stop.abort();
+    this.list.replaceChildren();
   }
 
   private enter(upload: Upload): void {
@@ -77,14 +89,15 @@ class UploadQueue {
   private async work(): Promise<void> {
     if (this.isSending) return;
     this.isSending = true;
-    addEventListener("beforeunload", askBeforeLeaving);
+    addEventListener("beforeunload", this.askBeforeLeaving);
     for (let upload = this.waiting.shift(); upload; upload = this.waiting.shift()) await this.sendOne(upload);
-    removeEventListener("beforeunload", askBeforeLeaving);
+    removeEventListener("beforeunload", this.askBeforeLeaving);
     this.isSending = false;
   }
 
   private async sendOne(upload: Upload): Promise<void> {
     const { file, kind, level, key, row, stop } = upload;
+    this.sent = upload;
     const bar = h("progress", { max: 1, value: 0, "aria-label": `Upload of ${file.name}` });
     row.append(bar);
     const onSent = (share: number) => {

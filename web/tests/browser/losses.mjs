@@ -1,4 +1,4 @@
-// What a person sees when the network, a stream or the session is lost.
+// The page after a loss of the network, a stream or the session.
 import assert from "node:assert/strict";
 import { dropFiles } from "./page.mjs";
 
