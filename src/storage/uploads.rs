@@ -254,6 +254,8 @@ impl Storage {
 
     /// Deletes an upload and its bytes. A clip that was made of it stays.
     pub async fn delete_upload(&self, id: Uuid, now: Timestamp) -> Result<(), UploadError> {
+        // A refusal inside the transaction keeps its lock until the driver has rolled back, after the answer.
+        self.living_upload(id, now).await?;
         let mut transaction = self.database.begin().await?;
         // A join by another process may take the pieces.
         let lock = transaction.either(
