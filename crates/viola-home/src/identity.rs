@@ -111,14 +111,15 @@ impl KnownObject {
     /// Returns whether an object in its place is only what is left of it: its place is empty since, and no later clip
     /// sees what is found there.
     fn is_left_over(&self, object: &Object, looked: &LookedThrough) -> bool {
-        (self.is_gone || evidence::is_empty(&self.points, looked))
+        evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone)
             && !evidence::is_seen_later(&self.points, &evidence::points_of(object, looked))
     }
 
     /// Counts a revision in which it is not found.
     fn miss(&mut self, looked: &LookedThrough) {
         self.missing = self.missing.saturating_add(1);
-        self.is_gone = self.is_gone || evidence::is_empty(&self.points, looked);
+        // The clip that looked through its place may be deleted since.
+        self.is_gone = evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone);
     }
 
     pub fn bounds(&self) -> UprightBox {
@@ -211,14 +212,23 @@ impl History {
         }
         let known: BTreeMap<&str, &KnownObject> =
             self.objects.iter().map(|known| (known.id.as_str(), known)).collect();
+        let mut left_over: BTreeSet<String> = BTreeSet::new();
         objects.retain(|object| {
             let known = known.get(object.id.as_str()).filter(|known| !stated.contains_key(&known.id));
-            !known.is_some_and(|known| known.is_left_over(object, looked))
+            let is_left_over = known.is_some_and(|known| known.is_left_over(object, looked));
+            if is_left_over {
+                left_over.insert(object.id.clone());
+            }
+            !is_left_over
         });
         let found: BTreeSet<&str> = objects.iter().map(|object| object.id.as_str()).collect();
         let (last, mut missing): (Vec<KnownObject>, Vec<KnownObject>) =
             self.objects.drain(..).partition(|known| found.contains(known.id.as_str()));
-        missing.iter_mut().for_each(|known| known.miss(looked));
+        for known in &mut missing {
+            // What is left of it would be a new object if it were forgotten.
+            known.missing = if left_over.contains(&known.id) { 0 } else { known.missing };
+            known.miss(looked);
+        }
         missing.retain(|known| known.missing <= REMEMBERED || stated.contains_key(&known.id));
         missing.sort_by(|a, b| {
             let forgotten_first = |known: &KnownObject| !stated.contains_key(&known.id);

@@ -67,6 +67,12 @@ impl LookedThrough {
         Some(self.time_ms(last).is_some_and(|looked_ms| looked_ms > time_ms))
     }
 
+    /// Returns that of no tiles.
+    #[cfg(test)]
+    pub(crate) fn of_times(times_ms: &[Option<i64>]) -> LookedThrough {
+        LookedThrough { times_ms: times_ms.to_vec(), ..LookedThrough::default() }
+    }
+
     /// Returns that of the tiles around the origin; `empty` names what a clip looked through.
     #[cfg(test)]
     pub(crate) fn of_boxes(times_ms: &[Option<i64>], empty: &[([f64; 3], [f64; 3], u16)]) -> LookedThrough {

@@ -118,10 +118,12 @@ pub(super) fn rebuild<E>(
         }
         let finished = tiles.into_par_iter().map(|tile| {
             let (made, cells) = tile.fold.finish(&tile.clips);
-            (tile.key, made, cells, tile.sums)
+            // Earlier sums may be of clips that are deleted.
+            let sums = (tile.sums.is_some() || tile.kept < LEAST_KEPT).then_some(tile.sums);
+            (tile.key, made, cells, sums)
         });
         for (key, tile, cells, kept) in finished.collect::<Vec<_>>() {
-            if kept.is_some() || tile.is_none() {
+            if let Some(kept) = kept.or(tile.is_none().then_some(None)) {
                 sums.insert(key, kept);
             }
             changed.insert(key, tile);

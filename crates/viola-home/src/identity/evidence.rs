@@ -32,12 +32,13 @@ pub fn points_of(object: &Object, looked: &LookedThrough) -> Vec<KnownPoint> {
 
 /// Returns whether clips looked through an object's place before it was seen there.
 pub fn was_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
-    share(points, |at_m, time_ms| looked.before(at_m, time_ms)) >= MIN_EMPTY
+    share(points, |at_m, time_ms| looked.before(at_m, time_ms)).is_some_and(|share| share >= MIN_EMPTY)
 }
 
-/// Returns whether clips looked through an object's place after it was seen there.
-pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
-    share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTY
+/// Returns whether clips looked through an object's place after it was seen there; `None` if too little of the place
+/// changed to tell.
+pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> Option<bool> {
+    share(points, |at_m, time_ms| looked.after(at_m, time_ms)).map(|share| share >= MIN_EMPTY)
 }
 
 /// Returns whether clips after those of an object's points see enough of `now`; a clip of unknown time may be one.
@@ -52,11 +53,12 @@ pub fn is_seen_later(then: &[KnownPoint], now: &[KnownPoint]) -> bool {
 pub fn is_pushed(then: &[KnownPoint], now: &[KnownPoint], looked: &LookedThrough) -> bool {
     let last_ms = then.iter().filter_map(|point| point.1).max();
     let later = now.iter().filter(|point| point.1 > last_ms).count();
-    2 * later >= now.len() && share(then, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTIED
+    let emptied = share(then, |at_m, time_ms| looked.after(at_m, time_ms));
+    2 * later >= now.len() && emptied.is_some_and(|share| share >= MIN_EMPTIED)
 }
 
-/// Returns the fraction of the points for which `is_empty` holds, of those that can be judged; 0 if they are few.
-fn share(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>) -> f64 {
+/// Returns the fraction of the points for which `is_empty` holds, of those that can be judged; `None` if they are few.
+fn share(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>) -> Option<f64> {
     // A point of unknown time is judged: nothing is known to be earlier or later.
     let judge = |point: &KnownPoint| match point.1 {
         Some(time_ms) => is_empty(point.0, time_ms),
@@ -64,7 +66,7 @@ fn share(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>
     };
     let judged: Vec<bool> = points.iter().filter_map(judge).collect();
     if (judged.len() as f64) < MIN_JUDGED * points.len().max(1) as f64 {
-        return 0.0;
+        return None;
     }
-    judged.iter().filter(|empty| **empty).count() as f64 / judged.len() as f64
+    Some(judged.iter().filter(|empty| **empty).count() as f64 / judged.len() as f64)
 }
