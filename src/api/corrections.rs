@@ -69,11 +69,13 @@ pub(super) struct RoomPatch {
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
-    /// Ids of rooms at its walls that are one with it. The room keeps its id, the others have none.
+    /// Ids of rooms at its walls that become one with it, beside those that are already. The room keeps its id, the others
+    /// have none.
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<Vec<String>>, min_items = 1, max_items = 8)]
     merge_with: Member,
-    /// The line that divides it. The part with the room's label keeps its id; the other has this id with `-b`.
+    /// The line that divides it. The part with the room's label keeps its id; the other has this id with `-b`. A room has one
+    /// line at a time.
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<LinePatch>)]
     split_by: Member,

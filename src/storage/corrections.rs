@@ -258,18 +258,22 @@ fn corrected_room(
     if let Some(name) = &change.name {
         correction.name.clone_from(name);
     }
+    let is_now = |field: RoomField| state.room.as_ref().is_some_and(|room| room.corrected.contains(&field));
     if let Some(line) = &change.split_by {
         let split = line.map(|[from_m, to_m]| RoomSplit { from_m, to_m, order });
         let is_same = |old: &RoomSplit| {
             split.as_ref().is_some_and(|new| [new.from_m, new.to_m] == [old.from_m, old.to_m])
         };
         if !correction.split.as_ref().is_some_and(is_same) {
+            if split.is_some() && is_now(RoomField::SplitBy) {
+                let detail = "the room is divided by another line; divide its other part, or withdraw that line with null first";
+                return Err(CorrectionError::Impossible { field: "split_by", detail: detail.to_owned() });
+            }
             correction.split = split;
         }
     }
-    // The parts of a room that is divided already are not known.
     if let (Some(Some(_)), Some(split), Some(room)) = (&change.split_by, &correction.split, &state.room)
-        && !room.corrected.contains(&RoomField::SplitBy)
+        && !is_now(RoomField::SplitBy)
     {
         let alone =
             RoomCorrection { name: None, merge: None, split: Some(split.clone()), at_m: correction.at_m };
@@ -281,8 +285,14 @@ fn corrected_room(
         }
     }
     if let Some(others) = &change.merge_with {
+        // The rooms that are a part of it already have no ids to be named by.
+        let parts = correction.merge.take().filter(|_| is_now(RoomField::MergeWith));
         correction.merge = match others {
-            Some(others) => Some(RoomMerge { with_m: places_of(current, state, others)?, order }),
+            Some(others) => {
+                let mut with_m = parts.map_or_else(Vec::new, |merge| merge.with_m);
+                with_m.extend(places_of(current, state, others)?);
+                Some(RoomMerge { with_m, order })
+            }
             None => None,
         };
     }

@@ -283,9 +283,15 @@ pub fn correct_rooms(
             RoomField::SplitBy => {
                 correction.split.as_ref().is_some_and(|line| cut(rooms, index, line, correction))
             }
+            // The name of a room that was merged into another is not that of both.
             RoomField::Name => {
-                rooms[index].name.clone_from(&correction.name);
-                true
+                let held = corrected.get(&rooms[index].id).filter(|held| held.key != *key);
+                let holder = held.and_then(|held| corrections.iter().find(|(key, _)| *key == held.key));
+                let is_named = holder.is_some_and(|(_, holder)| holder.name.is_some());
+                if !is_named {
+                    rooms[index].name.clone_from(&correction.name);
+                }
+                !is_named
             }
         };
         let Some(index) = at(rooms, &correction.at_m).filter(|_| is_done) else { continue };
@@ -332,6 +338,12 @@ fn cut(rooms: &mut Vec<Room>, index: usize, line: &RoomSplit, correction: &RoomC
     rooms[index] = own;
     rooms.insert(index + 1, other);
     true
+}
+
+/// Returns whether a room is a part of one that a person divided.
+pub(super) fn is_divided(id: &str, rooms: &[Room]) -> bool {
+    let other_id = part_id(id);
+    rooms.iter().any(|room| room.id == other_id || id == part_id(&room.id))
 }
 
 /// Returns the id of the part of a divided room that does not keep the room's id.

@@ -31,9 +31,9 @@ mod uprights;
 
 use super::map_point::MapPoint;
 use super::objects::Object;
+use super::rooms::Room;
 use super::rooms::outline::Outline;
 use super::rooms::space::Space;
-use super::rooms::{Room, RoomSource};
 use cells::Cells;
 use evidence::Evidence;
 use spaces::Spaces;
@@ -60,8 +60,7 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
     let mut cells = Cells::new(&evidence, &faces, &oblique, rooms);
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
-    let is_known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
-    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, is_known);
+    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, rooms);
     let mut outlines = shape::outlines(&cells, &spaces);
     let sides = straighten::straighten(&mut outlines, &oblique);
     let mut walls = shape::walls(&cells, &spaces, &outlines);

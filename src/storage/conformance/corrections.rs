@@ -3,13 +3,15 @@
 use super::home_maps::{align, due, revision};
 use super::*;
 use viola_geometry::taxonomy::Class;
-use viola_home::{Coverage, PlacedBy, Room, RoomSource};
+use viola_home::{Coverage, PlacedBy, Room, RoomField, RoomSource};
 
 on_every_back_end!(
     a_correction_is_kept_until_it_is_withdrawn,
     a_correction_makes_the_map_due,
     corrections_that_cannot_be,
     a_room_is_corrected,
+    a_room_grows_by_one_merge_after_another,
+    a_room_is_divided_by_one_line,
     two_people_do_not_overwrite_each_other,
     a_home_has_so_many_corrections,
 );
@@ -48,11 +50,15 @@ fn room(id: &str, low_x: f64) -> MapRoom {
 
 /// Ends the merge that is due with a scene that has the claim's corrections.
 async fn merge(storage: &Storage, seconds: i64) -> MergeClaim {
+    merge_to(storage, seconds, vec![room("1", 0.0), room("2", 4.1), room("3", 20.0)]).await
+}
+
+async fn merge_to(storage: &Storage, seconds: i64, rooms: Vec<MapRoom>) -> MergeClaim {
     let claim = due(storage, seconds).await.expect("the home is due");
     let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
     new.objects = vec![chair("chair-1", 1.0), chair("chair-2", 3.0)];
     let scene = MapScene {
-        rooms: vec![room("1", 0.0), room("2", 4.1), room("3", 20.0)],
+        rooms,
         objects: new.objects.clone(),
         coverage: Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() },
         history: Some(MapHistory { corrections: claim.corrections.version, ..MapHistory::default() }),
@@ -175,6 +181,36 @@ async fn a_room_is_corrected(storage: Storage) {
     let kept = state.kept.unwrap().correction;
     assert_eq!((kept.name.as_deref(), kept.merge, kept.split), (Some("Lounge"), None, None));
     assert_eq!(merge(&storage, 303).await.corrections.rooms.len(), 1);
+}
+
+async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
+    let home = furnished(&storage).await;
+    let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
+    storage.correct_room(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
+    let mut both = room("1", 0.0);
+    both.room.polygon_m = vec![[0.0, 0.0], [8.1, 0.0], [8.1, 3.0], [0.0, 3.0]];
+    both.corrected = vec![RoomField::MergeWith];
+    merge_to(&storage, 400, vec![both, room("4", 8.2)]).await;
+    let state = storage.correct_room(&home, "1", &with("4"), |_| true, at(401)).await.unwrap();
+    let merge = state.kept.unwrap().correction.merge.unwrap();
+    assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.2, 1.5]], 2));
+}
+
+async fn a_room_is_divided_by_one_line(storage: Storage) {
+    let home = furnished(&storage).await;
+    let line = |x: f64| RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() };
+    storage.correct_room(&home, "1", &line(3.0), |_| true, at(300)).await.unwrap();
+    let mut part = room("1", 0.0);
+    part.room.polygon_m = vec![[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]];
+    part.corrected = vec![RoomField::SplitBy];
+    merge_to(&storage, 400, vec![part]).await;
+    let refused = storage.correct_room(&home, "1", &line(1.0), |_| true, at(401)).await;
+    assert!(matches!(refused, Err(CorrectionError::Impossible { field: "split_by", .. })), "{refused:?}");
+    let again = storage.correct_room(&home, "1", &line(3.0), |_| true, at(402)).await.unwrap();
+    assert_eq!(again.kept.unwrap().correction.split.unwrap().order, 1);
+    let none = RoomChange { split_by: Some(None), ..RoomChange::default() };
+    let whole = storage.correct_room(&home, "1", &none, |_| true, at(403)).await.unwrap();
+    assert!(whole.kept.is_none());
 }
 
 async fn two_people_do_not_overwrite_each_other(storage: Storage) {

@@ -162,7 +162,7 @@ fn rooms_are_named_joined_and_divided() {
             vec![one.clone(), row("2", Some("Bath"), 12.0, &[Name]), three.clone()],
         ),
         (vec![("1", joined(2.0, &[6.0], 1))], vec![row("1", None, 24.0, &[MergeWith]), three.clone()]),
-        (vec![("1", joined(2.0, &[6.0, 10.0], 1))], vec![row("1", None, 37.0, &[MergeWith])]),
+        (vec![("1", joined(2.0, &[6.0, 10.0], 1))], vec![row("1", None, 36.0, &[MergeWith])]),
         // Rooms that do not meet stay as they are.
         (vec![("1", joined(2.0, &[10.0, 99.0], 1))], vec![one.clone(), two.clone(), three.clone()]),
         (
@@ -173,6 +173,18 @@ fn rooms_are_named_joined_and_divided() {
                 two.clone(),
                 three.clone(),
             ],
+        ),
+        // The name of both is that of the room that was joined with another, if it has one.
+        (
+            vec![
+                ("1", RoomCorrection { name: Some("Kitchen".to_owned()), ..joined(2.0, &[6.0], 1) }),
+                ("2", named(6.0, "Dining")),
+            ],
+            vec![row("1", Some("Kitchen"), 24.0, &[MergeWith, Name]), three.clone()],
+        ),
+        (
+            vec![("1", joined(2.0, &[6.0], 1)), ("2", named(6.0, "Dining"))],
+            vec![row("1", Some("Dining"), 24.0, &[MergeWith, Name]), three.clone()],
         ),
         // Joined and then divided elsewhere.
         (

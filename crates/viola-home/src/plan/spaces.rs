@@ -6,6 +6,8 @@ use super::faces::Face;
 use super::gaps::{Gap, gaps};
 use super::oblique::Oblique;
 use super::passages::{MIN_PART_M2, Passage, passages};
+use crate::corrections::is_divided;
+use crate::rooms::{Room, RoomSource};
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
@@ -25,15 +27,20 @@ pub(super) struct Spaces {
 }
 
 impl Spaces {
-    /// Rooms of the robot's software (`known`) divide pieces without a wall between them; computed ones only at narrow
-    /// passages.
+    /// Rooms of the robot's software divide pieces without a wall between them, as do those that a person divided; other
+    /// computed ones only at narrow passages.
     pub fn new(
         cells: &mut Cells,
         evidence: &Evidence,
         faces: &[Face],
         oblique: &[Oblique],
-        known: bool,
+        rooms: &[Room],
     ) -> Spaces {
+        let known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
+        let is_kept_apart = |owner: u32| {
+            let room = (owner as usize).checked_sub(1).and_then(|at| rooms.get(at));
+            known || room.is_some_and(|room| is_divided(&room.id, rooms))
+        };
         let mut closed = closed(cells, evidence, faces, oblique);
         let mut pieces = pieces(cells, &closed);
         let mut found: Vec<Passage> = Vec::new();
@@ -73,7 +80,7 @@ impl Spaces {
             closed.remove(widest);
             pieces = self::pieces(cells, &closed);
         }
-        let (of_cell, owners) = by_owner(cells, &pieces, known);
+        let (of_cell, owners) = by_owner(cells, &pieces, is_kept_apart);
         Spaces { of_cell, owners, gaps: closed }
     }
 }
@@ -143,8 +150,8 @@ fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
     areas
 }
 
-/// Divides pieces with several given rooms, drops small ones, and numbers the rest by descending area.
-fn by_owner(cells: &Cells, pieces: &[u32], known: bool) -> (Vec<u32>, Vec<u32>) {
+/// Divides pieces with several given rooms of which one `divides`, drops small ones, and numbers the rest by descending area.
+fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Vec<u32>, Vec<u32>) {
     // Area of each given room in each piece.
     let mut shares: Vec<BTreeMap<u32, f64>> =
         vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
@@ -158,7 +165,7 @@ fn by_owner(cells: &Cells, pieces: &[u32], known: bool) -> (Vec<u32>, Vec<u32>) 
     for (piece, shares) in shares.iter().enumerate().skip(1) {
         let mut parts: Vec<u32> =
             shares.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
-        if parts.is_empty() || !known {
+        if !parts.iter().any(|owner| divides(*owner)) {
             parts.clear();
             let most = shares.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
             parts.extend(most.or(Some(0)));

@@ -4,6 +4,7 @@ mod gaps;
 mod oblique;
 
 use super::*;
+use crate::corrections::{RoomCorrection, RoomSplit};
 use crate::rooms::RoomSource;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
@@ -160,4 +161,18 @@ fn the_robots_rooms_divide_an_open_plan() {
     assert!(
         !plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0])
     );
+}
+
+#[test]
+fn a_person_divides_a_computed_room() {
+    let lidar = flat(0.0);
+    let mut rooms = crate::rooms(&lidar, &[]);
+    assert!(rooms.iter().all(|room| room.source == RoomSource::Computed));
+    let split = RoomSplit { from_m: [2.0, 0.0], to_m: [2.0, 1.0], order: 1 };
+    let correction = RoomCorrection { name: None, merge: None, split: Some(split), at_m: [1.0, 1.0] };
+    crate::correct_rooms(&mut rooms, &[("1".to_owned(), correction)]);
+    let plan = plan(&lidar, &[], &rooms, &[]);
+    let mut ids: Vec<_> = plan.rooms.iter().filter_map(|room| room.id.as_deref()).collect();
+    ids.sort_unstable();
+    assert_eq!(ids, ["1", "1-b", "2"]);
 }

@@ -18,8 +18,10 @@ pub fn merged(a: &Room, b: &Room) -> Option<Room> {
     let (of_a, of_b) = (mask(a, frame), mask(b, frame));
     let (to_a, to_b) = (DistanceField::new(&of_a), DistanceField::new(&of_b));
     let between = |index: usize| {
-        let gap_m = f64::from(to_a.grid().cells[index]) + f64::from(to_b.grid().cells[index]);
-        gap_m <= MAX_GAP_M
+        let at = frame.centre(index % frame.width, index / frame.width);
+        let ((a_m, from_a), (b_m, from_b)) = (to_a.value_and_gradient(&at), to_b.value_and_gradient(&at));
+        // Beside both of them, as behind the wall at their common corner, is not between them.
+        a_m + b_m <= MAX_GAP_M && from_a.dot(&from_b) < 0.0
     };
     let cells = (0..frame.len()).map(|index| of_a.cells[index] || of_b.cells[index] || between(index));
     let mut both = Grid { frame, cells: cells.collect() };
