@@ -18,6 +18,9 @@ const LAYERS: [(&str, u8); 7] = [
 const TEXT_M: f64 = 0.18;
 /// Maximum letters of a name.
 const LONGEST: usize = 60;
+/// Longest text of R12, in characters, and those of one escaped letter.
+const MAX_LENGTH: usize = 255;
+const CODE_LENGTH: usize = 7;
 
 /// Returns the plan as an ASCII DXF.
 pub fn plan_dxf(plan: &Plan) -> String {
@@ -164,11 +167,18 @@ impl Dxf {
     }
 }
 
-/// Returns a line of ASCII: other letters are escaped, control characters left out.
+/// Returns a line of ASCII: other letters are escaped, control characters left out. Readers take a caret as the first half of
+/// a control character, two percent signs and a backslash as the beginning of a code.
 fn encoded(words: &str) -> String {
     let mut out = String::new();
     for letter in words.chars().filter(|letter| !letter.is_control()).take(LONGEST) {
+        if out.len() + CODE_LENGTH > MAX_LENGTH {
+            break;
+        }
         match letter {
+            '^' => out.push_str("^ "),
+            '\\' => out.push_str("\\U+005C"),
+            '%' if out.ends_with('%') => out.push_str("\\U+0025"),
             ' '..='~' => out.push(letter),
             // R12 has code points of four digits.
             letter if u32::from(letter) <= 0xffff => {
@@ -193,5 +203,7 @@ mod tests {
     fn a_name_is_one_line_of_ascii() {
         assert_eq!(encoded("K\u{fc}che\n0\nEOF"), "K\\U+00FCche0EOF");
         assert_eq!(encoded("\u{1f6cf}"), "?");
+        assert_eq!(encoded("^_^ 100%% a\\U+0041"), "^ _^  100%\\U+0025 a\\U+005CU+0041");
+        assert_eq!(encoded(&"\u{6f22}".repeat(60)).len(), 252);
     }
 }

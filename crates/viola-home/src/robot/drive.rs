@@ -1,5 +1,7 @@
 //! Free space of a robot, and poses in it.
 
+use super::area::for_cells;
+use super::no_go::forbidden;
 use super::{RobotLevel, RobotObject};
 use crate::objects::UprightBox;
 use crate::rooms::Room;
@@ -26,7 +28,8 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// Free cells are those of the robot's map without the footprints of objects that stand on the floor.
+    /// Free cells are those of the robot's map without forbidden zones and without the footprints of objects that stand on
+    /// the floor.
     pub fn new(level: &RobotLevel) -> Drive {
         let space = Space::new(level.lidar, &[]);
         let frame = space.frame;
@@ -37,6 +40,9 @@ impl Drive {
                     blocked.set(x, y, true);
                 }
             }
+        }
+        for zone in forbidden(level) {
+            for_cells(&frame, &zone.rings(), |index| blocked.cells[index] = true);
         }
         // The field counts from centre to centre, and an obstacle may reach to its cell's corner.
         let least_m = (RADIUS_M + frame.cell_m * std::f64::consts::FRAC_1_SQRT_2) as f32;

@@ -90,7 +90,7 @@ fn pgm(grid: &Grid<u8>, grey: impl Fn(u8) -> u8) -> Vec<u8> {
 fn keepout(frame: GridFrame, zones: &[NoGoZone]) -> Grid<u8> {
     let mut mask = Grid::filled(frame, 0u8);
     for zone in zones {
-        for_cells(&frame, &[&zone.polygon_m], |index| mask.cells[index] = mask.cells[index].max(zone.mask));
+        for_cells(&frame, &zone.rings(), |index| mask.cells[index] = mask.cells[index].max(zone.mask));
     }
     mask
 }

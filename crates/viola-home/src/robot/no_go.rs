@@ -4,6 +4,7 @@ use super::area::for_cells;
 use super::ground::Ground;
 use super::{RobotLevel, RobotObject, round_all};
 use crate::objects::UprightBox;
+use crate::rooms::outline::Outline;
 use serde::Serialize;
 use viola_formats::lidar::{Cell, LineKind, ZoneKind};
 use viola_geometry::Grid;
@@ -47,6 +48,9 @@ pub struct NoGoZone {
     pub mask: u8,
     /// Corners in order, in the map's frame; the first one is not repeated.
     pub polygon_m: Vec<[f64; 2]>,
+    /// Holes, in the same way.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub holes_m: Vec<Vec<[f64; 2]>>,
     /// The object that it is made of.
     pub object: Option<String>,
     pub class: Option<Class>,
@@ -54,45 +58,79 @@ pub struct NoGoZone {
     pub driven: Option<f64>,
 }
 
-/// Returns the zones of a level. `ground` has its rugs and stairs.
-pub fn no_go_zones(level: &RobotLevel, ground: &Ground) -> Vec<NoGoZone> {
-    let cells = level.lidar.cells.as_ref();
-    let mut zones = Vec::new();
-    let mut add = |reason: NoGoReason, polygon_m: &[[f64; 2]], object: Option<&RobotObject>| {
-        zones.push(NoGoZone {
+impl NoGoZone {
+    fn new(level: &RobotLevel, reason: NoGoReason, polygon_m: &[[f64; 2]]) -> NoGoZone {
+        NoGoZone::with_holes(level, reason, polygon_m, &[])
+    }
+
+    fn with_holes(
+        level: &RobotLevel,
+        reason: NoGoReason,
+        polygon_m: &[[f64; 2]],
+        holes_m: &[Vec<[f64; 2]>],
+    ) -> NoGoZone {
+        let mut zone = NoGoZone {
             reason,
             mask: reason.mask(),
             polygon_m: round_all(polygon_m),
-            object: object.map(|object| object.id.clone()),
-            class: object.map(|object| object.class),
-            driven: cells.map(|cells| free_share(cells, polygon_m)),
-        });
+            holes_m: holes_m.iter().map(|hole| round_all(hole)).collect(),
+            object: None,
+            class: None,
+            driven: None,
+        };
+        zone.driven = level.lidar.cells.as_ref().map(|cells| free_share(cells, &zone));
+        zone
+    }
+
+    fn of_object(level: &RobotLevel, object: &RobotObject) -> Option<NoGoZone> {
+        let (reason, by_m) = reason(object.class)?;
+        let zone = NoGoZone::new(level, reason, &grown(&object.bounds, by_m).corners());
+        Some(NoGoZone { object: Some(object.id.clone()), class: Some(object.class), ..zone })
+    }
+
+    /// Returns the border and the holes.
+    pub fn rings(&self) -> Vec<&[[f64; 2]]> {
+        std::iter::once(&self.polygon_m).chain(&self.holes_m).map(Vec::as_slice).collect()
+    }
+}
+
+/// Returns the zones of a level that no robot may enter, without the stairs that only points show.
+pub fn forbidden(level: &RobotLevel) -> Vec<NoGoZone> {
+    let zones =
+        of_map(level).into_iter().chain(level.objects.iter().filter_map(|o| NoGoZone::of_object(level, o)));
+    zones.filter(|zone| zone.mask == 100).collect()
+}
+
+/// Returns the zones of a level. `ground` has its rugs and stairs.
+pub fn no_go_zones(level: &RobotLevel, ground: &Ground) -> Vec<NoGoZone> {
+    let outlined = |reason: NoGoReason, outline: &Outline| {
+        NoGoZone::with_holes(level, reason, &outline.ring_m, &outline.holes_m)
     };
+    let mut zones = of_map(level);
+    zones.extend(ground.stairs().iter().map(|outline| outlined(NoGoReason::Stairs, outline)));
+    zones.extend(ground.rugs().iter().map(|outline| outlined(NoGoReason::Rug, outline)));
+    zones.extend(level.objects.iter().filter_map(|object| NoGoZone::of_object(level, object)));
+    // A stable sort keeps the order within a reason.
+    zones.sort_by_key(|zone| zone.reason);
+    zones.truncate(MAX_ZONES);
+    zones
+}
+
+/// Returns what the robot's own map has: zones, virtual walls, carpets that a person drew.
+fn of_map(level: &RobotLevel) -> Vec<NoGoZone> {
+    let mut zones = Vec::new();
+    let mut add = |reason, polygon_m: &[[f64; 2]]| zones.push(NoGoZone::new(level, reason, polygon_m));
     let marks = &level.lidar.info.marks;
     for zone in &marks.zones {
         match zone.kind {
-            ZoneKind::NoGo => add(NoGoReason::RobotMap, &zone.outline_m, None),
-            ZoneKind::Carpet => add(NoGoReason::Rug, &zone.outline_m, None),
+            ZoneKind::NoGo => add(NoGoReason::RobotMap, &zone.outline_m),
+            ZoneKind::Carpet => add(NoGoReason::Rug, &zone.outline_m),
             ZoneKind::NoMop | ZoneKind::NoVacuum | ZoneKind::Ramp => {}
         }
     }
     for line in marks.lines.iter().filter(|line| line.kind == LineKind::VirtualWall) {
-        add(NoGoReason::RobotMap, &strip(line.ends_m), None);
+        add(NoGoReason::RobotMap, &strip(line.ends_m));
     }
-    for outline in ground.stairs() {
-        add(NoGoReason::Stairs, &outline.ring_m, None);
-    }
-    for outline in ground.rugs() {
-        add(NoGoReason::Rug, &outline.ring_m, None);
-    }
-    for object in &level.objects {
-        if let Some((reason, by_m)) = reason(object.class) {
-            add(reason, &grown(&object.bounds, by_m).corners(), Some(object));
-        }
-    }
-    // A stable sort keeps the order within a reason.
-    zones.sort_by_key(|zone| zone.reason);
-    zones.truncate(MAX_ZONES);
     zones
 }
 
@@ -121,10 +159,10 @@ fn strip([from, to]: [[f64; 2]; 2]) -> [[f64; 2]; 4] {
     [[from[0] + y, from[1] - x], [to[0] + y, to[1] - x], [to[0] - y, to[1] + x], [from[0] - y, from[1] + x]]
 }
 
-/// Returns the fraction of a polygon's cells that are free; 0 for a polygon without cells.
-fn free_share(cells: &Grid<Cell>, polygon_m: &[[f64; 2]]) -> f64 {
+/// Returns the fraction of a zone's cells that are free; 0 for a zone without cells.
+fn free_share(cells: &Grid<Cell>, zone: &NoGoZone) -> f64 {
     let (mut all, mut free) = (0usize, 0usize);
-    for_cells(&cells.frame, &[polygon_m], |index| {
+    for_cells(&cells.frame, &zone.rings(), |index| {
         all += 1;
         free += usize::from(cells.cells[index] == Cell::Free);
     });

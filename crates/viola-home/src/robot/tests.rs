@@ -3,8 +3,9 @@
 mod matter;
 mod nav2;
 
-use super::area::Rectangle;
+use super::area::{Rectangle, for_cells};
 use super::drive::RADIUS_M;
+use super::no_go::forbidden;
 use super::places::{Place, places};
 use super::*;
 use crate::plan::{PlanImage, plan};
@@ -175,9 +176,28 @@ fn goals_are_in_free_space_beside_the_object_and_face_it() {
         let towards = (object.bounds.centre_m[1] - at.y).atan2(object.bounds.centre_m[0] - at.x);
         assert!((goal.yaw_rad.unwrap() - towards).abs() < 2e-3, "{place:?}");
     }
-    // The sofa stands at the wall, so that its goal is before its front.
+    // The sofa stands at the wall, so that its goal is before its front, beside the user's zone that ends at 6.5 m.
     let sofa = all[3].goal.unwrap();
-    assert!(sofa.y_m < 3.1 - RADIUS_M && (sofa.x_m - 6.6).abs() < 0.1, "{sofa:?}");
+    assert!(sofa.y_m < 3.1 - RADIUS_M && (6.5 + RADIUS_M..6.9).contains(&sofa.x_m), "{sofa:?}");
+}
+
+#[test]
+fn no_goal_is_where_the_robot_may_not_go() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    level.objects.push(object("desk-1", Class::Desk, [1.8, 3.6], [1.4, 0.7, 0.7], "16"));
+    level.objects.push(object("chair-1", Class::Chair, [1.8, 3.3], [0.4, 0.4, 0.9], "16"));
+    let frame = lidar.cells.as_ref().unwrap().frame;
+    let mut mask = Grid::filled(frame, false);
+    for zone in forbidden(&level) {
+        for_cells(&frame, &zone.rings(), |index| mask.cells[index] = true);
+    }
+    let field = DistanceField::new(&mask);
+    for place in places(&level) {
+        let goal = place.goal.unwrap();
+        let off_m = field.value(&Point2::new(goal.x_m, goal.y_m));
+        assert!(off_m - 0.025 >= RADIUS_M, "{off_m} {place:?}");
+    }
 }
 
 #[test]
