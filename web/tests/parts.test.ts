@@ -98,8 +98,9 @@ test("files are sorted by name and, zips, by what they list", () => {
   for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply", "roborock.bin"]) assert.equal(kindOfName(name), "map");
   for (const name of ["clip.zip", "clip"]) assert.equal(kindOfName(name), null);
   for (const name of ["recording.r3d", "scan.db", "bag_0.mcap"]) assert.equal(kindOfName(name), "clip");
-  const entry = (name: string) => `PK\u0001\u0002....${name}`;
-  const zip = (...names: string[]) => new TextEncoder().encode(names.map(entry).join(""));
+  // As APPNOTE 4.3.12 has it: a signature, the name's length at 28, the name at 46.
+  const entry = (name: string) => `PK\u0001\u0002${"\0".repeat(24)}${String.fromCharCode(name.length)}${"\0".repeat(17)}${name}`;
+  const zip = (...names: string[]) => new TextEncoder().encode(`rGb/_${names.map(entry).join("")}`);
   assert.equal(kindOfZip(zip("color/0.jpg", "depth/0.png", "pose/0.txt")), "clip");
   assert.equal(kindOfZip(zip("frame-000000.color.png")), "clip");
   assert.equal(kindOfZip(zip("map.yaml", "map.pgm")), "map");

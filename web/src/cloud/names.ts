@@ -14,6 +14,8 @@ export interface Name {
 /** Of a name on the screen; the fonts are those of the style sheet. */
 const HEIGHT_PX = 22;
 const PADDING_PX = 14;
+/** As in the style sheet. */
+const MAX_WIDTH_PX = 220;
 const FONTS = { room: "650 13px", object: "400 12px" } as const;
 
 export class Names {
@@ -28,7 +30,7 @@ export class Names {
     this.shown = names.map(({ text, at_m, kind }) => ({
       element: h("span", { class: `name ${kind}` }, text),
       at: new THREE.Vector3(...at_m),
-      width: textWidth(text, FONTS[kind]) + PADDING_PX,
+      width: Math.min(textWidth(text, FONTS[kind]) + PADDING_PX, MAX_WIDTH_PX),
       isBehind: false,
     }));
     this.element.replaceChildren(...this.shown.map(({ element }) => element));

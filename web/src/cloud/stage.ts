@@ -99,6 +99,8 @@ export class Stage {
     this.controls.addEventListener("change", () => this.draw());
     canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
     this.listenForClicks(canvas, signal);
+    // A phone takes the context from a tab in the background.
+    canvas.addEventListener("webglcontextrestored", () => this.draw(), { signal });
     const sizes = new ResizeObserver(() => this.resize());
     sizes.observe(this.element);
     signal.addEventListener("abort", () => {

@@ -27,7 +27,7 @@ export class Compare {
     private readonly onChosen: (selection: Selection) => void,
     private readonly signal: AbortSignal,
   ) {
-    this.from.addEventListener("change", () => void this.compare());
+    this.from.addEventListener("change", () => void this.compare().catch((error: unknown) => this.tell(error)));
     this.element.append(h("label", { class: "row" }, "Since", this.from), this.result);
   }
 
@@ -47,8 +47,12 @@ export class Compare {
       if (earlier.length === 0) put(this.result, h("p", { class: "hint" }, "There is no earlier map to compare with."));
       else await this.compare();
     } catch (error) {
-      if (!this.signal.aborted) put(this.result, h("p", { class: "reason" }, messageOf(error)));
+      this.tell(error);
     }
+  }
+
+  private tell(error: unknown): void {
+    if (!this.signal.aborted) put(this.result, h("p", { class: "reason" }, messageOf(error)));
   }
 
   private async compare(): Promise<void> {
@@ -81,8 +85,11 @@ export class Compare {
   }
 
   private row(thing: Thing, note: string): HTMLElement {
-    const button = h("button", { type: "button", class: "thing-row" },
-      h("span", { class: "word" }, thingName(thing)), h("span", { class: "hint" }, note));
+    // Only the objects of the level that is shown can be shown.
+    const isHere = thing.level === this.data.level;
+    const button = h("button", { type: "button", class: "thing-row", disabled: !isHere },
+      h("span", { class: "word" }, thingName(thing)),
+      h("span", { class: "hint" }, isHere ? note : [thing.level, note].filter((word) => word).join(", ")));
     button.addEventListener("click", () => this.onChosen({ kind: "object", id: thing.id }));
     return h("li", {}, button);
   }

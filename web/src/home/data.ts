@@ -7,6 +7,8 @@ import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan,
 
 /** The level that is shown first, as in the service. */
 const MAIN = "main";
+/** Scans that are asked for at a time. */
+const SCANS_AT_ONCE = 4;
 
 export class HomeData {
   /** The LiDAR maps of all levels, by the levels' names. */
@@ -25,6 +27,7 @@ export class HomeData {
 
   /** What the rooms, the objects and the coverage were read of. */
   private described = "";
+  private isReading = false;
 
   private constructor(
     public home: Home,
@@ -59,7 +62,6 @@ export class HomeData {
     const { level } = this;
     this.lidar = this.lidars.find((map) => map.level === level) ?? null;
     await this.describe(level, signal);
-    await this.readScans(signal);
   }
 
   /** Reads what the map has on a level, unless it is known. */
@@ -82,14 +84,20 @@ export class HomeData {
     this.described = described;
   }
 
-  /** The ways of the cameras do not change, so each is asked for once. */
-  private async readScans(signal: AbortSignal): Promise<void> {
-    const wanted = this.clips.filter((clip) => clip.alignment && !this.scans.has(clip.id));
-    // One at a time, and no more once the service has shown that it has none.
-    for (const clip of wanted) {
-      const scan = await api.scan(this.home.id, clip.id, signal);
-      this.scans.set(clip.id, scan);
-      if (!scan) break;
+  /** Reads the ways of the cameras that are not known; `onRead` is called after some. They do not change. */
+  async readScans(signal: AbortSignal, onRead: () => void): Promise<void> {
+    if (this.isReading) return;
+    this.isReading = true;
+    try {
+      for (;;) {
+        const wanted = this.clips.filter((clip) => clip.alignment && !this.scans.has(clip.id)).slice(0, SCANS_AT_ONCE);
+        if (wanted.length === 0) return;
+        const scans = await Promise.all(wanted.map((clip) => api.scan(this.home.id, clip.id, signal)));
+        wanted.forEach((clip, i) => this.scans.set(clip.id, scans[i] ?? null));
+        onRead();
+      }
+    } finally {
+      this.isReading = false;
     }
   }
 

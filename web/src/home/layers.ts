@@ -4,10 +4,7 @@ import { h, put as fill } from "../dom.ts";
 import { onOff } from "../parts/switches.ts";
 import { count, plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
-import { LAYERS, LAYER_WORDS, type Looks, put } from "./looks.ts";
-
-/** Higher than any ceiling that a phone films. */
-const MAX_CUT_M = 3;
+import { LAYERS, LAYER_WORDS, MAX_CUT_M, type Looks, put } from "./looks.ts";
 
 export class LayersPanel {
   readonly element: HTMLElement;
@@ -38,14 +35,18 @@ export class LayersPanel {
   }
 
   private height(): HTMLElement {
-    const word = h("output", {}, "off");
+    const word = h("output", {});
     const slider = h("input", {
-      type: "range", min: 0.1, max: MAX_CUT_M, step: 0.05, value: MAX_CUT_M, "aria-label": "Cut at height",
+      type: "range", min: 0.1, max: MAX_CUT_M, step: 0.05, value: this.looks.cut_m ?? MAX_CUT_M, "aria-label": "Cut at height",
     });
-    slider.addEventListener("input", () => {
-      const value = Number(slider.value);
+    const tell = (value: number) => {
       word.textContent = value >= MAX_CUT_M ? "off" : `${value.toFixed(2)} m`;
       slider.setAttribute("aria-valuetext", word.textContent);
+    };
+    tell(this.looks.cut_m ?? MAX_CUT_M);
+    slider.addEventListener("input", () => {
+      const value = Number(slider.value);
+      tell(value);
       this.looks.change((looks) => {
         looks.cut_m = value >= MAX_CUT_M ? null : value;
       });

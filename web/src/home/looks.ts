@@ -15,6 +15,9 @@ export const LAYER_WORDS: Record<Layer, string> = {
   paths: "Camera paths",
 };
 
+/** Higher than any ceiling that a phone films. */
+export const MAX_CUT_M = 3;
+
 /** What the fused map is drawn as in three dimensions. */
 export const BODIES = ["points", "surface"] as const;
 export type Body = (typeof BODIES)[number];

@@ -115,6 +115,9 @@ export class HomeScene {
     const bounds = this.bounds();
     if (this.level !== this.data.level) {
       this.level = this.data.level;
+      // The points of the other level go, whatever comes.
+      this.cloudView?.clear();
+      this.cloud = null;
       this.plan.fit();
       this.cloudView?.reframe();
     }
@@ -161,7 +164,9 @@ export class HomeScene {
       this.cloudView?.setFloor(canvas, lidar.image);
       this.signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
     } catch (error) {
-      if (!this.signal.aborted) alarm(`The LiDAR map's picture: ${messageOf(error)}`);
+      if (this.signal.aborted || drawing !== this.drawing) return;
+      alarm(`The LiDAR map's picture: ${messageOf(error)}`);
+      [this.drawn, this.picture] = ["", ""];
     }
   }
 
@@ -201,6 +206,8 @@ export class HomeScene {
       failed: (message) => {
         this.onStatus("");
         alarm(`The points: ${message}`);
+        // The next look at the service tries again.
+        [this.drawn, this.revision] = ["", ""];
       },
     }, this.loading.signal);
   }
@@ -212,9 +219,16 @@ export class HomeScene {
     this.plan.element.style.display = is3d ? "none" : "";
     this.element.dataset.colouring = looks.colouring;
     this.element.dataset.level = data.level;
+    if (looks.layers.has("paths")) this.readWays();
     if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
     else this.applyTo2d();
     this.top.draw(this.cloud, data, looks);
+  }
+
+  private readWays(): void {
+    this.data.readScans(this.signal, () => this.apply()).catch((error: unknown) => {
+      if (!this.signal.aborted) alarm(`The camera paths: ${messageOf(error)}`);
+    });
   }
 
   private ways() {

@@ -3,7 +3,7 @@
 import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
-import { BODIES, LAYERS, type Looks } from "./looks.ts";
+import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
 
 const CENTIMETRES = 2;
 
@@ -35,7 +35,7 @@ export function read(query: URLSearchParams, looks: Looks): Viewpoint | null {
     for (const layer of LAYERS) if (layers.includes(layer)) looks.layers.add(layer);
   }
   const cut_m = Number(query.get("cut") ?? NaN);
-  if (Number.isFinite(cut_m) && cut_m > 0) looks.cut_m = cut_m;
+  if (Number.isFinite(cut_m) && cut_m > 0) looks.cut_m = cut_m < MAX_CUT_M ? cut_m : null;
   if (layers) {
     looks.hiddenClasses.clear();
     for (const name of query.get("without")?.split(".") ?? []) looks.hiddenClasses.add(name);

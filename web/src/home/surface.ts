@@ -56,6 +56,7 @@ export class HomeSurface {
       if (signal.aborted) return;
       this.onStatus("");
       this.onFailed(`The surface: ${messageOf(error)}`);
+      this.wanted = "";
     }
   }
 

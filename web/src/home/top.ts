@@ -32,7 +32,7 @@ export class TopView {
       return;
     }
     const drawn = JSON.stringify([
-      data.map.revision, cloud.shown, looks.colouring, looks.cut_m, [...looks.hiddenClasses], [...looks.hiddenClips],
+      data.level, data.map.revision, cloud.shown, looks.colouring, looks.cut_m, [...looks.hiddenClasses], [...looks.hiddenClips],
     ]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;

@@ -14,9 +14,21 @@ export function kindOfName(name: string): Kind | null {
   return null;
 }
 
-/** Decides by the names in a zip's list; null when they say nothing. */
+/** The names in a zip's list of files (APPNOTE 4.3.12); those before the tail are left out. */
+function namesOfZip(tail: Uint8Array): string[] {
+  const names = [];
+  const bytes = new DataView(tail.buffer, tail.byteOffset, tail.byteLength);
+  for (let at = 0; at + 46 <= tail.length; at++) {
+    if (bytes.getUint32(at) !== 0x504b0102) continue;
+    const length = bytes.getUint16(at + 28, true);
+    names.push(new TextDecoder("latin1").decode(tail.subarray(at + 46, at + 46 + length)));
+  }
+  return names;
+}
+
+/** Decides by the names in a zip's list; null when they say nothing, and for other files. */
 export function kindOfZip(tail: Uint8Array): Kind | null {
-  const text = new TextDecoder("latin1").decode(tail);
+  const text = namesOfZip(tail).join("\n");
   if (/(depth|color|colour|rgb|frame|pose)[^/\\]*[/\\.\-_0-9]/i.test(text)) return "clip";
   if (/\.(ya?ml|pgm)/i.test(text)) return "map";
   return null;
