@@ -95,11 +95,14 @@ impl Database {
         Ok(Database::new(Pools::Sqlite { writer, reader }))
     }
 
-    /// Opens PostgreSQL. `url` is as for libpq: `postgres://user:password@host:port/database?sslmode=...`.
+    /// Opens PostgreSQL. `url` is as for libpq: `postgres://user:password@host:port/database?sslmode=...`. Connections are
+    /// named `viola` unless it has an `application_name`.
     pub async fn open_postgres(url: &str, connections: u32) -> Result<Database, StorageError> {
         // A statement that waits this long for a lock shows a bug of ours, and is aborted.
-        let options = PgConnectOptions::from_str(url)?
-            .application_name("viola")
+        let options = PgConnectOptions::from_str(url)?;
+        let name = options.get_application_name().unwrap_or("viola").to_owned();
+        let options = options
+            .application_name(&name)
             .options([("lock_timeout", "10s"), ("idle_in_transaction_session_timeout", "60s")]);
         let pool = PgPoolOptions::new()
             .max_connections(connections.max(2))

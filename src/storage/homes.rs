@@ -131,6 +131,15 @@ impl Storage {
         );
         let made = made.bind(id.key()).bind(id.tenant()).bind(name).bind(now.as_millisecond()).bind(&search);
         let is_new = made.execute(&mut transaction).await? > 0;
+        if !is_new && before.is_none() {
+            // Another request made it meanwhile.
+            lock(&mut transaction, id).await?;
+            let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+            let now_there = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
+            if !expected(now_there.as_ref()) {
+                return Err(StorageError::Changed { what: "home" });
+            }
+        }
         let is_renamed = !is_new && rename(&mut transaction, id, name, &search).await?;
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;

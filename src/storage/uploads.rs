@@ -341,10 +341,16 @@ async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<Str
 }
 
 /// Returns the blob keys of a tenant's uploads.
+/// Returns the pieces of a tenant's uploads, and locks these: no piece is added until the transaction ends.
 pub(super) async fn blob_keys_of_tenant(
     connection: &mut Connection,
     tenant: &Tenant,
 ) -> Result<Vec<String>, StorageError> {
+    let lock = connection.either(
+        "SELECT id FROM uploads WHERE tenant = $1",
+        "SELECT id FROM uploads WHERE tenant = $1 ORDER BY id FOR UPDATE",
+    );
+    query(lock).bind(tenant.name()).fetch_all(connection).await?;
     let rows = query(
         "SELECT blob_key FROM upload_pieces
         WHERE upload_id IN (SELECT id FROM uploads WHERE tenant = $1)",
@@ -353,10 +359,16 @@ pub(super) async fn blob_keys_of_tenant(
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
 
+/// Returns the pieces of the uploads to a home, and locks these: no piece is added until the transaction ends.
 pub(super) async fn blob_keys_of_home(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
+    let lock = connection.either(
+        "SELECT id FROM uploads WHERE home_id = $1",
+        "SELECT id FROM uploads WHERE home_id = $1 ORDER BY id FOR UPDATE",
+    );
+    query(lock).bind(home.key()).fetch_all(connection).await?;
     let rows = query(
         "SELECT blob_key FROM upload_pieces
         WHERE upload_id IN (SELECT id FROM uploads WHERE home_id = $1)",

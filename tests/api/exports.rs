@@ -9,15 +9,17 @@ use viola::api::ConnectionParams;
 use viola::storage::SweepLimit;
 use viola_testing::{eventually, room, zips};
 
-/// Timeout for a client that reads nothing.
+/// Timeout for a client that reads slowly.
 const LIMIT: Duration = Duration::from_secs(1);
+/// Timeout for clients that read nothing: none is cut off while the test takes all places.
+const LONG_LIMIT: Duration = Duration::from_secs(5);
 /// More than the system buffers for a connection that nobody reads.
 const RECORDING_BYTES: usize = 3 << 20;
 
-async fn server() -> Server {
+async fn server(limit: Duration) -> Server {
     Server::with(|params| {
         params.workers = 0;
-        params.connections = ConnectionParams { write: LIMIT, ..ConnectionParams::default() };
+        params.connections = ConnectionParams { write: limit, ..ConnectionParams::default() };
     })
     .await
 }
@@ -47,7 +49,7 @@ async fn ask(server: &Server, home: &str) -> (u16, TcpStream) {
 
 #[tokio::test]
 async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
-    let server = server().await;
+    let server = server(LONG_LIMIT).await;
     let (home, job) = home_with_recording(&server).await;
     // The job does not change, so its events are a connection that is silent for long.
     let mut events = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
@@ -93,7 +95,7 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
 
 #[tokio::test]
 async fn a_client_that_reads_slowly_gets_all() {
-    let server = server().await;
+    let server = server(LIMIT).await;
     let (home, _) = home_with_recording(&server).await;
     let (status, mut connection) = ask(&server, &home).await;
     assert_eq!(status, 200);

@@ -124,7 +124,7 @@ async fn a_server_that_stops_ends_its_streams() {
     let begun = std::time::Instant::now();
     server.stop().await;
     watching.bytes().await.unwrap();
-    assert!(begun.elapsed().as_secs() < 5);
+    assert!(begun.elapsed().as_secs() < 20);
 }
 
 #[tokio::test]

@@ -223,9 +223,9 @@ impl Server {
             }
         };
         while let Some(folder) = folders.pop() {
-            // The prefix has no folder in the bucket before its first object; all other folders exist.
+            // The prefix has no folder in the bucket before its first object, and a store removes a folder with its last file.
             let entries = match std::fs::read_dir(&folder) {
-                Err(_) if self.storage.s3.is_some() && !folder.exists() => continue,
+                Err(_) if !folder.exists() => continue,
                 entries => entries.unwrap(),
             };
             for entry in entries {

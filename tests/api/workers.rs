@@ -160,7 +160,8 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
     let begun = Instant::now();
     server.stop().await;
-    assert!(begun.elapsed() < Duration::from_secs(5));
+    // Less than the lease, and more than a busy machine needs.
+    assert!(begun.elapsed() < Duration::from_secs(20));
     LET_GO.store(true, Ordering::SeqCst);
 }
 

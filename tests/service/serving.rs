@@ -197,7 +197,7 @@ async fn two_thousand_exports_at_once_end() {
     }
     eprintln!("{whole} of {EXPORTS} exports were served within {took:?}; others waited at most {longest:?}");
     assert!((1..100).contains(&whole), "{whole}");
-    assert!(longest < Duration::from_secs(5), "another request waited {longest:?}");
+    assert!(longest < Duration::from_secs(20), "another request waited {longest:?}");
     assert_eq!(server.client.get(&format!("{home}/export")).await.status, 200);
 }
 

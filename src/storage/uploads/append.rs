@@ -60,13 +60,14 @@ impl Storage {
         let taken = query(
             "UPDATE uploads SET fence = fence + 1, length_bytes = $3, expires_at = $4,
                 state = CASE WHEN received_bytes = $3 THEN 'arrived' ELSE 'arriving' END
-            WHERE id = $1 AND received_bytes = $2 AND state = 'arriving'
+            WHERE id = $1 AND received_bytes = $2 AND length_bytes IS NOT DISTINCT FROM $5 AND state = 'arriving'
             RETURNING fence",
         )
         .bind(id.to_string())
         .bind(offset as i64)
         .bind(length_bytes.map(|length| length as i64))
         .bind(later(now, limits.patience).as_millisecond())
+        .bind(upload.length_bytes.map(|length| length as i64))
         .fetch_optional(&mut transaction)
         .await?;
         let fence = taken.ok_or(UploadError::Overtaken)?.number("fence")?;

@@ -51,7 +51,10 @@ impl Schema {
         let tablespace: String = tablespace.collect();
         // The database's own death is not tested, so nothing waits for its disk.
         let settings = "%20-csynchronous_commit%3Doff";
-        format!("{}{separator}options=-csearch_path%3D{}{tablespace}{settings}", self.url, self.name)
+        let Schema { url, name, .. } = self;
+        format!(
+            "{url}{separator}application_name={name}&options=-csearch_path%3D{name}{tablespace}{settings}"
+        )
     }
 
     pub fn name(&self) -> &str {
@@ -100,11 +103,15 @@ impl Schema {
         execute(&self.url, format!("DROP SCHEMA {} CASCADE", self.name)).await;
     }
 
-    /// Ends all connections of all processes of the service.
+    /// Ends all connections with this schema, of all processes.
     pub async fn cut_connections(&self) {
-        let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
-            WHERE application_name = 'viola' AND datname = current_database() AND pid <> pg_backend_pid()";
-        execute(&self.url, cut.to_owned()).await;
+        // PostgreSQL cuts names to 63 bytes.
+        let cut = format!(
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+            WHERE application_name = left('{}', 63) AND datname = current_database() AND pid <> pg_backend_pid()",
+            self.name
+        );
+        execute(&self.url, cut).await;
     }
 }
 

@@ -164,7 +164,10 @@ async fn a_file_whose_parts_fail_is_told_and_aborted() {
         // An upload begins with POST, and is aborted with DELETE.
         bench.server().fail(faults(When::Method("PUT"), &[fault]));
         let begun = Instant::now();
-        let failed = bench.within(IMPATIENT).keep(file, "clips/large/file").await;
+        // The upload's beginning and its end succeed, also on a busy machine.
+        let limits =
+            Limits { operation: Duration::from_secs(2), removal: Duration::from_secs(8), ..IMPATIENT };
+        let failed = bench.within(limits).keep(file, "clips/large/file").await;
         assert!(begun.elapsed() < ENOUGH);
         assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
         assert!(bench.server().failed() > 0, "parts were sent");
