@@ -27,6 +27,7 @@ mod networks;
 mod open_clip;
 mod openapi;
 mod progress;
+mod provenance;
 mod runtime;
 mod seconds;
 mod serve;

@@ -2,11 +2,11 @@
 
 use super::networks::NetworkArguments;
 use super::progress::tell;
+use super::provenance::{commit, program};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::IsTerminal;
 use std::ops::Range;
@@ -200,7 +200,11 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    write_all(out, arguments, workers, &observe.label.networks(), &results)
+    let left_out = run.total() - results.len();
+    if results.is_empty() {
+        bail!("none of the {left_out} clips has a true pose");
+    }
+    write_all(out, arguments, workers, &observe.label.networks(), &results, left_out)
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
@@ -290,20 +294,6 @@ fn share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
 }
 
-/// Returns the commit of the working tree that the command runs in; empty if there is none.
-fn commit() -> String {
-    let git = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
-    let told = git.ok().filter(|output| output.status.success());
-    told.map_or_else(String::new, |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-}
-
-/// Returns the hash of this program's file, which separates the results of different builds.
-fn program() -> Result<String> {
-    let path = std::env::current_exe().context("cannot find this program's own file")?;
-    let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
-}
-
 /// Progress display: a bar with the remaining time on a terminal, else one line per result.
 struct Report {
     bar: Option<ProgressBar>,
@@ -357,10 +347,14 @@ fn write_all(
     workers: usize,
     labels_by: &str,
     results: &[ClipResult],
+    left_out: usize,
 ) -> Result<()> {
     let rows = evaluate::tabulate(results);
     let peak = evaluate::peak_memory_bytes();
     let mut table = evaluate::markdown(&rows);
+    if left_out > 0 {
+        table += &format!("\n{left_out} clips have no true pose and are left out.\n");
+    }
     if let Some(peak) = peak {
         let mib = peak / (1 << 20);
         table += &format!(
@@ -376,6 +370,7 @@ fn write_all(
         "seed": arguments.seed,
         "clips_at_a_time": workers,
         "peak_memory_bytes": peak,
+        "clips_without_true_pose": left_out,
     });
     save(out, "table.json", &serde_json::to_string_pretty(&rows)?)?;
     save(out, "table.md", &table)?;

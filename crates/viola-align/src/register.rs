@@ -187,8 +187,12 @@ impl<'a> Registration<'a> {
         let ranked = score::rank(&candidates, &self.params.score);
         let hypothesis = ranked.first().map_or(0, |best| best.hypothesis);
         let Hypothesis { view, hits } = &self.hypotheses[hypothesis];
-        let answer =
+        let mut answer =
             Alignment { hits: view.scan.hits.len(), floor: Some(view.floor.clone()), ..blank.clone() };
+        if view.scale_cut_short {
+            let detail = "the search for the clip's scale ended at its budget; other scales may explain the clip as well";
+            answer.reasons.push(Reason::new("search_incomplete", detail));
+        }
         let cut_short = found.iter().find(|found| !found.complete);
         let doubts = Doubts {
             search_incomplete: cut_short.is_some() || view.scale_cut_short,

@@ -63,7 +63,7 @@ impl Target {
             .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i32)))
             .copied()
             .collect();
-        let pieces = Pieces::new(&points_m);
+        let pieces = Pieces::new(&points_m, cell_m);
         Some(Target {
             level: LevelName::MAIN,
             thinned_shares: thinned_m.iter().map(|point| pieces.share(point)).collect(),

@@ -3,8 +3,10 @@
 use rustc_hash::FxHashMap;
 use viola_geometry::Point2;
 
-/// Side of the cells that connect points; points in touching cells are one piece.
+/// Minimum side of the cells that connect points; points in touching cells are one piece.
 const JOIN_M: f64 = 0.1;
+/// The same in cells of the map, so that neighbours of a coarse map touch.
+const JOIN_CELLS: f64 = 1.5;
 /// Minimum extent of a piece with full share. Legs of chairs and tables, echoes of mirrors and stray cells are
 /// shorter; a door jamb with its wall is longer.
 const LONG_M: f64 = 0.6;
@@ -12,13 +14,14 @@ const LONG_M: f64 = 0.6;
 type Key = [i32; 2];
 
 /// Shares of the pieces by cell.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Pieces {
+    join_m: f64,
     share_by_cell: FxHashMap<Key, f64>,
 }
 
-fn key(point: &Point2) -> Key {
-    [point.x, point.y].map(|c| (c / JOIN_M).floor() as i32)
+fn key(point: &Point2, join_m: f64) -> Key {
+    [point.x, point.y].map(|c| (c / join_m).floor() as i32)
 }
 
 fn around([x, y]: Key) -> impl Iterator<Item = Key> {
@@ -26,11 +29,12 @@ fn around([x, y]: Key) -> impl Iterator<Item = Key> {
 }
 
 impl Pieces {
-    /// Finds the pieces of a map's points.
-    pub fn new(points_m: &[Point2]) -> Pieces {
+    /// Finds the pieces of a map's points. `cell_m` is the side of the map's cells, if it has any.
+    pub fn new(points_m: &[Point2], cell_m: Option<f64>) -> Pieces {
+        let join_m = JOIN_M.max(JOIN_CELLS * cell_m.unwrap_or(0.0));
         let mut bounds: FxHashMap<Key, [Point2; 2]> = FxHashMap::default();
         for point in points_m {
-            let cell = bounds.entry(key(point)).or_insert([*point; 2]);
+            let cell = bounds.entry(key(point, join_m)).or_insert([*point; 2]);
             *cell = [cell[0].inf(point), cell[1].sup(point)];
         }
         let mut share_by_cell = FxHashMap::default();
@@ -42,13 +46,13 @@ impl Pieces {
             let share = (extent_m / LONG_M).min(1.0);
             share_by_cell.extend(piece.into_iter().map(|cell| (cell, share)));
         }
-        Pieces { share_by_cell }
+        Pieces { join_m, share_by_cell }
     }
 
     /// Returns how much the piece at a point counts, 0..1: its extent as a fraction of a long piece's. Points
     /// without a piece count fully.
     pub fn share(&self, point: &Point2) -> f64 {
-        let near = around(key(point)).filter_map(|cell| self.share_by_cell.get(&cell).copied());
+        let near = around(key(point, self.join_m)).filter_map(|cell| self.share_by_cell.get(&cell).copied());
         near.reduce(f64::max).unwrap_or(1.0)
     }
 }
@@ -81,7 +85,7 @@ mod tests {
     fn a_short_piece_counts_as_its_extent() {
         // A wall of 1 m, a piece of 0.3 m and a single cell, each more than 20 cm from the others.
         let points = [row([0.0, 0.0], 21), row([2.0, 0.0], 7), row([4.0, 0.0], 1)].concat();
-        let pieces = Pieces::new(&points);
+        let pieces = Pieces::new(&points, None);
         for (at, want) in [(0.5, 1.0), (2.1, 0.5), (4.0, 0.0), (3.2, 1.0)] {
             let share = pieces.share(&Point2::new(at, 0.01));
             assert!((share - want).abs() < 1e-9, "{at} {share}");
@@ -89,8 +93,18 @@ mod tests {
     }
 
     #[test]
+    fn a_wall_of_a_coarse_map_is_one_piece() {
+        for cell_m in [0.1, 0.12, 0.15, 0.2, 0.25, 1.0] {
+            let wall: Vec<Point2> =
+                (0..200).map(|i| Point2::new(cell_m * f64::from(i) - 10.05, 0.3)).collect();
+            let pieces = Pieces::new(&wall, Some(cell_m));
+            assert!(wall.iter().all(|at| pieces.share(at) == 1.0), "{cell_m}");
+        }
+    }
+
+    #[test]
     fn touching_pieces_are_one() {
         let points = [row([0.0, 0.0], 7), row([0.3, 0.1], 9)].concat();
-        assert_eq!(Pieces::new(&points).share(&Point2::new(0.0, 0.0)), 1.0);
+        assert_eq!(Pieces::new(&points, Some(0.05)).share(&Point2::new(0.0, 0.0)), 1.0);
     }
 }

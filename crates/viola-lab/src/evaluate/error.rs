@@ -68,6 +68,8 @@ pub enum SceneError {
     Survey(#[from] SurveyError),
     #[error("the recording's world is not known to be upright, so a map cannot be cut out of its mesh")]
     NotUpright,
+    #[error("the recording does not tell which way is up in its world, so the truth cannot be compared")]
+    UnknownUp,
 }
 
 #[derive(Debug, thiserror::Error)]

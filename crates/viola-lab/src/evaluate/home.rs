@@ -75,6 +75,8 @@ pub enum HomeError {
     Truth(#[from] labels::TruthError),
     #[error("the recording is shorter than one excerpt")]
     TooShort,
+    #[error("the recording's world has another axis than z up; its mesh cannot be compared")]
+    NotUpright,
 }
 
 /// Aligns and merges the excerpts of a scene, and compares the map with the labelled mesh in `folder/mesh`.
@@ -87,6 +89,9 @@ pub fn evaluate(
 ) -> Result<(HomeReport, Plan), HomeError> {
     if ranges.is_empty() {
         return Err(HomeError::TooShort);
+    }
+    if !scene.is_upright() {
+        return Err(HomeError::NotUpright);
     }
     let mesh = super::Mesh::open_labelled_in(&folder.join("mesh"))?;
     let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);

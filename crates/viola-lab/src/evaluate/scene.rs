@@ -1,6 +1,7 @@
 //! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
 use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams};
+use nalgebra::UnitQuaternion;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
@@ -17,7 +18,10 @@ pub struct Scene {
     pub name: String,
     pub clip: Clip,
     pub lidar: Arc<LidarMap>,
+    /// From the recording's world, turned upright the short way: `y` up becomes `z` up with (x, -z, y).
     pub map_from_world: Pose2,
+    /// Up in the recording's world.
+    up: Vector3,
     target: Option<Arc<Target>>,
 }
 
@@ -32,36 +36,51 @@ impl Scene {
         let bad_truth = |cause: String| SceneError::Truth { path: truth.display().to_string(), cause };
         let text = std::fs::read_to_string(truth).map_err(|e| bad_truth(e.to_string()))?;
         let truth: TruthFile = serde_json::from_str(&text).map_err(|e| bad_truth(e.to_string()))?;
-        Ok(Scene::new(scene, Clip::open(scene)?, LidarMap::open(lidar)?, truth.map_from_world))
+        let clip = Clip::open(scene)?;
+        let up = clip.up_in_world().ok_or(SceneError::UnknownUp)?.direction;
+        Ok(Scene::new(scene, clip, up, LidarMap::open(lidar)?, truth.map_from_world))
     }
 
     /// Opens a recording with its mesh (`mesh/*.ply`), and cuts the LiDAR map out of the mesh.
     pub fn open_with_mesh(scene: &Path, params: &SurveyParams) -> Result<(Scene, Survey), SceneError> {
         let clip = Clip::open(scene)?;
-        let is_upright = clip.up_in_world().is_some_and(|up| up.direction.dot(&Vector3::z()) > 0.9999);
-        if !is_upright {
-            return Err(SceneError::NotUpright);
-        }
+        let up = clip.up_in_world().map(|up| up.direction);
+        let up = up.filter(is_z).ok_or(SceneError::NotUpright)?;
         let mesh = super::Mesh::open_in(&scene.join("mesh"))?;
         let cameras: Vec<_> = clip.frames().iter().filter_map(|frame| frame.world_from_camera).collect();
         let survey = Survey::new(&mesh, &cameras, params)?;
         let lidar = LidarMap::read(survey.points_csv().as_bytes())?;
-        Ok((Scene::new(scene, clip, lidar, survey.map_from_world), survey))
+        Ok((Scene::new(scene, clip, up, lidar, survey.map_from_world), survey))
     }
 
-    fn new(folder: &Path, clip: Clip, lidar: LidarMap, map_from_world: Pose2) -> Scene {
+    fn new(folder: &Path, clip: Clip, up: Vector3, lidar: LidarMap, map_from_world: Pose2) -> Scene {
         let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let target = Target::new(&lidar).map(Arc::new);
-        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, target }
+        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, up, target }
+    }
+
+    /// Returns whether the recording's world has z up, as its mesh must.
+    pub fn is_upright(&self) -> bool {
+        is_z(&self.up)
     }
 
     /// Returns the true pose of the clip that begins with frame `index`; none if that frame has no pose.
     pub fn map_from_clip(&self, index: usize) -> Option<Pose2> {
-        let world_from_camera = self.clip.frames().get(index)?.world_from_camera?;
+        let world_from_camera = upright(&self.up) * self.clip.frames().get(index)?.world_from_camera?;
         let heading = viola_reconstruct::heading(&world_from_camera, &Vector3::z());
         let at = world_from_camera.translation.vector;
         Some(self.map_from_world.compose(&Pose2::new(at.x, at.y, heading.y.atan2(heading.x))))
     }
+}
+
+fn is_z(up: &Vector3) -> bool {
+    up.dot(&Vector3::z()) > 0.9999
+}
+
+/// Returns the shortest rotation that turns `up` to z.
+fn upright(up: &Vector3) -> UnitQuaternion<f64> {
+    let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    UnitQuaternion::rotation_between(up, &Vector3::z()).unwrap_or_else(half_turn)
 }
 
 /// Excerpts of a scene.
@@ -129,5 +148,24 @@ impl Suite for SceneClips {
             first_frame: numbers.start,
             last_frame: numbers.end - 1,
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_world_is_turned_upright_the_short_way() {
+        let place = Vector3::new(1.0, 2.0, 3.0);
+        for (up, want) in [
+            (Vector3::z(), place),
+            (Vector3::y(), Vector3::new(1.0, -3.0, 2.0)),
+            (-Vector3::z(), Vector3::new(1.0, -2.0, -3.0)),
+        ] {
+            let turned = upright(&up) * place;
+            assert!((turned - want).norm() < 1e-12, "{up:?}: {turned:?}");
+            assert!((upright(&up) * up - Vector3::z()).norm() < 1e-12, "{up:?}");
+        }
     }
 }

@@ -5,6 +5,7 @@ use super::keys::KeyFrame;
 use super::place::{Place, recognise};
 use super::step::{Step, align};
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 use viola_geometry::Pose3;
 
 /// Minimum distance of a loop's ends in a segment, in key frames.
@@ -102,6 +103,7 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
 /// Returns loops between key frames that are near by pose.
 pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
     let way = Way::along(keys);
+    let known: FxHashSet<(usize, usize)> = known.iter().map(|edge| (edge.a, edge.b)).collect();
     let found: Vec<Vec<Edge>> = (0..keys.len())
         .into_par_iter()
         .map(|b| {
@@ -111,9 +113,7 @@ pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
                     + off.rotation.angle() / 0.5;
                 (far, a)
             };
-            let is_new = |a: &usize| {
-                keys[*a].segment == keys[b].segment && !known.iter().any(|edge| (edge.a, edge.b) == (*a, b))
-            };
+            let is_new = |a: &usize| keys[*a].segment == keys[b].segment && !known.contains(&(*a, b));
             let mut near: Vec<(f64, usize)> = (0..b.saturating_sub(1)).filter(is_new).map(near).collect();
             near.retain(|(far, _)| *far < 1.6);
             near.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));

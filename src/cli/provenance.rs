@@ -1,0 +1,19 @@
+//! The program and the commit that made a result.
+
+use anyhow::{Context, Result};
+use sha2::{Digest, Sha256};
+use std::fs;
+
+/// Returns the commit of the working tree that the command runs in; empty if there is none.
+pub(super) fn commit() -> String {
+    let git = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
+    let told = git.ok().filter(|output| output.status.success());
+    told.map_or_else(String::new, |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Returns the hash of this program's file, which separates the results of different builds.
+pub(super) fn program() -> Result<String> {
+    let path = std::env::current_exe().context("cannot find this program's own file")?;
+    let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+}
