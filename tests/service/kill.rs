@@ -163,7 +163,7 @@ async fn a_server_that_is_asked_to_stop_gives_its_job_back() {
     let data = TempDir::new().unwrap();
     for signal in ["TERM", "INT"] {
         // Longer than the test waits for the clip: the job does not wait for the lease.
-        let server = Process::serve(data.path(), &["--lease-seconds", "300"]);
+        let server = Process::serve(data.path(), &["--lease-seconds", "590"]);
         let (clip, job) = running_job(&server.client).await;
         assert!(server.stop(signal).success());
         let server = Process::serve(data.path(), &[]);

@@ -261,8 +261,11 @@ mod tests {
         let clips = |blocked_rays: f64| -> Vec<ClipResult> {
             let example = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)));
             let clip = |i: usize| {
-                let wrong =
-                    if i % 2 == 0 { listed(false, 0.02, blocked_rays) } else { listed(false, 0.06, 0.0) };
+                let wrong = if i.is_multiple_of(2) {
+                    listed(false, 0.02, blocked_rays)
+                } else {
+                    listed(false, 0.06, 0.0)
+                };
                 ClipResult {
                     clip: format!("{:06}_{i}", i / 2 % 3),
                     alternatives: vec![wrong, listed(true, 0.03, 0.0)],
