@@ -168,21 +168,23 @@ impl Dxf {
 }
 
 /// Returns a line of ASCII: other letters are escaped, control characters left out. Readers take a caret as the first half of
-/// a control character, two percent signs and a backslash as the beginning of a code.
+/// a control character, and `%%` and `\U+` as the beginnings of codes; three percent signs are one.
 fn encoded(words: &str) -> String {
+    let letters: Vec<char> = words.chars().filter(|letter| !letter.is_control()).take(LONGEST).collect();
     let mut out = String::new();
-    for letter in words.chars().filter(|letter| !letter.is_control()).take(LONGEST) {
+    for (at, letter) in letters.iter().enumerate() {
         if out.len() + CODE_LENGTH > MAX_LENGTH {
             break;
         }
+        let is_beside = |other: char| letters.get(at + 1) == Some(&other) || out.ends_with(other);
         match letter {
             '^' => out.push_str("^ "),
-            '\\' => out.push_str("\\U+005C"),
-            '%' if out.ends_with('%') => out.push_str("\\U+0025"),
-            ' '..='~' => out.push(letter),
+            '%' if is_beside('%') => out.push_str("%%%"),
+            '\\' if letters[at + 1..].starts_with(&['U', '+']) => out.push_str("\\U+005C"),
+            ' '..='~' => out.push(*letter),
             // R12 has code points of four digits.
-            letter if u32::from(letter) <= 0xffff => {
-                let _ = write!(out, "\\U+{:04X}", u32::from(letter));
+            letter if u32::from(*letter) <= 0xffff => {
+                let _ = write!(out, "\\U+{:04X}", u32::from(*letter));
             }
             _ => out.push('?'),
         }
@@ -203,7 +205,9 @@ mod tests {
     fn a_name_is_one_line_of_ascii() {
         assert_eq!(encoded("K\u{fc}che\n0\nEOF"), "K\\U+00FCche0EOF");
         assert_eq!(encoded("\u{1f6cf}"), "?");
-        assert_eq!(encoded("^_^ 100%% a\\U+0041"), "^ _^  100%\\U+0025 a\\U+005CU+0041");
+        // As ezdxf reads them, these are the names.
+        assert_eq!(encoded("^_^ 100%%d 50%"), "^ _^  100%%%%%%d 50%");
+        assert_eq!(encoded("a\\U+0041 c:\\x"), "a\\U+005CU+0041 c:\\x");
         assert_eq!(encoded(&"\u{6f22}".repeat(60)).len(), 252);
     }
 }
