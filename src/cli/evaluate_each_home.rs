@@ -20,7 +20,7 @@ pub(super) fn each_home<T>(
     let label = arguments.networks.surface_labels()?;
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let homes = homes(arguments);
-    // What the clips of a home do not depend on.
+    // The clips of a home do not depend on the other homes, nor on their number.
     let of_clip = HomesParams { sets: Vec::new(), seeds: 0..0, clips_per_home: 0, ..homes.clone() };
     let name = Sha256::digest(format!("{} {of_clip:?} {params:?}", program()?));
     let name: String = name.iter().take(8).map(|byte| format!("{byte:02x}")).collect();

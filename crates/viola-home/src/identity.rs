@@ -225,7 +225,7 @@ impl History {
         let (last, mut missing): (Vec<KnownObject>, Vec<KnownObject>) =
             self.objects.drain(..).partition(|known| found.contains(known.id.as_str()));
         for known in &mut missing {
-            // What is left of it would be a new object if it were forgotten.
+            // A forgotten object's leftovers would be a new object.
             known.missing = if left_over.contains(&known.id) { 0 } else { known.missing };
             known.miss(looked);
         }

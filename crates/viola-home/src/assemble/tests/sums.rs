@@ -138,3 +138,13 @@ fn lost_sums_are_made_again() {
         assert!(again.read.len() > next.read.len(), "{} {}", again.read.len(), next.read.len());
     }
 }
+
+#[test]
+fn no_sums_of_deleted_clips_stay() {
+    let clips = many(17);
+    let all: Vec<&Clip> = clips.iter().collect();
+    let first = merged(&empty(), &all);
+    assert!(!first.sums.is_empty());
+    let few = merged(&first, &all[..5]);
+    assert!(few.sums.is_empty() && !few.map.tiles.is_empty());
+}

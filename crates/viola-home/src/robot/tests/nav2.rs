@@ -56,6 +56,28 @@ fn zones_to_avoid_have_their_reasons() {
     assert_eq!(zones[3].driven, Some(1.0));
 }
 
+/// A rug of 3 m x 3 m around a square metre without one.
+#[test]
+fn a_rug_around_a_place_leaves_it_out() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let level = level(&lidar);
+    let mut ground = Ground::new(&lidar);
+    for (x, y) in (0..3).flat_map(|x| (0..3).map(move |y| (x, y))).filter(|at| *at != (1, 1)) {
+        ground.add(&patch(Class::Rug, [1.0 + f64::from(x), 1.0 + f64::from(y)], 0.02));
+    }
+    let zones = no_go_zones(&level, &ground);
+    let rug = zones.iter().find(|zone| zone.reason == NoGoReason::Rug).unwrap();
+    let frame = lidar.cells.as_ref().unwrap().frame;
+    let mut cells = 0;
+    for_cells(&frame, &rug.rings(), |index| {
+        let at = frame.centre(index % frame.width, index / frame.width);
+        assert!((at - Point2::new(2.5, 2.5)).norm() > 0.4, "{at:?}");
+        cells += 1;
+    });
+    let area_m2 = f64::from(cells) * frame.cell_m * frame.cell_m;
+    assert!((area_m2 - 8.0).abs() < 0.5, "{area_m2}");
+}
+
 /// Nav2's own conversion (`map_io.cpp`) with the thresholds of the files: hundredths of the darkness between them, or
 /// the grey value.
 fn occupancy(grey: u8, mode: &str) -> i32 {
