@@ -67,7 +67,7 @@ pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState, QueueState};
 pub use keys::{ApiKey, NewKey, Role, Secret};
 pub use leases::{Claim, Ending, Fault, Reached, RetryPolicy};
-pub use lidar_maps::{LidarMapRevision, NewLidarMap};
+pub use lidar_maps::{FromEarlier, LidarMapRevision, NewLidarMap};
 pub use open::Storage;
 pub use params::{Page, PostgresParams, StorageParams, UnpackParams};
 pub use placement::{Placement, reasons_of_placement, state_by_others};

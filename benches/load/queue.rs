@@ -67,6 +67,7 @@ async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
         file: arrived(storage, map).await?,
         file_name: None,
         info: LidarMap::read(map)?.info,
+        from_earlier: None,
         image_png: vec![0],
     };
     storage.put_lidar_map(&home, new, |_| true, Timestamp::now()).await?;

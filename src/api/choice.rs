@@ -65,7 +65,8 @@ pub(super) struct ChoosePose {
 /// Give one of the clip's alternatives or a pose of your own. The clip is then `aligned` with the reason
 /// `chosen_by_person`, and `choice` has the chosen pose; the method's own answer stays in `alignment`. The
 /// choice holds for every new alignment until it is withdrawn or replaced. It also holds after a new LiDAR
-/// map, with the reason `choice_of_earlier_lidar_map`: the frame may have moved, so a person should check it.
+/// map: its pose is moved into the new frame, with the reason `choice_carried_over`, if the two maps could be registered
+/// to each other; otherwise it stays, with the reason `choice_of_earlier_lidar_map`, and a person should check it.
 ///
 /// A pose may be given at any time. While a job is under way, it takes effect when the job ends. A clip
 /// without a result keeps its state, with the reason `choice_without_result`, until a job gives it a result.

@@ -11,12 +11,14 @@ use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::{Document, may_change, tag_of, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
-use crate::storage::{self, Arrived, HomeId, NewLidarMap};
+use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
+use bytes::Bytes;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use viola_align::later_from_earlier;
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
 use viola_geometry::LevelName;
 use viola_home as home;
@@ -108,7 +110,7 @@ pub(super) async fn put(
     let file_name = file_name(query.filename)?;
     let headers = request.headers().clone();
     let file = receive(&app, request, MAX_FILE_BYTES).await?;
-    let new = app.readers.run(home.tenant(), move || open(level, file, file_name)).await??;
+    let (mut new, bytes) = app.readers.run(home.tenant(), move || open(level, file, file_name)).await??;
     let is_same = is_current(&app, &home, level, &new.file.sha256).await?;
     if dry_run {
         let report = LidarMapDryRun {
@@ -120,6 +122,7 @@ pub(super) async fn put(
     }
     if !is_same {
         app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
+        new.from_earlier = from_current(&app, &home, level, bytes).await?;
     }
     to_the_end(async move {
         let is_expected = is_expected(&headers);
@@ -149,10 +152,32 @@ pub(super) fn is_expected(headers: &HeaderMap) -> impl Fn(Option<&storage::Lidar
     move |map| may_change(&headers, map.map(|map| CurrentLidarMap::from(map.clone())).as_ref())
 }
 
-fn open(level: LevelName, file: Arrived, file_name: Option<String>) -> Result<NewLidarMap, Error> {
-    let bytes = file.read()?;
+/// Reads a file; returns the bytes beside what is stored.
+fn open(level: LevelName, file: Arrived, file_name: Option<String>) -> Result<(NewLidarMap, Bytes), Error> {
+    let bytes = Bytes::from(file.read()?);
     let map = LidarMap::read(&bytes)?;
-    Ok(NewLidarMap { level, file, file_name, image_png: home::lidar_png(&map), info: map.info })
+    let image_png = home::lidar_png(&map);
+    Ok((NewLidarMap { level, file, file_name, image_png, info: map.info, from_earlier: None }, bytes))
+}
+
+/// Registers a level's current map to the file that replaces it; `None` if the level has no map, and if the maps do not
+/// tell the frame.
+pub(super) async fn from_current(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+    later: Bytes,
+) -> Result<Option<FromEarlier>, Error> {
+    let maps = app.storage.lidar_maps(home).await?;
+    let Some(current) = maps.into_iter().find(|map| map.level == level) else { return Ok(None) };
+    let earlier = app.storage.lidar_map_file(current.id()).await?;
+    let register = move || {
+        // A file that an earlier version of the service took may be refused now.
+        let earlier = LidarMap::read(&earlier).ok()?;
+        later_from_earlier(&earlier, &LidarMap::read(&later).ok()?)
+    };
+    let map_from_earlier = app.readers.run(home.tenant(), register).await?;
+    Ok(map_from_earlier.map(|map_from_earlier| FromEarlier { revision: current.revision, map_from_earlier }))
 }
 
 /// Get the current LiDAR map of the level `main`: the summary of its file

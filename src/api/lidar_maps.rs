@@ -85,13 +85,17 @@ pub(super) async fn restore_lidar_map(
 ) -> Result<(StatusCode, Document<LidarMapRevision>), Error> {
     let earlier = app.storage.lidar_map_revision(&home, level, revision).await?;
     let earlier = earlier.ok_or(Error::NoSuchLidarRevision(revision))?;
+    let mut from_current = None;
     if !lidar_map::is_current(&app, &home, level, &earlier.sha256).await? {
         app.limits.room(&app.storage, &caller.tenant, earlier.size_bytes).await?;
+        let file = app.storage.lidar_map_file(earlier.id()).await?;
+        from_current = lidar_map::from_current(&app, &home, level, file).await?;
     }
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);
         let now = Timestamp::now();
-        let (current, is_new) = app.storage.restore_lidar_map(&home, &earlier, is_expected, now).await?;
+        let restored = app.storage.restore_lidar_map(&home, &earlier, from_current, is_expected, now).await;
+        let (current, is_new) = restored?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
         Ok((status, Document(current.into())))

@@ -3,11 +3,13 @@
 mod assembling;
 mod describing;
 
-pub use describing::{Described, Earlier, describe};
+pub use describing::{Described, Earlier, LeftMap, describe};
 
 use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
-use crate::storage::{LevelCoverage, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
+use crate::storage::{
+    LevelCoverage, LidarMapRevision, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file,
+};
 use assembling::assemble;
 use bytes::Bytes;
 use jiff::Timestamp;
@@ -20,7 +22,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{Span, error, info, warn};
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
-use viola_geometry::LevelName;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{Assembly, Coverage, LabelledMap, Manifest, NotOurs, Tile, TileKey};
 use viola_reconstruct::label::SurfaceNetwork;
 
@@ -209,12 +211,32 @@ async fn levels(
             clips,
             scene: scenes.remove(&map.level),
             corrections: claim.corrections.on_level(map.level),
-            left_lidar_map: claim.left_lidar_map(map),
+            left: left_map(storage, claim, map).await?,
         };
         let bytes = storage.lidar_map_file(map.id()).await?;
         levels.push(Level { file: LevelFile { level: map.level, bytes }, last, is_same: false });
     }
     Ok(levels)
+}
+
+/// Returns a level's LiDAR map of the last revision, if the level has another one now.
+async fn left_map(
+    storage: &Storage,
+    claim: &MergeClaim,
+    now: &LidarMapRevision,
+) -> Result<Option<LeftMap>, MergeError> {
+    let Some(revision) = claim.left_lidar_map(now) else { return Ok(None) };
+    let (mut now_from_left, mut map) = (Some(Pose2::IDENTITY), now.clone());
+    while map.revision != revision {
+        let Some(step) = map.from_earlier else { break };
+        now_from_left = now_from_left.map(|pose| pose.compose(&step.map_from_earlier));
+        // Its files are not needed, but a removed revision has no row that could be asked.
+        let Some(earlier) = storage.lidar_map_revision(&claim.home, now.level, step.revision).await? else {
+            break;
+        };
+        map = earlier;
+    }
+    Ok(Some(LeftMap { revision, now_from_left: now_from_left.filter(|_| map.revision == revision) }))
 }
 
 /// Adds the tiles that the next revision keeps, and labels the map where it changed.

@@ -1,6 +1,7 @@
 //! The pose that a person chose for a clip, and its effect on the method's own verdict.
 
 use super::ClipState;
+use super::lidar_maps::FromEarlier;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{LevelName, Pose2};
@@ -8,6 +9,7 @@ use viola_reconstruct::Reason;
 
 const CHOSEN: &str = "chosen_by_person";
 const EARLIER: &str = "choice_of_earlier_lidar_map";
+const CARRIED_OVER: &str = "choice_carried_over";
 pub(super) const WAITS: &str = "choice_without_result";
 
 /// The pose of a clip that a person chose.
@@ -19,8 +21,11 @@ pub struct Choice {
     pub map_from_clip: Pose2,
     /// Index among the alternatives that the clip had then; null if the person gave a pose.
     pub alternative: Option<u32>,
-    /// Revision of the level's LiDAR map at the time of the choice.
+    /// Revision of the level's LiDAR map at the time of the choice, or a later one that it was carried over to.
     pub lidar_map_revision: i64,
+    /// Revision at the time of the choice, if it was carried over.
+    #[serde(default)]
+    pub carried_from: Option<i64>,
     pub chosen_at: Timestamp,
 }
 
@@ -55,8 +60,26 @@ impl Choice {
                 self.lidar_map_revision
             );
             reasons.push(Reason::new(EARLIER, detail));
+        } else if let Some(earlier) = self.carried_from {
+            let detail = format!(
+                "the person chose on revision {earlier} of the LiDAR map; the pose was moved into the frame of revision {}, \
+                 which was registered to it",
+                self.lidar_map_revision
+            );
+            reasons.push(Reason::new(CARRIED_OVER, detail));
         }
         Verdict { state: ClipState::Aligned, reasons }
+    }
+
+    /// Moves the choice into the frame of a new revision of its level's LiDAR map, if it is of the replaced one.
+    pub(super) fn carry_over(&mut self, level: LevelName, from: &FromEarlier, revision: i64) -> bool {
+        let is_meant = self.level == level && self.lidar_map_revision == from.revision;
+        if is_meant {
+            self.map_from_clip = from.map_from_earlier.compose(&self.map_from_clip);
+            self.carried_from.get_or_insert(from.revision);
+            self.lidar_map_revision = revision;
+        }
+        is_meant
     }
 
     /// Returns whether two choices are equal apart from their time.

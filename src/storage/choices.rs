@@ -3,9 +3,9 @@
 
 use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS};
-use super::columns::to_json;
+use super::columns::{Columns, to_json};
 use super::database::{Transaction, query};
-use super::{Clip, ClipState, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
+use super::{Clip, ClipState, FromEarlier, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
@@ -79,7 +79,14 @@ impl Storage {
             Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),
         };
         let lidar_map_revision = map_of(level)?.revision;
-        let choice = Choice { level, map_from_clip, alternative, lidar_map_revision, chosen_at: now };
+        let choice = Choice {
+            level,
+            map_from_clip,
+            alternative,
+            lidar_map_revision,
+            carried_from: None,
+            chosen_at: now,
+        };
         if clip.choice.as_ref().is_some_and(|before| before.says_the_same(&choice)) {
             return Ok(clip);
         }
@@ -107,6 +114,32 @@ impl Storage {
         let verdict = own_verdict(&clip);
         settle(transaction, &clip, None, verdict, now).await
     }
+}
+
+/// Moves the choices on a level's replaced LiDAR map into the frame of its new revision. The clips are queued afterwards,
+/// which tells of the change.
+pub(super) async fn carry_over(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    level: LevelName,
+    from: &FromEarlier,
+    revision: i64,
+) -> Result<(), StorageError> {
+    let rows = query("SELECT id, choice FROM clips WHERE home_id = $1 AND choice IS NOT NULL ORDER BY id")
+        .bind(home.key())
+        .fetch_all(&mut *transaction)
+        .await?;
+    for row in &rows {
+        let mut choice: Choice = row.json("choice")?;
+        if choice.carry_over(level, from, revision) {
+            query("UPDATE clips SET choice = $2 WHERE id = $1")
+                .bind(row.id("id")?.to_string())
+                .bind(to_json(&choice))
+                .execute(&mut *transaction)
+                .await?;
+        }
+    }
+    Ok(())
 }
 
 fn alternative(clip: &Clip, index: u64) -> Result<(LevelName, Pose2, Option<u32>), ChoiceError> {

@@ -159,9 +159,20 @@ async fn put_level(
     level: LevelName,
     bytes: &[u8],
 ) -> Result<(LidarMapRevision, bool), StorageError> {
+    put_registered(storage, home, level, bytes, None).await
+}
+
+/// Puts a map whose frame is known from the one that it replaces.
+async fn put_registered(
+    storage: &Storage,
+    home: &HomeId,
+    level: LevelName,
+    bytes: &[u8],
+    from_earlier: Option<FromEarlier>,
+) -> Result<(LidarMapRevision, bool), StorageError> {
     let file = arrived(storage, bytes).await;
-    let new =
-        NewLidarMap { level, file, file_name: None, info: lidar_info(), image_png: b"picture".to_vec() };
+    let (info, image_png) = (lidar_info(), b"picture".to_vec());
+    let new = NewLidarMap { level, file, file_name: None, info, from_earlier, image_png };
     storage.put_lidar_map(home, new, |_| true, at(0)).await
 }
 

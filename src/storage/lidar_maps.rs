@@ -10,9 +10,10 @@ use super::damage::check_size;
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
-use viola_geometry::LevelName;
+use viola_geometry::{LevelName, Pose2};
 
 /// One revision: a file that was put, and its summary.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +28,17 @@ pub struct LidarMapRevision {
     /// Name of the file, from its sender.
     pub file_name: Option<String>,
     pub info: LidarInfo,
+    /// `None` for the first revision, and if the maps do not tell it.
+    pub from_earlier: Option<FromEarlier>,
     pub created_at: Timestamp,
+}
+
+/// The frame of a revision and that of the one that it replaced.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FromEarlier {
+    pub revision: i64,
+    /// From the frame of `revision`.
+    pub map_from_earlier: Pose2,
 }
 
 fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
@@ -39,6 +50,7 @@ fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
         sha256: row.text("sha256")?,
         file_name: row.maybe_text("file_name")?,
         info: row.json("info")?,
+        from_earlier: row.maybe_json("from_earlier")?,
         created_at: row.time("created_at")?,
     })
 }

@@ -49,6 +49,46 @@ async fn choose(server: &Server, clip: &str, body: Value) -> viola_testing::clie
 }
 
 #[tokio::test]
+async fn a_choice_is_carried_over_to_a_new_lidar_map() {
+    let (server, path) = settled().await;
+    choose(&server, &path, json!({"alternative": 1})).await.ok(200);
+    let home = server.get(&path).await.ok(200)["home"].as_str().unwrap().to_owned();
+    let map = format!("/v1/homes/{home}/lidar-map");
+    // Turned by a quarter, and moved: (2, 0.5) lies at (2.5, 3) there.
+    let put = server.put(&map, room::lidar_csv_moved(|x, y| [3.0 - y, x + 1.0])).await.ok(201);
+    let from = &put["from_earlier"];
+    let off = |pose: &Value, name: &str, wanted: f64| (pose[name].as_f64().unwrap() - wanted).abs();
+    let frame = &from["map_from_earlier"];
+    assert_eq!(from["revision"], 1);
+    assert!(off(frame, "x_m", 3.0) < 0.03 && off(frame, "y_m", 1.0) < 0.03, "{put:#}");
+    assert!(off(frame, "yaw_rad", std::f64::consts::FRAC_PI_2) < 0.01, "{put:#}");
+    let clip = server.settled(&path).await;
+    let reasons = clip["reasons"].as_array().unwrap().iter();
+    let codes: Vec<&str> = reasons.filter_map(|reason| reason["code"].as_str()).collect();
+    assert_eq!((&clip["state"], codes), (&json!("aligned"), vec!["chosen_by_person", "choice_carried_over"]));
+    let choice = &clip["choice"];
+    assert_eq!((&choice["lidar_map_revision"], &choice["carried_from"]), (&json!(2), &json!(1)));
+    let pose = &choice["map_from_clip"];
+    assert!(off(pose, "x_m", 2.5) < 0.05 && off(pose, "y_m", 3.0) < 0.05, "{choice:#}");
+    assert!(off(pose, "yaw_rad", std::f64::consts::FRAC_PI_2 + 0.25) < 0.01, "{choice:#}");
+    // Back to the first frame with the first file.
+    let restored =
+        server.post(&format!("/v1/homes/{home}/lidar-maps/main/revisions/1/restore"), "").await.ok(201);
+    assert_eq!((&restored["revision"], &restored["from_earlier"]["revision"]), (&json!(3), &json!(2)));
+    let back = server.settled(&path).await["choice"].clone();
+    assert!(off(&back["map_from_clip"], "x_m", 2.0) < 0.05 && off(&back["map_from_clip"], "y_m", 0.5) < 0.05);
+    assert_eq!(back["carried_from"], 1);
+    // Another home's map tells nothing: the choice stays as it is, and the clip says so.
+    let put = server.put(&map, "x,y\n0,0\n0.5,9\n7,0.3\n7.7,9.4\n3,4\n").await.ok(201);
+    assert_eq!(put["from_earlier"], Value::Null);
+    let clip = server.settled(&path).await;
+    assert_eq!(
+        (&clip["reasons"][1]["code"], &clip["choice"]),
+        (&json!("choice_of_earlier_lidar_map"), &back)
+    );
+}
+
+#[tokio::test]
 async fn a_person_decides_where_the_method_could_not() {
     let (server, path) = settled().await;
     let own = server.get(&path).await.ok(200);

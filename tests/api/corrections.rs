@@ -2,12 +2,13 @@
 
 use crate::server::Server;
 use image::RgbImage;
-use reqwest::Method;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::sync::Arc;
-use viola::jobs::{JobParams, WorkerParams};
+use viola::jobs::{Failure, Finished, JobParams, LevelFile, Method, WorkerParams, align_clip};
 use viola::storage::Role;
-use viola_align::AlignParams;
+use viola_align::{AlignParams, Alignment};
+use viola_geometry::progress::Progress;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::label::{ClassMap, LabelParams, SegmentError, Segmenter};
 use viola_testing::client::{Answer, Client};
@@ -38,14 +39,19 @@ impl Segmenter for Painted {
 
 /// Starts a server that recognises the furniture of the test room.
 pub async fn start() -> Server {
+    start_with(align_clip).await
+}
+
+async fn start_with(method: Method) -> Server {
     let label = LabelParams { segmenter: Some(Arc::new(Painted)), ..LabelParams::default() };
     let align = JobParams { align: AlignParams { label, ..AlignParams::default() }, ..JobParams::default() };
-    Server::with(|params| params.worker = WorkerParams { align: Arc::new(align), ..WorkerParams::default() })
-        .await
+    let worker = WorkerParams { align: Arc::new(align), method, ..WorkerParams::default() };
+    Server::with(|params| params.worker = worker).await
 }
 
 pub async fn patch(client: &Client, path: &str, body: &Value) -> Answer {
-    let request = client.request(Method::PATCH, path).header("content-type", "application/merge-patch+json");
+    let request =
+        client.request(reqwest::Method::PATCH, path).header("content-type", "application/merge-patch+json");
     client.send(request.body(body.to_string())).await
 }
 
@@ -80,11 +86,16 @@ fn find<'a>(list: &'a Value, what: &str, id: &str) -> Option<&'a Value> {
 /// Returns a server with a home of one clip and its map's objects.
 async fn furnished() -> (Server, String, Value) {
     let server = start().await;
+    let (home, objects) = furnish(&server).await;
+    (server, home, objects)
+}
+
+async fn furnish(server: &Server) -> (String, Value) {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    add(&server, &home, 24).await;
-    let objects = list(&server, &home, "objects", |list| list["objects"][0].is_object()).await;
-    (server, home, objects)
+    add(server, &home, 24).await;
+    let objects = list(server, &home, "objects", |list| list["objects"][0].is_object()).await;
+    (home, objects)
 }
 
 #[tokio::test]
@@ -115,12 +126,14 @@ async fn an_object_is_corrected_and_the_correction_withdrawn() {
     );
 
     // Of two people who read the same state, the second one is told so.
-    let conditional =
-        server.request(Method::PATCH, &path).header("if-match", tag.clone()).json(&json!({"hidden": true}));
+    let conditional = server
+        .request(reqwest::Method::PATCH, &path)
+        .header("if-match", tag.clone())
+        .json(&json!({"hidden": true}));
     server.send(conditional).await.problem(412, "changed-meanwhile");
     let tag = server.get(&path).await.header("etag").to_owned();
     let conditional =
-        server.request(Method::PATCH, &path).header("if-match", tag).json(&json!({"hidden": true}));
+        server.request(reqwest::Method::PATCH, &path).header("if-match", tag).json(&json!({"hidden": true}));
     server.send(conditional).await.ok(200);
     let hidden = after(&server, &home, "objects", &corrected["revision"]).await;
     assert_eq!(find(&hidden, "objects", &id), None);
@@ -173,20 +186,51 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
     server.get(&format!("{home}/map/changes?from=1&to=2")).await.problem(410, "map-revision-removed");
     // The same room in another frame: turned by a quarter, and moved.
     let turned = |x: f64, y: f64| [3.0 - y, x + 1.0];
-    let csv = room::lidar_csv();
-    let lines = csv.lines().skip(1).map(|line| {
-        let (x, y) = line.split_once(',').unwrap();
-        let [x, y] = turned(x.parse().unwrap(), y.parse().unwrap());
-        format!("{x:.4},{y:.4}\n")
-    });
-    let csv: String = std::iter::once("x,y\n".to_owned()).chain(lines).collect();
-    server.put(&format!("{home}/lidar-map"), csv).await.ok(201);
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv_moved(turned)).await.ok(201);
     let moved = after(&server, &home, "objects", &last).await;
     let [x, y] = turned(place[0], place[1]);
     assert!(is_corrected(&moved, [x, y, place[2]]).is_some(), "{moved:#}");
     let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
     let named = |room: &&Value| room["name"] == "Lounge" && room["corrected"] == json!(["name"]);
     assert_eq!(rooms["rooms"].as_array().unwrap().iter().filter(named).count(), 1, "{rooms:#}");
+}
+
+/// Runs the real method; in another map than the first the clip has no pose.
+fn only_in_the_first_map(
+    clip: &Path,
+    map: &[LevelFile],
+    params: &JobParams,
+    progress: &dyn Progress,
+) -> Result<Finished, Failure> {
+    let mut finished = align_clip(clip, map, params, progress)?;
+    if map[0].bytes != room::lidar_csv().as_bytes() {
+        finished.alignment = Alignment::failed();
+    }
+    Ok(finished)
+}
+
+#[tokio::test]
+async fn corrections_move_with_a_new_lidar_map_that_no_clip_is_in() {
+    let server = start_with(only_in_the_first_map).await;
+    let (home, objects) = furnish(&server).await;
+    let id = objects["objects"][0]["id"].as_str().expect("the room has furniture").to_owned();
+    let place = [3.5, 0.5, 0.4];
+    let hold = json!({"centre_m": place, "pinned": true});
+    patch(&server, &format!("{home}/map/objects/{id}"), &hold).await.ok(200);
+    let corrected = json!(["centre_m", "pinned"]);
+    let is_pinned =
+        |list: &Value| find(list, "objects", &id).is_some_and(|object| object["corrected"] == corrected);
+    let last = list(&server, &home, "objects", is_pinned).await["revision"].clone();
+    let turned = |x: f64, y: f64| [3.0 - y, x + 1.0];
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv_moved(turned)).await.ok(201);
+    let moved = after(&server, &home, "objects", &last).await;
+    assert_eq!(server.get(&format!("{home}/map")).await.ok(200)["clips"], json!([]));
+    let object = find(&moved, "objects", &id).expect("it is pinned");
+    let [x, y] = turned(place[0], place[1]);
+    for (axis, wanted) in [(0, x), (1, y)] {
+        let miss_m = object["centre_m"][axis].as_f64().unwrap() - wanted;
+        assert!(miss_m.abs() < 0.1, "{object:#}");
+    }
 }
 
 #[tokio::test]

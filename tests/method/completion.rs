@@ -102,6 +102,35 @@ fn align(recorded: &Recorded, params: &AlignParams) -> Aligned {
     align::align(&recorded.clip, None, &recorded.lidar, params, &Silent).unwrap()
 }
 
+/// A clip without a floor has a scan for each height of the camera: poses above another one stay rivals.
+#[test]
+fn other_floors_are_completed_and_stay_rivals() {
+    let Recorded { clip, lidar, .. } = recorded(102, 1);
+    let params = params(None);
+    let mut observation = align::observe(&clip, None, &params, &Silent).unwrap();
+    let mut floor = observation.floor.clone().unwrap();
+    floor.camera_height_m += 0.1;
+    let scan = observation.scan.clone();
+    observation.other_floors.push(align::FloorHypothesis { scan, floor: floor.clone() });
+    let target = align::Target::new(&lidar).unwrap();
+    let completed_hits = |scan: &align::VirtualScan| scan.hits.iter().filter(|hit| hit.completed).count();
+    let asked = std::sync::Mutex::new(Vec::new());
+    let register =
+        |observation: &align::Observation, _: Option<&align::Completion>, progress: &dyn Progress| {
+            let scans = std::iter::once(&observation.scan)
+                .chain(observation.other_floors.iter().map(|other| &other.scan));
+            asked.lock().unwrap().push(scans.map(completed_hits).collect::<Vec<_>>());
+            align::register(observation, &[&target], &params, progress)
+        };
+    let (answer, completion) = align::completing(&observation, &params, &Silent, &register).unwrap();
+    let asked = asked.into_inner().unwrap();
+    assert_eq!((asked.len(), &asked[0]), (2, &vec![0, 0]));
+    // This clip needs completed hits above one of the two only.
+    assert!(asked[1].len() == 2 && asked[1][1] > 0, "{asked:?}");
+    // The completion is that of the floor that was chosen.
+    assert_eq!(completed_hits(&completion.unwrap().scan), answer.completion.unwrap().hits);
+}
+
 #[test]
 fn what_is_filled_in_is_told_and_stays_apart() {
     let recorded = recorded(102, 1);

@@ -20,14 +20,14 @@ pub use view::{View, camera_like};
 pub use viewpoints::{PointSets, ViewStrategy};
 
 use super::answer::{CompletionReport, Judged, ViewReport};
-use super::observe::Observation;
+use super::observe::{FloorHypothesis, Observation};
 use super::register::register;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::within::Within;
 use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
 use std::time::Duration;
 use viola_geometry::progress::{self, Progress, Stage};
-use viola_reconstruct::{PointCloud, Reason};
+use viola_reconstruct::{FloorReport, PointCloud, Reason};
 
 /// Parameters of the completion.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,13 +120,29 @@ pub fn completing(
     }
     progress::begin(progress, Stage::Complete)?;
     let Some(settled) = observation.settled(&before) else { return Ok((before, None)) };
-    let filled = fill(&settled, params, progress)?;
+    let filled = fill(&settled, params.complete.imagination.as_ref(), params, progress)?;
     if filled.completion.cloud_in_clip.points.is_empty() {
         return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
     }
-    let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
+    // Poses above another assumed floor stay rivals. Their walls are extended, too; only the chosen floor is worth a network.
+    let mut others = Vec::new();
+    for other in observation.settled_elsewhere(&settled) {
+        let filled = fill(&other, None, params, progress)?;
+        others.extend(other.floor.map(|floor| (floor, filled)));
+    }
+    let other_floors = others.iter().map(|(floor, filled)| FloorHypothesis {
+        scan: filled.completion.scan.clone(),
+        floor: floor.clone(),
+    });
+    let completed =
+        Observation { scan: filled.completion.scan.clone(), other_floors: other_floors.collect(), ..settled };
     let after = register(&completed, Some(&filled.completion), &Within(progress))?;
     let taken = params.complete.take.after(&before, &after);
+    let is_above = |(floor, _): &(FloorReport, Filled)| after.floor.as_ref() == Some(floor);
+    let filled = match others.iter().position(is_above) {
+        Some(index) if taken => Filled { remarks: filled.remarks, ..others.swap_remove(index).1 },
+        _ => filled,
+    };
     let scan = &filled.completion.scan;
     let report = CompletionReport {
         structure_points: filled.structure_points,
@@ -156,7 +172,12 @@ struct Filled {
 }
 
 /// Completes an observation that has its floor at 0.
-fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) -> Result<Filled, AlignError> {
+fn fill(
+    settled: &Observation,
+    imagination: Option<&Imagination>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Filled, AlignError> {
     let voxel_m = settled.cloud_in_clip.voxel_m;
     let structure = params.complete.structure.clone().unwrap_or_default();
     let walls = structure::Extended::new(&settled.walls, &structure);
@@ -168,7 +189,7 @@ fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) ->
     };
     let structure_points = points.len();
     let (mut imagined, mut imagined_by) = (imagine::Imagined::default(), Vec::new());
-    if let Some(imagination) = &params.complete.imagination {
+    if let Some(imagination) = imagination {
         let segmenter = params.label.segmenter.as_deref();
         let height_m = params.raycast.vacuum_height_m;
         let setting =

@@ -6,6 +6,7 @@
 mod answer;
 pub mod complete;
 mod early;
+mod maps;
 mod observe;
 mod refine;
 mod register;
@@ -19,6 +20,7 @@ mod within;
 
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
+pub use maps::later_from_earlier;
 pub use observe::{FloorHypothesis, Observation, Scale, observe};
 pub use refine::{Refined, Spread, refine};
 pub use register::register;

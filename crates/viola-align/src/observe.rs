@@ -281,18 +281,32 @@ impl Observation {
 
     /// Returns this observation with the chosen floor at z = 0; `None` without a floor.
     pub(super) fn settled(&self, alignment: &Alignment) -> Option<Observation> {
-        let floor = alignment.floor.clone().or_else(|| self.floor.clone())?;
+        let floor = alignment.floor.as_ref().or(self.floor.as_ref())?;
         let (scan, sunk_m) = self.view_of(alignment);
+        Some(self.settled_on(floor, scan, sunk_m))
+    }
+
+    /// Returns this observation with each other floor than that of `settled` at z = 0.
+    pub(super) fn settled_elsewhere(&self, settled: &Observation) -> Vec<Observation> {
+        let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
+        let others = self.views().filter(|view| Some(view.floor) != settled.floor.as_ref());
+        others
+            .map(|view| self.settled_on(view.floor, view.scan.clone(), view.floor.camera_height_m - first_m))
+            .collect()
+    }
+
+    /// Returns this observation with the floor `sunk_m` below that of the cloud at z = 0, without other floors.
+    fn settled_on(&self, floor: &FloorReport, scan: VirtualScan, sunk_m: f64) -> Observation {
         let lower = Pose3::translation(0.0, 0.0, sunk_m);
         let raise = |range: (f64, f64)| (range.0 + sunk_m, range.1 + sunk_m);
         let mut walls = self.walls.clone();
         walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
-        Some(Observation {
+        Observation {
             cloud_in_clip: self.cloud_in_clip.clone().transformed(&lower),
             scan,
             walls,
             clip_from_world: self.clip_from_world.map(|clip_from_world| lower * clip_from_world),
-            floor: Some(floor),
+            floor: Some(floor.clone()),
             other_floors: Vec::new(),
             sparse_track: self.sparse_track,
             scale: self.scale.clone(),
@@ -302,7 +316,7 @@ impl Observation {
             labels: self.labels.clone(),
             pictures: self.pictures.clone(),
             reasons: self.reasons.clone(),
-        })
+        }
     }
 
     /// Returns the scan that an answer chose, and the depth of its floor below that of the cloud.

@@ -98,9 +98,12 @@ answer! {
         /// Index among the alternatives that the clip had then; null when the person gave a pose.
         #[schema(minimum = 0, example = 1)]
         alternative: Option<u32>,
-        /// The LiDAR map that the person looked at.
+        /// The LiDAR map that the person looked at, or a later one that the choice was carried over to.
         #[schema(minimum = 1, example = 1)]
         lidar_map_revision: i64,
+        /// The LiDAR map that the person looked at, if the choice was carried over to a later one; null otherwise.
+        #[schema(minimum = 1, required = false)]
+        carried_from: Option<i64>,
         chosen_at: Timestamp,
     }
 }

@@ -135,6 +135,20 @@ answer! {
         #[schema(example = "valetudo.json")]
         file_name: Option<String>,
         info: LidarInfo,
+        /// The frame of the revision that this one replaced; null for the first revision, and if the maps do not tell it.
+        #[schema(required = false)]
+        from_earlier: Option<FromEarlier>,
         created_at: Timestamp,
+    }
+}
+
+answer! {
+    /// The frame of a revision, from that of the one that it replaced.
+    struct FromEarlier from crate::storage::FromEarlier {
+        /// The replaced revision.
+        #[schema(minimum = 1, example = 1)]
+        revision: i64,
+        /// By registering the two maps to each other; 0, 0, 0 or nearly so if the robot kept its frame.
+        map_from_earlier: Pose2,
     }
 }

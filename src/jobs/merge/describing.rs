@@ -21,8 +21,15 @@ pub struct Earlier {
     pub clips: Vec<PlacedClip>,
     pub scene: Option<MapScene>,
     pub corrections: Corrections,
-    /// Revision of the level's earlier LiDAR map, if the new revision of the home has another.
-    pub left_lidar_map: Option<i64>,
+    /// The level's earlier LiDAR map, if the new revision of the home has another.
+    pub left: Option<LeftMap>,
+}
+
+/// A LiDAR map that a level had at its last revision.
+pub struct LeftMap {
+    pub revision: i64,
+    /// From its frame into that of the present map, by registering the maps; `None` if they do not tell it.
+    pub now_from_left: Option<Pose2>,
 }
 
 impl Earlier {
@@ -30,7 +37,7 @@ impl Earlier {
     pub fn is_described(&self) -> bool {
         let history = self.scene.as_ref().and_then(|scene| scene.history.as_ref());
         let is_corrected = history.is_some_and(|history| history.corrections == self.corrections.version);
-        is_corrected && self.left_lidar_map.is_none()
+        is_corrected && self.left.is_none()
     }
 }
 
@@ -119,19 +126,17 @@ pub fn describe(
 
 /// Returns the transform into the frame of the new revision from that of the last one.
 fn now_from_last(level: LevelName, clips: &[PlacedClip], last: &Earlier) -> Pose2 {
-    if last.left_lidar_map.is_none() {
-        return Pose2::IDENTITY;
-    }
-    // Without a clip in both maps nothing tells the frames apart.
-    home::map_from_earlier(level, &last.clips, clips).unwrap_or(Pose2::IDENTITY)
+    let Some(left) = &last.left else { return Pose2::IDENTITY };
+    // Without a clip in both maps, and if the maps do not tell it, the frame is taken as unchanged.
+    home::map_from_earlier(level, &last.clips, clips).or(left.now_from_left).unwrap_or(Pose2::IDENTITY)
 }
 
 /// Returns the transforms from the frames of earlier LiDAR maps that may still be needed.
 fn frames(known: BTreeMap<i64, Pose2>, now_from_last: Pose2, last: &Earlier) -> BTreeMap<i64, Pose2> {
-    let Some(left) = last.left_lidar_map else { return known };
+    let Some(left) = &last.left else { return known };
     let moved = known.into_iter().map(|(revision, from_then)| (revision, now_from_last.compose(&from_then)));
     let mut frames: BTreeMap<i64, Pose2> = moved.collect();
-    frames.insert(left, now_from_last);
+    frames.insert(left.revision, now_from_last);
     let of_objects = last.corrections.objects.iter().map(|kept| kept.lidar_map_revision);
     let of_rooms = last.corrections.rooms.iter().map(|kept| kept.lidar_map_revision);
     let newest = frames.keys().rev().take(FRAMES).copied();

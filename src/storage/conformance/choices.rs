@@ -9,6 +9,7 @@ on_every_back_end!(
     an_alternative_is_chosen_and_withdrawn,
     a_pose_may_be_chosen_before_there_is_an_answer,
     a_choice_stands_through_new_answers,
+    a_choice_moves_with_a_registered_lidar_map,
     without_a_result_a_choice_waits,
     choices_that_cannot_be,
     a_choice_makes_the_map_due,
@@ -115,6 +116,35 @@ async fn a_choice_stands_through_new_answers(storage: Storage) {
     assert_eq!(
         (standing(&confirmed), codes(&confirmed)),
         (Some((1.0, Some(0), 2)), vec!["chosen_by_person"])
+    );
+}
+
+async fn a_choice_moves_with_a_registered_lidar_map(storage: Storage) {
+    let (home, _) = one_job(&storage).await;
+    let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    choose(&storage, &clip, Chosen::Alternative(0), 200).await;
+    let put = async |file: &[u8], revision| {
+        let from = FromEarlier { revision, map_from_earlier: Pose2::new(10.0, 0.0, 0.0) };
+        put_registered(&storage, &home, LevelName::MAIN, file, Some(from)).await.unwrap().0
+    };
+    // The same frame is kept with its revision, and read again.
+    let second = put(b"second", 1).await;
+    assert_eq!(second.from_earlier.map(|from| from.revision), Some(1));
+    assert_eq!(storage.lidar_map(&home, LevelName::MAIN).await.unwrap(), second);
+    let moved = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    assert_eq!(standing(&moved), Some((11.0, Some(0), 2)));
+    assert_eq!(codes(&moved), ["chosen_by_person", "choice_carried_over"]);
+    // The revision that it was compared with was replaced meanwhile: nothing is known.
+    let third = put(b"third", 1).await;
+    assert_eq!(third.from_earlier, None);
+    let stayed = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    assert_eq!(standing(&stayed), Some((11.0, Some(0), 2)));
+    assert_eq!(codes(&stayed), ["chosen_by_person", "choice_of_earlier_lidar_map"]);
+    // A choice of an earlier map than the replaced one stays where it is.
+    put(b"fourth", 3).await;
+    assert_eq!(
+        standing(&end(&storage, two_modes(AlignmentState::Ambiguous)).await),
+        Some((11.0, Some(0), 2))
     );
 }
 

@@ -1,12 +1,12 @@
 //! New revisions of a LiDAR map, the end of old ones, and the jobs that align clips to them.
 
 use super::remove::remove_to;
-use super::{LidarMapRevision, current, file_key, image_key, levels};
+use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
-use crate::storage::{HomeId, Storage, StorageError, homes, jobs};
+use crate::storage::{HomeId, Storage, StorageError, choices, homes, jobs};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
@@ -22,6 +22,8 @@ pub struct NewLidarMap {
     /// Name of the file, from its sender.
     pub file_name: Option<String>,
     pub info: LidarInfo,
+    /// The frame of the revision that it replaces, if the maps tell it.
+    pub from_earlier: Option<FromEarlier>,
     /// Preview picture.
     pub image_png: Vec<u8>,
 }
@@ -53,6 +55,7 @@ impl Storage {
             sha256: new.file.sha256.clone(),
             file_name: new.file_name,
             info: new.info,
+            from_earlier: new.from_earlier,
         };
         // Concurrently: a slow store delays this once.
         let (file_key, image_key) = (file_key(id), image_key(id));
@@ -62,11 +65,13 @@ impl Storage {
     }
 
     /// Makes an earlier revision of a level the current one again, as a new revision with the same file, if the
-    /// level's current revision is as `expected`. Returns the current revision and whether it is new.
+    /// level's current revision is as `expected`. `from_earlier` is the frame of the revision that it replaces. Returns the
+    /// current revision and whether it is new.
     pub async fn restore_lidar_map(
         &self,
         home: &HomeId,
         earlier: &LidarMapRevision,
+        from_earlier: Option<FromEarlier>,
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
@@ -81,6 +86,7 @@ impl Storage {
             sha256: earlier.sha256.clone(),
             file_name: earlier.file_name.clone(),
             info: earlier.info.clone(),
+            from_earlier,
         };
         let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) = tokio::join!(
@@ -128,6 +134,9 @@ impl Storage {
             return Err(StorageError::NoSuchHome);
         }
         let before = current(&mut transaction, home, new.level).await?;
+        let replaced = before.as_ref().map(|before| before.revision);
+        // Another request may have replaced the revision that it was compared with.
+        let from_earlier = new.from_earlier.filter(|from| Some(from.revision) == replaced);
         if !expected(before.as_ref()) {
             return Err(StorageError::Changed { what: "LiDAR map" });
         }
@@ -144,8 +153,8 @@ impl Storage {
         let revision = last.number("last")? + 1;
         query(
             "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level, image_bytes,
-                 file_name)
-            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
+                 file_name, from_earlier)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
         )
         .bind(new.id.to_string())
         .bind(home.key())
@@ -157,9 +166,13 @@ impl Storage {
         .bind(new.level.as_str())
         .bind(new.image_bytes as i64)
         .bind(&new.file_name)
+        .bind(from_earlier.as_ref().map(to_json))
         .execute(&mut transaction)
         .await?;
         homes::grow(&mut transaction, home, (new.size_bytes + new.image_bytes) as i64).await?;
+        if let Some(from_earlier) = &from_earlier {
+            choices::carry_over(&mut transaction, home, new.level, from_earlier, revision).await?;
+        }
         let mut stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
         stale_blobs.extend(remove_to(&mut transaction, home, new.level, KEPT_LIDAR_MAPS, now).await?);
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
@@ -178,4 +191,5 @@ struct NewRow {
     sha256: String,
     file_name: Option<String>,
     info: LidarInfo,
+    from_earlier: Option<FromEarlier>,
 }

@@ -50,6 +50,17 @@ pub fn clip(frames: u32) -> Files {
     files
 }
 
+/// Returns [`lidar_csv`] in another frame, with each point at `moved` of its place.
+pub fn lidar_csv_moved(moved: impl Fn(f64, f64) -> [f64; 2]) -> String {
+    let csv = lidar_csv();
+    let points = csv.lines().skip(1).filter_map(|line| line.split_once(','));
+    let lines = points.filter_map(|(x, y)| {
+        let [x, y] = moved(x.parse().ok()?, y.parse().ok()?);
+        Some(format!("{x:.4},{y:.4}\n"))
+    });
+    std::iter::once("x,y\n".to_owned()).chain(lines).collect()
+}
+
 /// Returns points along the outlines at the vacuum's height, every 2 cm.
 pub fn lidar_csv() -> String {
     let (x0, y0, yaw) = MAP_FROM_ROOM;

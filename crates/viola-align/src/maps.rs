@@ -1,0 +1,219 @@
+//! Registers an earlier LiDAR map of a level to a later one: a robot that maps a home anew may choose another frame.
+
+use crate::refine;
+use crate::scan::Hit;
+use crate::score::is_different;
+use crate::search::{Search, SearchLimits, SearchParams};
+use crate::target::Target;
+use rayon::prelude::*;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Silent;
+use viola_geometry::{Point2, Pose2, Vector2};
+
+/// A point of one map has a counterpart this near in the other: two cells and the noise of both.
+const NEAR_M: f64 = 0.12;
+/// Least fraction of the points with a counterpart, of the map that lies more inside the other one.
+const LEAST_AGREEMENT: f64 = 0.7;
+/// A different pose with as many counterparts, up to this fraction, is as good.
+const MARGIN: f64 = 0.05;
+/// Longest side of a map: 60 m hold a home. Larger ones would take as much memory as a clip's job.
+const MAX_SIDE_M: f64 = 60.0;
+/// Most points of a map: the walls of such a home have a tenth.
+const MOST_POINTS: usize = 200_000;
+/// Hits of the search, and of the refinement.
+const HITS: usize = 256;
+const REFINED_HITS: usize = 2000;
+/// Limits of the search: furniture that moved costs the right pose some of its score.
+const LIMITS: SearchLimits = SearchLimits { modes: 40, bar: 0.7 };
+
+/// Returns the transform into the frame of `later` from that of `earlier`; `None` if the maps do not tell it, because
+/// they differ too much or because the home looks alike from several sides.
+///
+/// The frame that stayed is preferred: among poses that explain the maps equally well it is the one without a change.
+pub fn later_from_earlier(earlier: &LidarMap, later: &LidarMap) -> Option<Pose2> {
+    if !is_home(earlier) || !is_home(later) {
+        return None;
+    }
+    let (from, to) = (Target::new(earlier)?, Target::new(later)?);
+    // A search is over poses whose origin lies in the map.
+    let middle = middle(&from.thinned_m);
+    let points = from.thinned_m.iter().zip(&from.thinned_shares);
+    let every = from.thinned_m.len().div_ceil(REFINED_HITS).max(1);
+    let hits: Vec<Hit> = points.step_by(every).map(|point| hit(point, &middle)).collect();
+    let params = SearchParams { hits: HITS, first: LIMITS, in_doubt: LIMITS, ..SearchParams::default() };
+    let found = Search::new(&hits, &to, &params).run(&LIMITS, &Silent).ok()?;
+    let from_earlier = |pose: &Pose2| pose.compose(&Pose2::new(-middle.x, -middle.y, 0.0));
+    let stayed = Pose2::new(middle.x, middle.y, 0.0);
+    let starts: Vec<Pose2> =
+        std::iter::once(stayed).chain(found.modes.iter().map(|mode| mode.map_from_clip)).collect();
+    let refined = refine::refine(&starts, &hits, &to);
+    let poses: Vec<Pose2> = refined.iter().map(|refined| from_earlier(&refined.map_from_clip)).collect();
+    let agreements: Vec<Agreement> = poses.par_iter().map(|pose| Agreement::of(pose, &from, &to)).collect();
+    let ranked = || poses.iter().zip(&agreements);
+    let (best, most) = ranked().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean()))?;
+    let as_good = |agreement: &Agreement| agreement.mean() > most.mean() - MARGIN;
+    let is_told = !ranked().any(|(pose, agreement)| as_good(agreement) && is_different(pose, best));
+    let chosen = if is_told { Some((best, most)) } else { ranked().next().filter(|(_, a)| as_good(a)) };
+    let stays = |pose: &Pose2| !is_different(pose, &Pose2::IDENTITY);
+    chosen
+        .filter(|(pose, agreement)| agreement.is_enough() && (is_told || stays(pose)))
+        .map(|(pose, _)| *pose)
+}
+
+/// Returns whether a map is as large as a home and not more: the work is then bounded.
+fn is_home(map: &LidarMap) -> bool {
+    map.occupied_m.len() <= MOST_POINTS
+        && [0, 1].iter().all(|&axis| map.info.max_m[axis] - map.info.min_m[axis] <= MAX_SIDE_M)
+}
+
+fn middle(points_m: &[Point2]) -> Point2 {
+    let sum: Vector2 = points_m.iter().map(|point| point.coords).sum();
+    Point2::from(sum / points_m.len().max(1) as f64)
+}
+
+/// Returns a point of the map as a hit, from `middle`. Search and refinement use its place and weight only.
+fn hit((point_m, share): (&Point2, &f64), middle: &Point2) -> Hit {
+    Hit {
+        point_m: Point2::from(point_m - middle),
+        normal: Vector2::x(),
+        weight: *share,
+        extent_m: 1.0,
+        at_vacuum_height: true,
+        completed: false,
+        from_m: Point2::origin(),
+    }
+}
+
+/// Fractions of the points of each map that have a counterpart in the other.
+struct Agreement {
+    earlier: f64,
+    later: f64,
+}
+
+impl Agreement {
+    fn of(later_from_earlier: &Pose2, earlier: &Target, later: &Target) -> Agreement {
+        Agreement {
+            earlier: share(earlier, later_from_earlier, later),
+            later: share(later, &later_from_earlier.inverse(), earlier),
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        0.5 * (self.earlier + self.later)
+    }
+
+    /// A map of a part of the home lies inside that of all of it.
+    fn is_enough(&self) -> bool {
+        self.earlier.max(self.later) >= LEAST_AGREEMENT
+    }
+}
+
+/// Returns the fraction of a map's points with a counterpart in another map, each counted as a wall.
+fn share(of: &Target, there_from_here: &Pose2, there: &Target) -> f64 {
+    let (mut near, mut all) = (0.0, 0.0);
+    for (point, weight) in of.thinned_m.iter().zip(&of.thinned_shares) {
+        all += weight;
+        if there.field.value(&there_from_here.apply(point)) < NEAR_M {
+            near += weight;
+        }
+    }
+    if all > 0.0 { near / all } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Ends of the walls of a home that looks alike from no other side, and legs of furniture.
+    const HOME: [[f64; 4]; 9] = [
+        [0.0, 0.0, 8.0, 0.0],
+        [8.0, 0.0, 8.0, 6.0],
+        [8.0, 6.0, 0.0, 6.0],
+        [0.0, 6.0, 0.0, 0.0],
+        [3.0, 0.0, 3.0, 2.5],
+        [3.0, 3.4, 3.0, 6.0],
+        [3.0, 4.0, 5.2, 4.0],
+        [6.1, 4.0, 8.0, 4.0],
+        [5.0, 1.0, 6.2, 1.0],
+    ];
+    const SQUARE: [[f64; 4]; 4] =
+        [[0.0, 0.0, 4.0, 0.0], [4.0, 0.0, 4.0, 4.0], [4.0, 4.0, 0.0, 4.0], [0.0, 4.0, 0.0, 0.0]];
+
+    /// The map of walls as a robot would write it, in a frame of its own: noise of 2 cm, a fifth of the points missing, and
+    /// only those that `is_seen`.
+    fn map(
+        walls: &[[f64; 4]],
+        map_from_home: &Pose2,
+        is_seen: impl Fn(&Point2) -> bool,
+        seed: u64,
+    ) -> LidarMap {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut csv = "x,y\n".to_owned();
+        for [x0, y0, x1, y1] in walls {
+            let steps = ((x1 - x0).hypot(y1 - y0) / 0.04) as usize;
+            for step in 0..=steps {
+                let along = step as f64 / steps as f64;
+                let at = Point2::new(x0 + along * (x1 - x0), y0 + along * (y1 - y0));
+                let noise = Vector2::new(random.random_range(-0.02..0.02), random.random_range(-0.02..0.02));
+                let at_map = map_from_home.apply(&(at + noise));
+                if is_seen(&at) && random.random_bool(0.8) {
+                    csv += &format!("{},{}\n", at_map.x, at_map.y);
+                }
+            }
+        }
+        LidarMap::read(csv.as_bytes()).unwrap()
+    }
+
+    fn all(_: &Point2) -> bool {
+        true
+    }
+
+    #[test]
+    fn a_home_that_was_mapped_anew_in_another_frame() {
+        let parts: [(&str, fn(&Point2) -> bool); 2] = [("all of it", all), ("a part of it", |at| at.x < 5.5)];
+        for (name, is_seen) in parts {
+            for (seed, yaw_deg) in [0.0, 90.0, 37.0, 180.0, -121.0].into_iter().enumerate() {
+                let moved = Pose2::new(-4.3, 11.0, f64::to_radians(yaw_deg));
+                let whole = map(&HOME, &Pose2::IDENTITY, all, 1);
+                let anew = map(&HOME, &moved, is_seen, 2 + seed as u64);
+                let middle = Point2::new(4.0, 3.0);
+                let cases =
+                    [(&whole, &anew, moved, middle), (&anew, &whole, moved.inverse(), moved.apply(&middle))];
+                for (earlier, later, truth, middle) in cases {
+                    let found =
+                        later_from_earlier(earlier, later).unwrap_or_else(|| panic!("{name}, {yaw_deg}"));
+                    let miss_m = (found.apply(&middle) - truth.apply(&middle)).norm();
+                    let turned = viola_geometry::angle_between(found.yaw_rad, truth.yaw_rad).to_degrees();
+                    assert!(miss_m < 0.1 && turned < 1.0, "{name}, {yaw_deg}: {miss_m} m, {turned} degrees");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_told_of_maps_that_do_not_tell() {
+        let home = map(&HOME, &Pose2::IDENTITY, all, 1);
+        let other: Vec<[f64; 4]> =
+            HOME.iter().map(|[x0, y0, x1, y1]| [x0 * 1.4, y0 * 0.8, x1 * 1.4, y1 * 0.8]).collect();
+        let square = map(&SQUARE, &Pose2::IDENTITY, all, 3);
+        let far = map(&[[0.0, 0.0, 90.0, 0.0]], &Pose2::IDENTITY, all, 4);
+        let cases = [
+            ("another home", &home, map(&other, &Pose2::IDENTITY, all, 2)),
+            ("a square, moved", &square, map(&SQUARE, &Pose2::new(3.0, 0.0, 0.0), all, 5)),
+            ("a map too large for a home", &far, map(&[[0.0, 0.0, 90.0, 0.0]], &Pose2::IDENTITY, all, 6)),
+        ];
+        for (name, earlier, later) in cases {
+            assert_eq!(later_from_earlier(earlier, &later), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_frame_that_stayed_is_taken_before_one_that_looks_alike() {
+        let (earlier, later) =
+            (map(&SQUARE, &Pose2::IDENTITY, all, 1), map(&SQUARE, &Pose2::IDENTITY, all, 2));
+        let found = later_from_earlier(&earlier, &later).unwrap();
+        assert!(!is_different(&found, &Pose2::IDENTITY), "{found:?}");
+    }
+}
