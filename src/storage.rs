@@ -58,6 +58,7 @@ pub use corrections::{
 };
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;
+pub use folder_lock::FolderLock;
 pub use home_maps::{
     HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, LevelSurface, MESH_POINTS, MapClip, MapFile, MapHistory,
     MapLevel, MapObject, MapRoom, MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,

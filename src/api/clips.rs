@@ -300,12 +300,23 @@ pub(super) async fn patch_clip(
 
 /// Remove a clip with all its data
 #[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
-    params(ClipPath),
-    responses((status = 204, description = "The clip is removed"), CommonProblems))]
+    params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
+    responses(
+        (status = 204, description = "The clip is removed"),
+        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
 pub(super) async fn delete_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
+    if headers.contains_key(header::IF_MATCH) {
+        let current = Clip::from(app.storage.clip(&home, clip).await?);
+        if !may_change(&headers, Some(&current)) {
+            return Err(StorageError::Changed { what: "clip" }.into());
+        }
+    }
     to_the_end(async move {
         app.storage.delete_clip(&home, clip, Timestamp::now()).await?;
         app.queue.wake();

@@ -11,9 +11,9 @@ use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, may_change, unmet};
 use super::types::Home;
-use crate::storage::{self, HomeFilter, HomeId};
+use crate::storage::{self, HomeFilter, HomeId, StorageError};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, header};
 use jiff::Timestamp;
 use serde::Deserialize;
 
@@ -115,12 +115,24 @@ pub(super) async fn list_homes(
 }
 
 /// Remove a home with all its data
-#[utoipa::path(delete, path = "/v1/homes/{home}", tag = "homes", params(HomePath),
-    responses((status = 204, description = "The home is removed"), CommonProblems))]
+#[utoipa::path(delete, path = "/v1/homes/{home}", tag = "homes", params(HomePath,
+        ("If-Match" = Option<String>, Header, description = "The `ETag` of the home as it was read")),
+    responses(
+        (status = 204, description = "The home is removed"),
+        (status = 412, description = "The home was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
 pub(super) async fn delete_home(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
+    if headers.contains_key(header::IF_MATCH) {
+        let current = Home::from(app.storage.home(&home).await?);
+        if !may_change(&headers, Some(&current)) {
+            return Err(StorageError::Changed { what: "home" }.into());
+        }
+    }
     to_the_end(async move {
         app.storage.delete_home(&home, Timestamp::now()).await?;
         app.queue.wake();

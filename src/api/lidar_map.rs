@@ -18,6 +18,7 @@ use axum::response::Response;
 use bytes::Bytes;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use tracing::warn;
 use viola_align::later_from_earlier;
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
 use viola_geometry::LevelName;
@@ -122,7 +123,7 @@ pub(super) async fn put(
     }
     if !is_same {
         app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
-        new.from_earlier = from_current(&app, &home, level, bytes).await?;
+        new.from_earlier = from_current(&app, &home, level, bytes).await;
     }
     to_the_end(async move {
         let is_expected = is_expected(&headers);
@@ -161,8 +162,23 @@ fn open(level: LevelName, file: Arrived, file_name: Option<String>) -> Result<(N
 }
 
 /// Registers a level's current map to the file that replaces it; `None` if the level has no map, and if the maps do not
-/// tell the frame.
+/// tell the frame. Without an answer the new file is taken all the same: it may replace one that is damaged.
 pub(super) async fn from_current(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+    later: Bytes,
+) -> Option<FromEarlier> {
+    match registered(app, home, level, later).await {
+        Ok(from_current) => from_current,
+        Err(error) => {
+            warn!(%home, %error, "a LiDAR map could not be registered to the one that it replaces");
+            None
+        }
+    }
+}
+
+async fn registered(
     app: &App,
     home: &HomeId,
     level: LevelName,

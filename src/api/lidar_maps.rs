@@ -10,8 +10,9 @@ use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::Document;
 use super::types::LidarMapRevision;
+use crate::storage::StorageError;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
 use jiff::Timestamp;
 use serde::Serialize;
@@ -89,7 +90,7 @@ pub(super) async fn restore_lidar_map(
     if !lidar_map::is_current(&app, &home, level, &earlier.sha256).await? {
         app.limits.room(&app.storage, &caller.tenant, earlier.size_bytes).await?;
         let file = app.storage.lidar_map_file(earlier.id()).await?;
-        from_current = lidar_map::from_current(&app, &home, level, file).await?;
+        from_current = lidar_map::from_current(&app, &home, level, file).await;
     }
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);
@@ -116,16 +117,26 @@ pub(super) async fn get_level_lidar_map(
 /// Remove a level: its LiDAR maps, and what people chose and corrected on it
 ///
 /// Every clip of the home is queued to be aligned to the other levels. The last level cannot be removed.
-#[utoipa::path(delete, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+#[utoipa::path(delete, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map",
+    params(LevelPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map as it was read")),
     responses(
         (status = 204, description = "The level is removed"),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
         (status = 409, description = "The home has no other level: `last-level`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn delete_level(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
+    headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
+    if headers.contains_key(header::IF_MATCH) {
+        let current = app.storage.lidar_map(&home, level).await?;
+        if !lidar_map::is_expected(&headers)(Some(&current)) {
+            return Err(StorageError::Changed { what: "LiDAR map" }.into());
+        }
+    }
     to_the_end(async move {
         app.storage.delete_lidar_map(&home, level, Timestamp::now()).await?;
         app.queue.wake();

@@ -1,8 +1,9 @@
 //! Protection of a service without keys from pages of other sites: DNS rebinding and cross-site requests. With keys, a
-//! page of another site has no credentials: it knows no key, and the session's cookie is `SameSite=Strict`.
+//! page of another site has no credentials: it knows no key, and the session's cookie is `SameSite=Strict`. A page of the
+//! same site (another port or subdomain) has the cookie, and changes nothing by it.
 
 use super::App;
-use super::access::asks_for_keys;
+use super::access::{asks_for_keys, cookie};
 use super::error::{Defence, Error};
 use super::layers::Origin;
 use axum::extract::{Request, State};
@@ -22,12 +23,27 @@ const MAX_SHOWN: usize = 200;
 
 /// Refuses requests for foreign hosts and from foreign pages while there is no key.
 pub(super) async fn check(State(app): State<App>, request: Request, next: Next) -> Result<Response, Error> {
+    refuse_foreign_session(request.method(), request.headers(), &app.cors_origins)?;
     if let Err(refusal) = refuse_foreign(&request, &app.cors_origins)
         && !asks_for_keys(&app).await?
     {
         return Err(refusal.into());
     }
     Ok(next.run(request).await)
+}
+
+/// Refuses a change by a session's cookie that a page of another port or subdomain asks for: browsers send the cookie with
+/// requests of the same site. Browsers tell the site on TLS and loopback.
+fn refuse_foreign_session(method: &Method, headers: &HeaderMap, allowed: &[Origin]) -> Result<(), Defence> {
+    let is_by_session = !headers.contains_key(header::AUTHORIZATION) && cookie(headers).is_some();
+    if method.is_safe() || !is_by_session || !is_foreign_fetch(headers) {
+        return Ok(());
+    }
+    match headers.get(header::ORIGIN) {
+        Some(origin) if allowed.iter().any(|allowed| allowed.is(origin)) => Ok(()),
+        Some(origin) => Err(Defence::ForeignOrigin(shown(origin.as_bytes()))),
+        None => Err(Defence::ForeignOrigin("a page of another site".to_owned())),
+    }
 }
 
 fn refuse_foreign<B>(request: &axum::http::Request<B>, allowed: &[Origin]) -> Result<(), Defence> {
@@ -102,6 +118,30 @@ mod tests {
         }
         let allowed: Vec<Origin> = allowed.iter().map(|origin| origin.parse().unwrap()).collect();
         refuse_foreign(&request.body(()).unwrap(), &allowed)
+    }
+
+    #[test]
+    fn a_page_of_the_same_site_changes_nothing_by_the_session() {
+        let cookie = ("cookie", "viola_session=x");
+        let (same_site, origin) = (("sec-fetch-site", "same-site"), ("origin", "https://blog.example.com"));
+        for (method, headers, allowed, is_refused) in [
+            ("POST", vec![cookie, same_site, origin], &[][..], true),
+            ("POST", vec![cookie, same_site], &[], true),
+            ("POST", vec![cookie, same_site, origin], &["https://blog.example.com"], false),
+            ("GET", vec![cookie, same_site, origin], &[], false),
+            ("POST", vec![cookie, ("sec-fetch-site", "same-origin"), origin], &[], false),
+            ("POST", vec![cookie, origin], &[], false),
+            ("POST", vec![same_site, origin], &[], false),
+            ("POST", vec![cookie, same_site, origin, ("authorization", "Bearer x")], &[], false),
+        ] {
+            let mut map = HeaderMap::new();
+            for (name, value) in &headers {
+                map.insert(HeaderName::from_static(name), HeaderValue::from_static(value));
+            }
+            let allowed: Vec<Origin> = allowed.iter().map(|origin| origin.parse().unwrap()).collect();
+            let refused = refuse_foreign_session(&method.parse().unwrap(), &map, &allowed);
+            assert_eq!(refused.is_err(), is_refused, "{method} {headers:?} {allowed:?}");
+        }
     }
 
     #[test]

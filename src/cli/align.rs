@@ -3,6 +3,7 @@
 use super::completion::CompletionArguments;
 use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
+use super::output;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
 use super::wrong_file::{self, Advice};
@@ -100,6 +101,8 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
         let path = arguments.out.join(name);
         std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
     };
+    // A folder that has `result.json` is whole.
+    output::remove(&arguments.out.join("result.json"))?;
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);

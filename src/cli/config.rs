@@ -64,7 +64,8 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
 
 /// Takes `--config` out of the arguments and returns its file, by default that of the variable.
 fn take_file(mut arguments: Vec<OsString>) -> Result<(Vec<OsString>, Option<PathBuf>)> {
-    let mut file = std::env::var_os(VARIABLE).map(PathBuf::from);
+    // A shell may unset a variable by making it empty.
+    let mut file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty()).map(PathBuf::from);
     let mut at = 1;
     while at < arguments.len() {
         let text = arguments[at].to_string_lossy().into_owned();

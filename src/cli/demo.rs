@@ -4,11 +4,12 @@ mod client;
 mod recordings;
 
 use super::networks::NetworkArguments;
+use super::numbers;
 use crate::api::{
     AttemptParams, BodyParams, ConnectionParams, LimitParams, ReaderParams, ServeParams, UploadParams, serve,
 };
 use crate::jobs::{JobParams, WorkerParams};
-use crate::storage::StorageParams;
+use crate::storage::{FolderLock, StorageParams};
 use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -46,7 +47,7 @@ pub struct DemoArguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Frames of each clip.
-    #[arg(long, default_value_t = 60)]
+    #[arg(long, default_value_t = 60, value_parser = numbers::frames)]
     frames: usize,
     #[command(flatten)]
     networks: NetworkArguments,
@@ -92,7 +93,8 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         let _ = listening.send(address);
     }));
     let address = tokio::select! {
-        address = address => address.context("the server gave no address")?,
+        // Without an address the server has ended, which says why.
+        Ok(address) = address => address,
         ended = &mut server => return Ok(ended.context("the server broke down")??),
     };
     let pictures = arguments.data.join("pictures");
@@ -207,6 +209,7 @@ fn fresh_folder(folder: &Path) -> Result<()> {
         if !folder.join(MARKER).exists() && entries.next().is_some() {
             bail!("{shown} is not empty and not of an earlier demo; choose another folder with --data");
         }
+        FolderLock::refuse_in_use(&folder.join("service"))?;
         fs::remove_dir_all(folder).with_context(|| format!("cannot empty {shown}"))?;
     }
     fs::create_dir_all(folder).with_context(|| format!("cannot make {shown}"))?;

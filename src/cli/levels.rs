@@ -14,8 +14,8 @@ use viola_geometry::{LevelName, MAX_LEVELS};
 /// The LiDAR map of a level: `FILE` for the level `main`, else `LEVEL=FILE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LevelArgument {
-    level: LevelName,
-    path: PathBuf,
+    pub level: LevelName,
+    pub path: PathBuf,
 }
 
 /// Returns the parser of an argument.

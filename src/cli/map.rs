@@ -17,6 +17,7 @@ mod table;
 use super::completion::CompletionArguments;
 use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
+use super::output;
 use super::progress::{TerminalProgress, tell};
 use super::video_tools::video_tools;
 use crate::jobs::{JobParams, level_maps};
@@ -42,6 +43,9 @@ pub const EXIT_CODES: &str = "Exit codes:
   1  there is no map: for example, the LiDAR map cannot be read
   2  wrong arguments
   3  the map was written, and at least one clip could not be read or has no pose; map.json says why";
+
+/// The files of a level that a LiDAR map could have the name of.
+const LEVEL_FILES: [&str; 5] = ["valetudo.json", "points.ply", "plan.json", "plan.png", "calibration.json"];
 
 #[derive(Args)]
 pub struct MapArguments {
@@ -76,9 +80,14 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let params = JobParams { align, video: video_tools(), ..JobParams::default() };
+    let out = &arguments.out;
+    for LevelArgument { level, path } in &arguments.lidar {
+        let folder = if level.is_main() { out.clone() } else { out.join(level.as_str()) };
+        output::refuse_to_overwrite(path, &folder, &LEVEL_FILES)?;
+        output::refuse_to_overwrite(path, out, &["map.json", "objects.json", "rooms.json", "matter.json"])?;
+    }
     let maps = levels::open(&arguments.lidar)?;
     let levels = level_maps(&maps);
-    let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 
     let mut aligner =

@@ -3,6 +3,7 @@
 use super::runtime::RuntimeArguments;
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,7 +23,7 @@ pub const NO_NETWORKS: &str = "none";
 pub struct NetworkArguments {
     /// Folder of neural networks (see `viola models list`). Without it, the built-in network classifies
     /// surfaces. `none` uses no network at all: classes then come from geometry alone.
-    #[arg(long, env = "VIOLA_MODELS", value_name = "DIR")]
+    #[arg(long, env = "VIOLA_MODELS", value_name = "DIR", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub models: Option<PathBuf>,
     #[command(flatten)]
     runtime: RuntimeArguments,

@@ -1,5 +1,6 @@
 //! `viola simulate`: writes a furnished home with its vacuum's map and clips to a folder.
 
+use super::numbers;
 use super::progress::tell;
 use anyhow::{Context, Result};
 use serde_json::json;
@@ -11,6 +12,9 @@ use viola_lab::simulate::{
     ros_yaml, valetudo_json, write_scannet_zip,
 };
 
+/// A home has at most 999 clips in its file names.
+const MOST_CLIPS: u64 = 999;
+
 #[derive(clap::Args)]
 pub struct SimulateArguments {
     /// Kind of homes: normal, upper, repeated, changed, storeys (the ground floor), drifted,
@@ -20,16 +24,16 @@ pub struct SimulateArguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Number of clips.
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(..=MOST_CLIPS))]
     clips: u64,
     /// Frames of each clip.
-    #[arg(long, default_value_t = 60)]
+    #[arg(long, default_value_t = 60, value_parser = numbers::frames)]
     frames: usize,
     /// Depth sensor: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
     /// Error of the device's poses after one metre of path, in metres.
-    #[arg(long, default_value_t = ClipParams::default().drift)]
+    #[arg(long, default_value_t = ClipParams::default().drift, value_parser = numbers::drift_m)]
     drift: f64,
     /// Output folder, created if it is missing.
     #[arg(long)]

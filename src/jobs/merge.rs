@@ -226,17 +226,15 @@ async fn left_map(
     now: &LidarMapRevision,
 ) -> Result<Option<LeftMap>, MergeError> {
     let Some(revision) = claim.left_lidar_map(now) else { return Ok(None) };
-    let (mut now_from_left, mut map) = (Some(Pose2::IDENTITY), now.clone());
-    while map.revision != revision {
-        let Some(step) = map.from_earlier else { break };
-        now_from_left = now_from_left.map(|pose| pose.compose(&step.map_from_earlier));
-        // Its files are not needed, but a removed revision has no row that could be asked.
-        let Some(earlier) = storage.lidar_map_revision(&claim.home, now.level, step.revision).await? else {
-            break;
-        };
-        map = earlier;
+    let (mut now_from_map, mut map) = (Pose2::IDENTITY, Some(now.clone()));
+    while let Some(step) = map.and_then(|map| map.from_earlier) {
+        now_from_map = now_from_map.compose(&step.map_from_earlier);
+        if step.revision == revision {
+            return Ok(Some(LeftMap { revision, now_from_left: Some(now_from_map) }));
+        }
+        map = storage.lidar_map_revision(&claim.home, now.level, step.revision).await?;
     }
-    Ok(Some(LeftMap { revision, now_from_left: now_from_left.filter(|_| map.revision == revision) }))
+    Ok(Some(LeftMap { revision, now_from_left: None }))
 }
 
 /// Adds the tiles that the next revision keeps, and labels the map where it changed.

@@ -5,6 +5,7 @@ use super::lidar_maps::FromEarlier;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{LevelName, Pose2};
+use viola_home as home;
 use viola_reconstruct::Reason;
 
 const CHOSEN: &str = "chosen_by_person";
@@ -69,6 +70,11 @@ impl Choice {
             reasons.push(Reason::new(CARRIED_OVER, detail));
         }
         Verdict { state: ClipState::Aligned, reasons }
+    }
+
+    /// Returns the choice as a verdict for the home's map.
+    pub(super) fn verdict(&self) -> home::Verdict {
+        home::Verdict::Chosen { level: self.level, map_from_clip: self.map_from_clip }
     }
 
     /// Moves the choice into the frame of a new revision of its level's LiDAR map, if it is of the replaced one.

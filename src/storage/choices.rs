@@ -3,7 +3,7 @@
 
 use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS};
-use super::columns::{Columns, to_json};
+use super::columns::{Columns, stored, to_json};
 use super::database::{Transaction, query};
 use super::{Clip, ClipState, FromEarlier, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
 use jiff::Timestamp;
@@ -85,7 +85,7 @@ impl Storage {
             alternative,
             lidar_map_revision,
             carried_from: None,
-            chosen_at: now,
+            chosen_at: stored(now),
         };
         if clip.choice.as_ref().is_some_and(|before| before.says_the_same(&choice)) {
             return Ok(clip);

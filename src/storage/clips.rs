@@ -230,7 +230,8 @@ pub(super) async fn change(
     outcome: Outcome<'_>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let before = query("SELECT id, home_id, state, choice, result_bytes FROM clips WHERE job_id = $1");
+    let before =
+        query("SELECT id, home_id, state, choice, result_key, result_bytes FROM clips WHERE job_id = $1");
     let before = before.bind(job.to_string()).fetch_optional(&mut *connection).await?;
     let Some(before) = before else { return Ok(()) };
     let home = before.home("home_id")?;
@@ -242,8 +243,8 @@ pub(super) async fn change(
         }
         None => own,
     };
-    let has_answer = |state: ClipState| matches!(state, ClipState::Aligned | ClipState::Ambiguous);
-    if has_answer(before.name("state")?) || has_answer(verdict.state) {
+    // Other clips may place a clip that has no pose by itself.
+    if before.maybe_text("result_key")?.is_some() || outcome.result.is_some() {
         home_maps::changed(connection, &home).await?;
     }
     let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);

@@ -60,6 +60,11 @@ pub(super) trait Columns {
     }
 }
 
+/// Returns a time as it is stored, in milliseconds.
+pub(super) fn stored(time: Timestamp) -> Timestamp {
+    Timestamp::from_millisecond(time.as_millisecond()).unwrap_or(time)
+}
+
 /// Returns the text of a document column.
 pub(super) fn to_json<T: Serialize>(value: &T) -> String {
     serde_json::to_string(value).expect("our own records have text keys and cannot fail to serialise")

@@ -10,7 +10,7 @@ pub use change::{ObjectChange, RoomChange};
 pub use rows::{Corrections, Kept};
 pub(super) use rows::{forget_level, of_home};
 
-use super::columns::Columns;
+use super::columns::{Columns, stored};
 use super::database::{Transaction, query};
 use super::home_maps::{MapHistory, MapObject, MapRoom, MapScene, map_file};
 use super::{HomeId, Storage, StorageError, homes};
@@ -350,7 +350,7 @@ async fn write<T: Serialize>(
         target: of.1.to_owned(),
         lidar_map_revision: current.lidar_map_revision,
         correction,
-        corrected_at: now,
+        corrected_at: stored(now),
     });
     if keep(transaction, home, of, kept.as_ref()).await? > MOST_CORRECTIONS {
         return Err(CorrectionError::TooMany);

@@ -5,12 +5,17 @@ use std::fs::{File, TryLockError};
 use std::path::Path;
 
 /// Held while the file is open; the system releases it when the process ends, also after a crash.
-pub(super) struct FolderLock {
+pub struct FolderLock {
     _file: File,
 }
 
 impl FolderLock {
-    pub fn take(folder: &Path) -> Result<FolderLock, StorageError> {
+    /// Returns an error if a server uses the folder.
+    pub fn refuse_in_use(folder: &Path) -> Result<(), StorageError> {
+        if folder.exists() { FolderLock::take(folder).map(drop) } else { Ok(()) }
+    }
+
+    pub(super) fn take(folder: &Path) -> Result<FolderLock, StorageError> {
         let path = folder.join("lock");
         let file = File::options().create(true).append(true).open(&path);
         let file = file.map_err(|source| StorageError::File { path: path.clone(), source })?;

@@ -226,6 +226,18 @@ pub(super) async fn changed(connection: &mut Connection, home: &HomeId) -> Resul
     Ok(())
 }
 
+/// Marks a home's map as due if the home has one: its LiDAR maps are others, whatever its clips are.
+pub(super) async fn outdated(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
+    query(
+        "UPDATE homes SET map_wanted = map_wanted + 1
+        WHERE id = $1 AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1)",
+    )
+    .bind(home.key())
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
 async fn files(
     connection: &mut Connection,
     home: &HomeId,

@@ -222,7 +222,9 @@ impl Storage {
         query("DELETE FROM homes WHERE id = $1").bind(id.key()).execute(&mut transaction).await?;
         changes::record_home_removed(&mut transaction, id, now).await?;
         pending_deletes::add(&mut transaction, &owner, &blobs, now).await?;
-        pending_deletes::take_over(&mut transaction, &owner, &format!("clip:{}", id.key())).await?;
+        for of_home in ["clip", "lidar-map"] {
+            pending_deletes::take_over(&mut transaction, &owner, &format!("{of_home}:{}", id.key())).await?;
+        }
         transaction.commit().await?;
         self.delete_pending(&owner).await?;
         Ok(())

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::str::FromStr;
+use tracing::warn;
 use uuid::Uuid;
 
 /// Prefix of a secret, so that a leaked one is recognised.
@@ -198,15 +199,22 @@ impl Storage {
         if let Some(key) = &key
             && key.last_used_at.is_none_or(|last| now.duration_since(last) > LAST_USE)
         {
-            let mut transaction = self.database.begin().await?;
-            query("UPDATE api_keys SET last_used_at = $2 WHERE id = $1")
-                .bind(key.id.to_string())
-                .bind(now.as_millisecond())
-                .execute(&mut transaction)
-                .await?;
-            transaction.commit().await?;
+            // A database that cannot write still answers reads.
+            if let Err(error) = self.note_use(key.id, now).await {
+                warn!(key = %key.id, %error, "the use of a key could not be noted");
+            }
         }
         Ok(key)
+    }
+
+    async fn note_use(&self, key: Uuid, now: Timestamp) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        query("UPDATE api_keys SET last_used_at = $2 WHERE id = $1")
+            .bind(key.to_string())
+            .bind(now.as_millisecond())
+            .execute(&mut transaction)
+            .await?;
+        Ok(transaction.commit().await?)
     }
 
     /// Returns all keys, or a tenant's, including invalid ones, by tenant, oldest first.

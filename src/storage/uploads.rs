@@ -222,7 +222,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
-        check_room(&mut transaction, &new.tenant, new.home.as_ref(), limits).await?;
+        check_room(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits).await?;
         let id = Uuid::now_v7();
         insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
         let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
@@ -279,10 +279,12 @@ impl Storage {
     }
 }
 
+/// Refuses a new upload beyond the limits. It takes the place of `joined` parts of the tenant.
 async fn check_room(
     transaction: &mut Transaction,
     tenant: &Tenant,
     home: Option<&HomeId>,
+    joined: u64,
     limits: &UploadLimits,
 ) -> Result<(), UploadError> {
     let of_tenant = query(
@@ -291,7 +293,7 @@ async fn check_room(
     );
     let of_tenant = of_tenant.bind(tenant.name()).fetch_one(transaction).await?;
     let limit = of_tenant.maybe_number("own")?.map_or(limits.in_tenant, i64::unsigned_abs);
-    if of_tenant.count::<u64>("uploads")? >= limit {
+    if of_tenant.count::<u64>("uploads")?.saturating_sub(joined) >= limit {
         return Err(UploadError::TooMany { limit, place: "of this tenant" });
     }
     let Some(home) = home else { return Ok(()) };

@@ -8,6 +8,7 @@ mod early_pose;
 mod evaluate;
 mod imagination;
 mod labels;
+mod lidar_maps;
 mod map;
 mod network;
 mod registration;

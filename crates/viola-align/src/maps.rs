@@ -4,7 +4,7 @@ use crate::refine;
 use crate::scan::Hit;
 use crate::score::is_different;
 use crate::search::{Search, SearchLimits, SearchParams};
-use crate::target::Target;
+use crate::target::{THINNED_CELL_M, Target};
 use rayon::prelude::*;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
@@ -14,6 +14,8 @@ use viola_geometry::{Point2, Pose2, Vector2};
 const NEAR_M: f64 = 0.12;
 /// Least fraction of the points with a counterpart, of the map that lies more inside the other one.
 const LEAST_AGREEMENT: f64 = 0.7;
+/// Least length of the walls with a counterpart: less is found in any home.
+const LEAST_WALL_M: f64 = 10.0;
 /// A different pose with as many counterparts, up to this fraction, is as good.
 const MARGIN: f64 = 0.05;
 /// Longest side of a map: 60 m hold a home. Larger ones would take as much memory as a clip's job.
@@ -88,13 +90,19 @@ fn hit((point_m, share): (&Point2, &f64), middle: &Point2) -> Hit {
 struct Agreement {
     earlier: f64,
     later: f64,
+    /// Length of the earlier map's walls with a counterpart.
+    wall_m: f64,
 }
 
 impl Agreement {
     fn of(later_from_earlier: &Pose2, earlier: &Target, later: &Target) -> Agreement {
+        let (near, all) = counterparts(earlier, later_from_earlier, later);
+        let (near_later, all_later) = counterparts(later, &later_from_earlier.inverse(), earlier);
+        let share = |near: f64, all: f64| if all > 0.0 { near / all } else { 0.0 };
         Agreement {
-            earlier: share(earlier, later_from_earlier, later),
-            later: share(later, &later_from_earlier.inverse(), earlier),
+            earlier: share(near, all),
+            later: share(near_later, all_later),
+            wall_m: near * THINNED_CELL_M,
         }
     }
 
@@ -104,12 +112,12 @@ impl Agreement {
 
     /// A map of a part of the home lies inside that of all of it.
     fn is_enough(&self) -> bool {
-        self.earlier.max(self.later) >= LEAST_AGREEMENT
+        self.earlier.max(self.later) >= LEAST_AGREEMENT && self.wall_m >= LEAST_WALL_M
     }
 }
 
-/// Returns the fraction of a map's points with a counterpart in another map, each counted as a wall.
-fn share(of: &Target, there_from_here: &Pose2, there: &Target) -> f64 {
+/// Returns the number of a map's points with a counterpart in another map, and of all its points, each counted as a wall.
+fn counterparts(of: &Target, there_from_here: &Pose2, there: &Target) -> (f64, f64) {
     let (mut near, mut all) = (0.0, 0.0);
     for (point, weight) in of.thinned_m.iter().zip(&of.thinned_shares) {
         all += weight;
@@ -117,7 +125,7 @@ fn share(of: &Target, there_from_here: &Pose2, there: &Target) -> f64 {
             near += weight;
         }
     }
-    if all > 0.0 { near / all } else { 0.0 }
+    (near, all)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use viola_geometry::{DistanceField, Grid, GridFrame, LevelName, Point2};
 pub struct Target {
     pub level: LevelName,
     pub points_m: Vec<Point2>,
-    /// One of the points in each 5 cm cell.
+    /// One of the points in each cell of 5 cm.
     pub thinned_m: Vec<Point2>,
     /// Of each of `thinned_m`: how much it counts as a wall, 0..1.
     pub thinned_shares: Vec<f64>,
@@ -25,6 +25,8 @@ pub struct Target {
     pieces: Pieces,
 }
 
+/// Side of the cells that have one thinned point.
+pub(crate) const THINNED_CELL_M: f64 = 0.05;
 /// Cell size of the distance field for maps that are bare points: finer than their noise.
 const POINT_CELL_M: f64 = 0.02;
 /// Distance beyond the map within which the field is exact.
@@ -60,7 +62,7 @@ impl Target {
         let mut taken = FxHashSet::default();
         let thinned_m: Vec<Point2> = points_m
             .iter()
-            .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i32)))
+            .filter(|p| taken.insert([p.x, p.y].map(|c| (c / THINNED_CELL_M).floor() as i32)))
             .copied()
             .collect();
         let pieces = Pieces::new(&points_m, cell_m);

@@ -308,6 +308,9 @@ impl Tracker {
                 continue;
             }
             let (into, from) = (a.min(b), a.max(b));
+            // The joined segment ends as the later of the two.
+            let last = |segment: usize| self.keys.iter().rposition(|key| key.segment == segment);
+            let ends_as_from = last(from) > last(into);
             let a_from_b = self.keys[edge.a].world_from_key
                 * edge.b_from_a.inverse()
                 * self.keys[edge.b].world_from_key.inverse();
@@ -316,7 +319,10 @@ impl Tracker {
                 key.segment = into;
                 key.world_from_key = moved * key.world_from_key;
             }
-            self.ended[into] = self.ended[from].take();
+            let ended = self.ended[from].take();
+            if ends_as_from {
+                self.ended[into] = ended;
+            }
         }
     }
 

@@ -23,13 +23,16 @@ pub(in crate::api) async fn clean(app: App) {
 }
 
 async fn pass(app: &App) -> Result<(), StorageError> {
-    let expired = app.storage.expire_uploads(Timestamp::now()).await?;
-    if expired > 0 {
-        info!(expired, "uploads expired");
+    // A file that cannot be deleted must not keep complete uploads from becoming clips.
+    match app.storage.expire_uploads(Timestamp::now()).await {
+        Ok(0) => {}
+        Ok(expired) => info!(expired, "uploads expired"),
+        Err(error) => warn!(%error, "uploads could not expire; it is tried again"),
     }
-    let finished = app.storage.finish_deletions().await?;
-    if finished > 0 {
-        info!(finished, "files of what had been deleted are gone now");
+    match app.storage.finish_deletions().await {
+        Ok(0) => {}
+        Ok(finished) => info!(finished, "files of what had been deleted are gone now"),
+        Err(error) => warn!(%error, "files of what had been deleted are still there; it is tried again"),
     }
     for id in app.storage.due_uploads(BATCH, Timestamp::now()).await? {
         if app.stop.is_cancelled() {

@@ -6,6 +6,7 @@ use super::document::{ClipDocument, LevelDocument, MapDocument};
 use super::exports::LevelExports;
 use super::robot;
 use crate::api::{objects_document, rooms_document};
+use crate::cli::output;
 use crate::jobs::{Described, Earlier, describe};
 use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 use anyhow::{Context, Result};
@@ -103,6 +104,7 @@ impl<'a> HomeFiles<'a> {
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
     pub fn write(&self, out: &Path) -> Result<()> {
+        output::remove(&out.join("map.json"))?;
         for level in &self.levels {
             let folder = if level.level.is_main() { out.to_owned() } else { out.join(level.level.as_str()) };
             fs::create_dir_all(&folder)

@@ -13,6 +13,7 @@ on_every_back_end!(
     without_a_result_a_choice_waits,
     choices_that_cannot_be,
     a_choice_makes_the_map_due,
+    a_choice_during_a_merge_stands,
 );
 
 fn pose(x_m: f64) -> Pose2 {
@@ -215,6 +216,18 @@ async fn choices_that_cannot_be(storage: Storage) {
     }
     assert_eq!(storage.clip(&home, clip.id).await.unwrap(), clip);
     choose(&storage, &clip, at_m(14.0, -11.0), 2).await;
+}
+
+/// The merge began before the choice, and must not tell the clip what it was then.
+async fn a_choice_during_a_merge_stands(storage: Storage) {
+    one_job(&storage).await;
+    let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    let claim = storage.claim_merge("", LEASE, at(100)).await.unwrap().expect("its neighbours may decide");
+    let chosen = choose(&storage, &clip, Chosen::Alternative(1), 101).await;
+    assert!(storage.finish_merge(&claim, Some(&NewRevision::default()), at(102)).await.unwrap());
+    assert_eq!(storage.clip(&clip.home, clip.id).await.unwrap(), chosen);
+    let claim = storage.claim_merge("", LEASE, at(103)).await.unwrap().expect("the choice is not in the map");
+    assert!(matches!(claim.members[0].verdict, Verdict::Chosen { .. }));
 }
 
 async fn a_choice_makes_the_map_due(storage: Storage) {

@@ -21,7 +21,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (13, "limits", include_str!("../../../migrations/0013_limits.sql")),
     (14, "names and coverage", include_str!("../../../migrations/0014_names_and_coverage.sql")),
     (15, "fair merges", include_str!("../../../migrations/0015_fair_merges.sql")),
-    (16, "frames of LiDAR maps", include_str!("../../../migrations/0016_frames_of_lidar_maps.sql")),
+    (16, "frames of lidar maps", include_str!("../../../migrations/0016_frames_of_lidar_maps.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -341,9 +341,7 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
     let member = |row: &Row| {
         let alignment: Option<Alignment> = row.maybe_json("alignment")?;
         let verdict = match row.maybe_json::<Choice>("choice")? {
-            Some(choice) => {
-                Some(Verdict::Chosen { level: choice.level, map_from_clip: choice.map_from_clip })
-            }
+            Some(choice) => Some(choice.verdict()),
             None => alignment.as_ref().and_then(Verdict::of),
         };
         // The state is also `failed` if the last attempt broke; the answer is then an older one.

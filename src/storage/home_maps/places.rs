@@ -3,10 +3,15 @@
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
+use crate::storage::{Choice, HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
 use jiff::Timestamp;
 use viola_align::Alignment;
-use viola_home::{Member, PlacedClip};
+use viola_home::{Member, PlacedClip, Verdict};
+
+/// Returns a verdict that is a person's.
+fn chosen(verdict: &Verdict) -> Option<Verdict> {
+    matches!(verdict, Verdict::Chosen { .. }).then(|| verdict.clone())
+}
 
 /// Updates the clips' placements. An ambiguous or failed clip that its neighbours placed becomes aligned; if they
 /// no longer do, it is ambiguous or failed again. A clip with a newer answer stays as it is: its home is due again.
@@ -44,12 +49,16 @@ pub(super) async fn tell(
             map_revision: revision,
         });
         let row =
-            query("SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2")
+            query("SELECT state, reasons, placement, alignment, choice FROM clips WHERE id = $1 AND result_key = $2")
                 .bind(member.clip.to_string())
                 .bind(&member.share)
                 .fetch_optional(transaction)
                 .await?;
         let Some(row) = row else { continue };
+        // A person chose or withdrew meanwhile, and the home is due again.
+        if row.maybe_json::<Choice>("choice")?.map(|choice| choice.verdict()) != chosen(&member.verdict) {
+            continue;
+        }
         let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
         let before = row.maybe_json::<Placement>("placement")?;
         // A clip that stays in place is not updated with every revision.

@@ -6,7 +6,7 @@ use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
-use crate::storage::{HomeId, Storage, StorageError, choices, homes, jobs};
+use crate::storage::{HomeId, Storage, StorageError, choices, home_maps, homes, jobs};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
@@ -171,10 +171,13 @@ impl Storage {
         .await?;
         homes::grow(&mut transaction, home, (new.size_bytes + new.image_bytes) as i64).await?;
         if let Some(from_earlier) = &from_earlier {
+            // Jobs before clips, as everywhere.
+            jobs::lock_of_home(&mut transaction, home).await?;
             choices::carry_over(&mut transaction, home, new.level, from_earlier, revision).await?;
         }
         let mut stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
         stale_blobs.extend(remove_to(&mut transaction, home, new.level, KEPT_LIDAR_MAPS, now).await?);
+        home_maps::outdated(&mut transaction, home).await?;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
         transaction.commit().await?;

@@ -4,7 +4,9 @@ use super::{file_key, image_key, levels};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::Columns;
 use crate::storage::database::{Transaction, query};
-use crate::storage::{Choice, HomeId, Storage, StorageError, corrections, homes, jobs, pending_deletes};
+use crate::storage::{
+    Choice, HomeId, Storage, StorageError, corrections, home_maps, homes, jobs, pending_deletes,
+};
 use jiff::Timestamp;
 use viola_geometry::LevelName;
 
@@ -37,6 +39,7 @@ impl Storage {
         withdraw_choices(&mut transaction, home, level).await?;
         corrections::forget_level(&mut transaction, home, level).await?;
         keys.extend(jobs::enqueue_home(&mut transaction, home, newest.id, now).await?);
+        home_maps::outdated(&mut transaction, home).await?;
         let revision = newest.revision;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         pending_deletes::add(&mut transaction, &owner, &keys, now).await?;

@@ -38,7 +38,8 @@ impl Storage {
         if let Some(earlier) = joined_earlier(&mut transaction, joining, now).await? {
             return Ok(earlier);
         }
-        check_room(&mut transaction, &joining.tenant, Some(&joining.home), limits).await?;
+        let parts = joining.parts.len() as u64;
+        check_room(&mut transaction, &joining.tenant, Some(&joining.home), parts, limits).await?;
         let id = Uuid::now_v7();
         let new = NewUpload {
             kind: UploadKind::Final,

@@ -199,7 +199,8 @@ fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<It
 
 /// Returns the number of pictures that are in no frame. Without colour, depth is enough for a frame.
 fn incomplete(color: usize, depth: usize, frames: usize) -> usize {
-    color + depth - if color == 0 { frames } else { 2 * frames }
+    // Frames of depth alone beside others with colour have one picture.
+    (color + depth).saturating_sub(if color == 0 { frames } else { 2 * frames })
 }
 
 /// Converts a camera pose from OpenGL's to OpenCV's axes: half a turn about x.

@@ -36,8 +36,9 @@ pub fn divide(mesh: &mut Mesh, objects: &[MeshObject]) {
         });
         let object =
             objects.iter().position(|object| object.class == class && object.bounds.holds(&middle, MARGIN_M));
+        let object = object.or_else(|| within(objects, class, &middle));
         // Objects come after the classes, in their own order.
-        (object.map_or(0, |index| index + 1), class.id())
+        (object.map_or(0, |index| index + 1), object.map_or(class, |index| objects[index].class).id())
     };
     let mut keyed: Vec<((usize, u16), [u32; 3])> =
         mesh.triangles.iter().map(|triangle| (part_of(triangle), *triangle)).collect();
@@ -63,6 +64,16 @@ pub fn divide(mesh: &mut Mesh, objects: &[MeshObject]) {
         });
     }
     (mesh.vertices, mesh.parts) = (vertices, parts);
+}
+
+/// Returns the smallest object around surface of another class: an object's class may be that of its size, or a person's.
+fn within(objects: &[MeshObject], class: Class, middle: &[f64; 3]) -> Option<usize> {
+    if class.is_structure() || matches!(class, Class::Rug | Class::Curtain) {
+        return None;
+    }
+    let volume_m3 = |index: &usize| objects[*index].bounds.size_m.iter().product::<f64>();
+    let around = (0..objects.len()).filter(|index| objects[*index].bounds.holds(middle, 0.0));
+    around.min_by(|a, b| volume_m3(a).total_cmp(&volume_m3(b)))
 }
 
 fn majority([a, b, c]: &[&Vertex; 3]) -> Class {

@@ -184,6 +184,21 @@ fn objects_are_parts_by_their_ids() {
     assert_eq!(file.data_start().unwrap() % 64, 0);
 }
 
+/// Labels below say chair; the object is a sofa by its size, or because a person said so.
+#[test]
+fn an_object_of_another_class_than_its_surface_is_a_part() {
+    let mut points = plane(0.0, 1.0, 0.0, Class::Floor);
+    points.extend(sphere([0.4, 0.4, 0.5], 0.25));
+    let bounds = |size_m| UprightBox { centre_m: [0.4, 0.4, 0.5], size_m, yaw_rad: 0.0 };
+    let objects = [
+        MeshObject { id: "bed-1", class: Class::Bed, bounds: bounds([2.0, 2.0, 1.2]) },
+        MeshObject { id: "sofa-1", class: Class::Sofa, bounds: bounds([0.6; 3]) },
+    ];
+    let mesh = Mesh::new(&[tile(points)], &objects, usize::MAX);
+    let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["floor", "sofa-1"]);
+}
+
 #[test]
 fn nothing_gives_an_empty_mesh_that_can_be_written() {
     let mesh = Mesh::new(&[], &[], 10);

@@ -2,7 +2,7 @@
 
 use super::model::{Opening, OpeningKind, Wall, strip};
 use super::shape::USUAL_M;
-use crate::rooms::outline::Outline;
+use crate::rooms::outline::{Outline, signed_area_m2};
 use geo::{Area, BooleanOps, Coord, LineString, MultiPolygon, Polygon, unary_union};
 
 /// Outer walls made of cells reach this far beyond their straight outer face.
@@ -13,6 +13,8 @@ const SEAM_M: f64 = 0.02;
 const SAME_CORNER_M: f64 = 0.005;
 /// Smaller pieces of masonry are remains of stairs.
 const MIN_AREA_M2: f64 = 0.01;
+/// A smaller hole is a seam between walls.
+const MIN_HOLE_M2: f64 = 1e-4;
 
 /// Returns the area of the walls, with the stairs of cells put on the straight oblique walls.
 pub(super) fn with_oblique(
@@ -72,6 +74,10 @@ fn polygon(outline: &Outline) -> Polygon {
     Polygon::new(line_string(&outline.ring_m), outline.holes_m.iter().map(|hole| line_string(hole)).collect())
 }
 
+fn is_ring(corners: &[[f64; 2]]) -> bool {
+    corners.len() >= 3 && signed_area_m2(corners).abs() > MIN_HOLE_M2
+}
+
 /// Returns a polygon with its outer ring counter-clockwise and its holes clockwise, as `geo` returns them.
 fn outline(polygon: &Polygon) -> Outline {
     let corners = |ring: &LineString| {
@@ -86,6 +92,7 @@ fn outline(polygon: &Polygon) -> Outline {
     };
     Outline {
         ring_m: corners(polygon.exterior()),
-        holes_m: polygon.interiors().iter().map(corners).collect(),
+        // Corners that became one may leave a hole without area, which is no ring (RFC 7946, 3.1.6).
+        holes_m: polygon.interiors().iter().map(corners).filter(|hole| is_ring(hole)).collect(),
     }
 }

@@ -36,6 +36,10 @@ pub fn las_code(class: Class) -> u8 {
     }
 }
 
+/// Place of the legacy number of points, followed by the five legacy numbers of points by return, of 4 bytes each.
+const LEGACY_COUNTS_AT: u64 = 107;
+const LEGACY_COUNTS_BYTES: usize = 24;
+
 /// Writes points as LAZ. `id` is the file's id.
 pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
     out: W,
@@ -50,7 +54,14 @@ pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
     }
     writer.close().map_err(io::Error::other)?;
     let Target { mut out, failed } = writer.into_inner().map_err(io::Error::other)?;
-    failed.map_or_else(|| out.flush(), Err)
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    // Format 7 has no legacy numbers of points (LAS 1.4 R15, 2.4); the library writes them.
+    out.seek(SeekFrom::Start(LEGACY_COUNTS_AT))?;
+    out.write_all(&[0; LEGACY_COUNTS_BYTES])?;
+    out.seek(SeekFrom::End(0))?;
+    out.flush()
 }
 
 fn header(id: Uuid) -> las::Result<las::Header> {

@@ -12,7 +12,7 @@ pub const UNKNOWN: u8 = 255;
 /// Maximum number of rooms in the mask: the largest value of a known cell.
 const MAX_ROOMS: usize = 100;
 /// Objects whose lower side is above this do not concern a robot.
-const REACH_M: f64 = 1.0;
+pub const REACH_M: f64 = 1.0;
 
 /// The rasters of a level, with the cells of its LiDAR map.
 pub struct Labels {

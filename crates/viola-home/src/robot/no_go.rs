@@ -2,6 +2,7 @@
 
 use super::area::for_cells;
 use super::ground::Ground;
+use super::labels::REACH_M;
 use super::{RobotLevel, RobotObject, round_all};
 use crate::objects::UprightBox;
 use crate::rooms::outline::Outline;
@@ -83,6 +84,10 @@ impl NoGoZone {
     }
 
     fn of_object(level: &RobotLevel, object: &RobotObject) -> Option<NoGoZone> {
+        // No cable hangs from a ceiling lamp to the floor.
+        if object.class == Class::Lamp && object.bounds.bottom_m() >= REACH_M {
+            return None;
+        }
         let (reason, by_m) = reason(object.class)?;
         let zone = NoGoZone::new(level, reason, &grown(&object.bounds, by_m).corners());
         Some(NoGoZone { object: Some(object.id.clone()), class: Some(object.class), ..zone })

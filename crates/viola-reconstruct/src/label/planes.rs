@@ -48,14 +48,14 @@ pub(super) fn upright_patches(sites: &Sites) -> Vec<Upright> {
     let mut votes = Votes::new(sites);
     let mut patches = Vec::new();
     for _ in 0..MAX_PLANES {
-        let Some((angle, offset_m, count)) = votes.peak() else { break };
+        let Some((angle, peak_m, count)) = votes.peak() else { break };
         if sites.area_m2(count as usize) < MIN_AREA_M2 {
             break;
         }
-        let (normal, offset_m) = votes.fit(direction(angle), offset_m);
+        let (normal, offset_m) = votes.fit(direction(angle), peak_m);
         let members = votes.near(&normal, offset_m, NEAR_M, FACING);
         if members.is_empty() {
-            votes.clear_peak(angle, offset_m);
+            votes.clear_peak(angle, peak_m);
             continue;
         }
         votes.remove(&members);
@@ -163,7 +163,8 @@ impl<'a> Votes<'a> {
     /// Removes the votes of sites.
     fn remove(&mut self, members: &[u32]) {
         for &member in members {
-            self.count(member, |count| *count -= 1);
+            // A cleared peak has lost its votes already.
+            self.count(member, |count| *count = count.saturating_sub(1));
         }
         let gone: FxHashSet<u32> = members.iter().copied().collect();
         self.voters.retain(|voter| !gone.contains(voter));

@@ -119,7 +119,11 @@ impl Transforms {
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
-    let file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
+    let mut file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
+    // Without times, frames are in the order of their names; COLMAP's models are not.
+    if file.frames.iter().all(|frame| frame.timestamp.is_none()) {
+        file.frames.sort_by(|a, b| a.file_path.cmp(&b.file_path));
+    }
     let is_nerf_capture = file.frames.iter().any(|frame| frame.depth_path.is_some());
     let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
     let by_colmap = file.frames.iter().any(|frame| frame.colmap_im_id.is_some());

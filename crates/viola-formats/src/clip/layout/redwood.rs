@@ -11,10 +11,14 @@ use super::{
 use crate::container::Container;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use viola_geometry::Pose3;
 
 const COLOR_FOLDERS: [&str; 4] = ["color", "image", "rgb", "images"];
 const INTRINSICS: [&str; 3] = ["camera_intrinsic.json", "intrinsic.json", "camera_primesense.json"];
+/// Millimetres, if the file of the camera does not say otherwise.
+const UNITS_PER_M: f64 = 1000.0;
+const POSSIBLE_UNITS_PER_M: RangeInclusive<f64> = 100.0..=100_000.0;
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
 
 /// Open3D's camera in its JSON form.
@@ -24,6 +28,8 @@ struct CameraFile {
     height: u32,
     /// 3x3, column-major.
     intrinsic_matrix: [f64; 9],
+    /// Depth units per metre, in files of Open3D's recordings.
+    depth_scale: Option<f64>,
 }
 
 /// Finds the recording in a container; returns `None` if there is none.
@@ -93,13 +99,14 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let mut notes = vec![format!(
         "poses are those of {log}, whose frame 1 was taken for the picture with the lowest number, {first}"
     )];
-    let (camera, words) = camera(container, root, &mut notes)?;
+    let (camera, words, depth_units_per_m) = camera(container, root, &mut notes)?;
     Ok(Some(Layout {
         pose_files: "the trajectory (.log)",
         color_pictures: color.len(),
         depth_pictures: depth.len(),
         incomplete,
         intrinsics: words,
+        depth_units_per_m,
         notes,
         ..Layout::new("redwood", Cameras::One(camera), sources)
     }))
@@ -137,7 +144,7 @@ fn camera(
     container: &dyn Container,
     root: &str,
     notes: &mut Vec<String>,
-) -> Result<(Intrinsics, String), ClipError> {
+) -> Result<(Intrinsics, String, f32), ClipError> {
     let file = INTRINSICS.iter().map(|file| format!("{root}{file}")).find(|name| container.contains(name));
     Ok(match file {
         Some(name) => {
@@ -145,7 +152,13 @@ fn camera(
             let [fx, _, _, _, fy, _, cx, cy, _] = file.intrinsic_matrix;
             let numbers = Numbers { fx, fy, cx, cy, of: Of::Size(file.width, file.height) };
             let words = format!("{}, for colour and depth", name.rsplit('/').next().unwrap_or_default());
-            (Intrinsics { name, numbers }, words)
+            let units_per_m = file.depth_scale.unwrap_or(UNITS_PER_M);
+            if !POSSIBLE_UNITS_PER_M.contains(&units_per_m) {
+                let reason =
+                    format!("depth_scale {units_per_m} cannot be the number of depth units per metre");
+                return Err(ClipError::NotMetric { name, reason });
+            }
+            (Intrinsics { name, numbers }, words, units_per_m as f32)
         }
         None => {
             notes.push(format!(
@@ -153,7 +166,11 @@ fn camera(
                 INTRINSICS[0]
             ));
             let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
-            (Intrinsics { name: format!("{} (assumed)", INTRINSICS[0]), numbers: KINECT }, words.to_string())
+            (
+                Intrinsics { name: format!("{} (assumed)", INTRINSICS[0]), numbers: KINECT },
+                words.to_string(),
+                UNITS_PER_M as f32,
+            )
         }
     })
 }

@@ -125,16 +125,27 @@ fn sources(
     pairs.iter().enumerate().zip(poses).map(source).collect()
 }
 
+fn is_infrared(topic: &str) -> bool {
+    topic.contains("infra") || topic.split('/').any(|part| part == "ir")
+}
+
 /// Returns the topic with depth: of several, one that is aligned to colour, or else the one with most pictures.
 fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
     let is_aligned = |topic: &str| topic.contains("aligned") || topic.contains("registered");
+    let has_color = |images: &Images| {
+        let mut others = bag.images.iter().filter(|(topic, other)| !other.is_depth && !is_infrared(topic));
+        others.any(|(_, other)| other.frame == images.frame)
+    };
     let depth = bag.images.iter().filter(|(_, images)| images.is_depth);
-    depth.max_by_key(|(topic, images)| (is_aligned(topic), images.pictures.len(), Reverse(topic.as_str())))
+    // Infrared pictures of 16 bits look like depth.
+    depth.max_by_key(|(topic, images)| {
+        let is_seen_by_color = is_aligned(topic) || has_color(images);
+        (!is_infrared(topic), is_seen_by_color, images.pictures.len(), Reverse(topic.as_str()))
+    })
 }
 
 /// Returns the topic with colour: of several, one of the depth's frame, or else one that is called so.
 fn color_topic<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Option<(&'a String, &'a Images)> {
-    let is_infrared = |topic: &str| topic.contains("infra") || topic.split('/').any(|part| part == "ir");
     let is_called = |topic: &str| topic.contains("color") || topic.contains("rgb");
     let shared = |topic: &str| topic.chars().zip(depth_topic.chars()).take_while(|(a, b)| a == b).count();
     let color = bag.images.iter().filter(|(topic, images)| !images.is_depth && !is_infrared(topic));

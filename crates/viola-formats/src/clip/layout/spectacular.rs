@@ -49,6 +49,7 @@ struct CalibratedCamera {
     principal_point_y: f64,
     image_width: Option<u32>,
     image_height: Option<u32>,
+    #[serde(alias = "imuToCameraMatrix")]
     imu_to_camera: Option<[[f64; 4]; 4]>,
     #[serde(default)]
     distortion_coefficients: Vec<f64>,
@@ -136,13 +137,24 @@ fn units_per_m_of(scale_m: f64, name: &str) -> Result<f32, ClipError> {
     Ok((1.0 / scale_m) as f32)
 }
 
-fn notes(method: &str, are_millimetres_assumed: bool, is_distorted: bool) -> Vec<String> {
+fn notes(
+    method: &str,
+    are_millimetres_assumed: bool,
+    is_distorted: bool,
+    is_mounting_missing: bool,
+) -> Vec<String> {
     let mut notes = vec![format!("poses are those of {method}")];
     if are_millimetres_assumed {
         notes.push("frames have no depthScale: millimetres were assumed".to_string());
     }
     if is_distorted {
         notes.push("the lens distortion of calibration.json was not undone".to_string());
+    }
+    if is_mounting_missing {
+        notes.push(
+            "the camera's place on the device (imuToCamera) is missing, so the poses are not used"
+                .to_string(),
+        );
     }
     notes
 }
@@ -185,8 +197,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
     let calibrated =
         first.as_ref().and_then(|camera| pose_from_rows(camera.imu_to_camera.as_ref()?.as_flattened()));
-    let calibrated = calibrated.unwrap_or_else(Pose3::identity);
-    let mounted = frames.first().and_then(|frame| frame.camera_from_imu).unwrap_or(calibrated);
+    let mounted = frames.first().and_then(|frame| frame.camera_from_imu).or(calibrated);
 
     let shown = video.as_ref().map_or(0, |(_, _, info)| info.time_s.len());
     let mut units_per_m = None;
@@ -201,12 +212,13 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             let units = units_per_m_of(scale_m, &name)?;
             units_per_m.get_or_insert(units);
         }
-        let camera_from_imu = frame.camera_from_imu.unwrap_or(calibrated);
+        let camera_from_imu = frame.camera_from_imu.or(calibrated);
         sources.push(Source {
             number,
             time_s: Some(frame.time_s),
             world_from_camera: pose_at(&poses, frame.time_s, MAX_POSE_GAP_S)
-                .map(|world_from_imu| world_from_imu * camera_from_imu.inverse()),
+                .zip(camera_from_imu)
+                .map(|(world_from_imu, camera_from_imu)| world_from_imu * camera_from_imu.inverse()),
             color,
             depth: DepthAt::Png(depth.to_string()),
             confidence: None,
@@ -223,7 +235,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let method = method.as_deref().unwrap_or("nobody");
     let is_distorted =
         first.is_some_and(|camera| camera.distortion_coefficients.iter().any(|k| k.abs() > 1e-3));
-    let mut notes = notes(method, units_per_m.is_none(), is_distorted);
+    let mut notes = notes(method, units_per_m.is_none(), is_distorted, mounted.is_none());
     notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
     Ok(Some(Layout {
         pose_files: "data.jsonl, groundTruth or a method's output",
@@ -231,7 +243,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: units_per_m.unwrap_or(1000.0),
         gravity: "world z is up (rule of the layout)".to_string(),
         up_in_world: Some(Vector3::z()),
-        forces: forces_of(felt, &mounted),
+        forces: mounted.map(|mounted| forces_of(felt, &mounted)).unwrap_or_default(),
         color_pictures,
         depth_pictures: depth.len(),
         incomplete,

@@ -87,7 +87,11 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let imu = format!("{root}imu.csv");
     if container.contains(&imu) {
         let poses = rows.values().filter_map(|row| Some((row.time_s?, row.world_from_camera?)));
-        notes.push(imu::compare(container, &imu, poses)?);
+        // It is compared only: a damaged file costs a note and not the clip.
+        match imu::compare(container, &imu, poses) {
+            Err(error) if !error.is_ours() => notes.push(format!("not used: {error}")),
+            note => notes.push(note?),
+        }
     }
     notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
     let color_is_turned = is_turned(container, sources.first(), &intrinsics.numbers)?;

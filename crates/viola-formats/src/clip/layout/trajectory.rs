@@ -12,18 +12,60 @@ pub(super) fn times<T>(timed: &[Timed<T>]) -> Vec<f64> {
     timed.iter().map(|t| t.time_s).collect()
 }
 
-/// Interpolates ascending poses at a time, from the neighbours within the gap, or returns the only one.
+/// A single pose this near stands for a frame: a frame of 50 Hz.
+const HELD_S: f64 = 0.02;
+
+/// Interpolates ascending poses at a time, between neighbours of which the nearer one is within the gap and that are at
+/// most twice the gap apart. A pose without such a neighbour counts if it is within [`HELD_S`].
 pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Option<Pose3> {
     let next = poses.partition_point(|pose| pose.time_s < time_s);
-    let near = |pose: &&Timed<Pose3>| (pose.time_s - time_s).abs() <= max_gap_s;
-    let before = next.checked_sub(1).map(|index| &poses[index]).filter(near);
-    let after = poses.get(next).filter(near);
+    let gap_s = |pose: &Timed<Pose3>| (pose.time_s - time_s).abs();
+    let before = next.checked_sub(1).map(|index| &poses[index]);
+    let after = poses.get(next);
     match (before, after) {
-        (Some(before), Some(after)) => {
+        (Some(before), Some(after))
+            if gap_s(before).min(gap_s(after)) <= max_gap_s
+                && gap_s(before) + gap_s(after) <= 2.0 * max_gap_s =>
+        {
             let share = (time_s - before.time_s) / (after.time_s - before.time_s);
             // Opposite rotations cannot be interpolated; the earlier pose is the fallback.
             before.value.try_lerp_slerp(&after.value, share, 1e-9).or(Some(before.value))
         }
-        (one, other) => one.or(other).map(|pose| pose.value),
+        (one, other) => {
+            let alone = one.into_iter().chain(other).filter(|pose| gap_s(pose) <= HELD_S.min(max_gap_s));
+            alone.min_by(|a, b| gap_s(a).total_cmp(&gap_s(b))).map(|pose| pose.value)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Poses along x: the place is the time.
+    fn poses(times_s: &[f64]) -> Vec<Timed<Pose3>> {
+        times_s.iter().map(|&time_s| Timed { time_s, value: Pose3::translation(time_s, 0.0, 0.0) }).collect()
+    }
+
+    #[test]
+    fn poses_are_interpolated_and_hardly_held() {
+        for (times_s, time_s, expected) in [
+            (&[0.0, 0.2][..], 0.09, Some(0.09)),
+            (&[0.0, 0.2], 0.15, Some(0.15)),
+            (&[0.0, 0.3], 0.05, None),
+            (&[0.0, 0.3], 0.01, Some(0.0)),
+            (&[0.0], 0.015, Some(0.0)),
+            (&[0.0], 0.05, None),
+            (&[1.0], 0.99, Some(1.0)),
+            (&[], 0.0, None),
+        ] {
+            let found = pose_at(&poses(times_s), time_s, 0.11).map(|pose| pose.translation.x);
+            let is_right = match (found, expected) {
+                (Some(found), Some(expected)) => (found - expected as f64).abs() < 1e-9,
+                (None, None) => true,
+                _ => false,
+            };
+            assert!(is_right, "{times_s:?} at {time_s}: {found:?} instead of {expected:?}");
+        }
     }
 }

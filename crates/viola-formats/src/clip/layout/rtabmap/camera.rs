@@ -34,8 +34,10 @@ impl Camera {
         if kind != 0 {
             return Err("it is a stereo camera; only cameras with depth are read".into());
         }
-        let is_possible =
-            k == 9 && [d, r, p].iter().all(|n| (0..=MAX_DOUBLES).contains(n)) && matches!(local, 0 | 12);
+        let is_possible = matches!(k, 0 | 9)
+            && (k == 9 || p == 12)
+            && [d, r, p].iter().all(|n| (0..=MAX_DOUBLES).contains(n))
+            && matches!(local, 0 | 12);
         if !is_possible {
             return Err(format!("its matrices cannot have {k}, {d}, {r}, {p} and {local} numbers"));
         }
@@ -50,7 +52,14 @@ impl Camera {
             (Ok(width), Ok(height)) if width > 0 && height > 0 => Of::Size(width, height),
             _ => Of::Color,
         };
-        let numbers = Numbers { fx: doubles[0], fy: doubles[4], cx: doubles[2], cy: doubles[5], of };
+        // With a projection matrix P the stored pictures are those of P, without distortion.
+        let (k, d, r, p) = (k as usize, d as usize, r as usize, p as usize);
+        let rectified = doubles[k + d + r..].first_chunk::<12>().filter(|m| p == 12 && m[0] > 0.0);
+        let numbers = match (rectified, doubles.first_chunk::<9>()) {
+            (Some(m), _) => Numbers { fx: m[0], fy: m[5], cx: m[2], cy: m[6], of },
+            (None, Some(m)) if k == 9 => Numbers { fx: m[0], fy: m[4], cx: m[2], cy: m[5], of },
+            _ => return Err("it has no focal length".into()),
+        };
         let rows: Vec<f64> =
             floats.as_chunks().0.iter().map(|value| f64::from(f32::from_le_bytes(*value))).collect();
         let base_from_camera = if local == 0 {
@@ -58,7 +67,7 @@ impl Camera {
         } else {
             pose_from_rows(&rows).ok_or("its pose on the device is not a rigid motion")?
         };
-        let is_distorted = doubles[9..9 + d as usize].iter().any(|value| *value != 0.0);
+        let is_distorted = rectified.is_none() && doubles[k..k + d].iter().any(|value| *value != 0.0);
         Ok(Camera { numbers, base_from_camera, is_distorted })
     }
 }
