@@ -214,7 +214,7 @@ impl Storage {
             .bind(now.as_millisecond())
             .execute(&mut transaction)
             .await?;
-        Ok(transaction.commit().await?)
+        transaction.commit().await
     }
 
     /// Returns all keys, or a tenant's, including invalid ones, by tenant, oldest first.

@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_home_that_was_mapped_anew_in_another_frame() {
-        let parts: [(&str, fn(&Point2) -> bool); 2] = [("all of it", all), ("a part of it", |at| at.x < 5.5)];
+        let parts = [("all of it", all as fn(&Point2) -> bool), ("a part of it", |at| at.x < 5.5)];
         for (name, is_seen) in parts {
             for (seed, yaw_deg) in [0.0, 90.0, 37.0, 180.0, -121.0].into_iter().enumerate() {
                 let moved = Pose2::new(-4.3, 11.0, f64::to_radians(yaw_deg));

@@ -61,7 +61,7 @@ mod tests {
         ] {
             let found = pose_at(&poses(times_s), time_s, 0.11).map(|pose| pose.translation.x);
             let is_right = match (found, expected) {
-                (Some(found), Some(expected)) => (found - expected as f64).abs() < 1e-9,
+                (Some(found), Some(expected)) => (found - expected).abs() < 1e-9,
                 (None, None) => true,
                 _ => false,
             };
