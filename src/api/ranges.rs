@@ -5,6 +5,7 @@
 
 use super::error::Error;
 use super::layers::is_text_or_points;
+use super::reply::is_wanted;
 use crate::storage::StorageError;
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
@@ -20,12 +21,13 @@ pub(super) async fn serve_part(request: Request, next: Next) -> Response {
     let wanted = request.headers().get(header::RANGE).filter(|_| request.method() == Method::GET).cloned();
     let only_identity = accepts_only_identity(request.headers());
     let unless_changed = request.headers().get(header::IF_RANGE).cloned();
-    let only_this: Vec<HeaderValue> = match *request.method() {
-        Method::GET | Method::HEAD => request.headers().get_all(header::IF_MATCH).iter().cloned().collect(),
-        _ => Vec::new(),
-    };
+    let is_read = [Method::GET, Method::HEAD].contains(request.method());
+    let has_condition = is_read && request.headers().contains_key(header::IF_MATCH);
+    let conditions = has_condition.then(|| request.headers().clone());
     let mut answer = next.run(request).await;
-    if !only_this.is_empty() && answer.headers().get(header::ETAG).is_some_and(|tag| !names(&only_this, tag))
+    let tag = answer.headers().get(header::ETAG).and_then(|tag| tag.to_str().ok());
+    if let (Some(conditions), Some(tag)) = (conditions, tag)
+        && !is_wanted(&conditions, tag)
     {
         return Error::Storage(StorageError::Changed { what: "document" }).into_response();
     }
@@ -42,15 +44,6 @@ pub(super) async fn serve_part(request: Request, next: Next) -> Response {
             (whole, Error::NoSuchRange { length }).into_response()
         }
     }
-}
-
-/// Returns whether an `If-Match` has the tag (RFC 9110, section 13.1.1).
-fn names(wanted: &[HeaderValue], tag: &HeaderValue) -> bool {
-    let wanted = wanted.iter().filter_map(|value| value.to_str().ok());
-    wanted
-        .flat_map(|list| list.split(','))
-        .map(str::trim)
-        .any(|one| one == "*" || one.as_bytes() == tag.as_bytes())
 }
 
 fn accepts_only_identity(headers: &HeaderMap) -> bool {

@@ -62,14 +62,16 @@ pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
 /// Returns whether a change may go ahead: `If-Match` must have the tag of the document as it is now, and
 /// `If-None-Match: *` asks that there is none.
 pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>) -> bool {
-    let mut wanted = headers.get_all(header::IF_MATCH).iter().peekable();
-    let is_unconditional = wanted.peek().is_none();
-    let Some(current) = current else { return is_unconditional };
+    let Some(current) = current else { return !headers.contains_key(header::IF_MATCH) };
     let tag = tag_of_document(current);
-    let wanted = wanted.filter_map(|value| value.to_str().ok());
-    let is_wanted = is_unconditional
-        || wanted.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one == tag);
-    is_wanted && !is_known(headers, &tag)
+    is_wanted(headers, &tag) && !is_known(headers, &tag)
+}
+
+/// Returns whether `If-Match` has the tag, or is absent (RFC 9110, section 13.1.1).
+pub(super) fn is_wanted(headers: &HeaderMap, tag: &str) -> bool {
+    let wanted = headers.get_all(header::IF_MATCH).iter().filter_map(|value| value.to_str().ok());
+    let mut wanted = wanted.flat_map(|list| list.split(',')).map(str::trim);
+    !headers.contains_key(header::IF_MATCH) || wanted.any(|one| one == "*" || one == tag)
 }
 
 /// Returns the refusal of a change, which names the condition that is not met.

@@ -45,7 +45,8 @@ pub const EXIT_CODES: &str = "Exit codes:
   3  the map was written, and at least one clip could not be read or has no pose; map.json says why";
 
 /// The files of a level that a LiDAR map could have the name of.
-const LEVEL_FILES: [&str; 5] = ["valetudo.json", "points.ply", "plan.json", "plan.png", "calibration.json"];
+const LEVEL_FILES: [&str; 6] =
+    ["valetudo.json", "points.ply", "plan.json", "plan.png", "calibration.json", "nav2.zip"];
 
 #[derive(Args)]
 pub struct MapArguments {

@@ -12,7 +12,7 @@ use viola_lab::simulate::{
     ros_yaml, valetudo_json, write_scannet_zip,
 };
 
-/// A home has at most 999 clips in its file names.
+/// More clips than one home needs; each is a file of megabytes.
 const MOST_CLIPS: u64 = 999;
 
 #[derive(clap::Args)]
