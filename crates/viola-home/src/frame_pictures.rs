@@ -4,6 +4,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{Rgb, RgbImage, imageops};
 use viola_formats::clip::{Clip, DepthImage, FrameHeader};
 use viola_geometry::Vector3;
+use viola_reconstruct::QuarterTurn;
 use viola_reconstruct::fuse::sharpness;
 
 /// Number of frames that are drawn.
@@ -15,10 +16,6 @@ const SIDE_PX: u32 = 320;
 const QUALITY: u8 = 80;
 /// Between the pictures of a row.
 const GAP_PX: u32 = 4;
-/// Minimum length of the up direction in the picture plane, as a fraction. A camera that looks further down or up
-/// has no upright picture.
-const MIN_UPRIGHT: f64 = 0.35;
-
 /// Depth that is drawn black.
 const FAR_M: f32 = 5.0;
 
@@ -51,7 +48,7 @@ pub fn frame_pictures(clip: &Clip) -> FramePictures {
             }
             None => shrunk(&grey(&frame.depth)),
         };
-        row.push(upright(picture, up));
+        row.push(up.map_or(QuarterTurn::None, |up| QuarterTurn::upright(&up)).of_picture(&picture));
     }
     FramePictures {
         thumbnail: sharpest.and_then(|(_, at)| jpg(&row[at])),
@@ -113,18 +110,6 @@ fn up_in_camera(clip: &Clip, header: &FrameHeader) -> Option<Vector3> {
         Some(header.world_from_camera?.rotation.inverse() * up_in_world)
     };
     by_pose().or_else(|| header.force_in_camera?.try_normalize(f64::MIN_POSITIVE))
-}
-
-/// Turns a picture by quarters, so that its upper side is up: phones record sideways.
-fn upright(picture: RgbImage, up_in_camera: Option<Vector3>) -> RgbImage {
-    let Some(up) = up_in_camera.filter(|up| up.xy().norm() > MIN_UPRIGHT) else { return picture };
-    if up.y.abs() >= up.x.abs() {
-        if up.y < 0.0 { picture } else { imageops::rotate180(&picture) }
-    } else if up.x > 0.0 {
-        imageops::rotate270(&picture)
-    } else {
-        imageops::rotate90(&picture)
-    }
 }
 
 #[cfg(test)]
@@ -190,24 +175,6 @@ mod tests {
         assert_eq!(picture.dimensions(), (320, 180));
         let sum = |channel: usize| picture.pixels().map(|pixel| u64::from(pixel.0[channel])).sum::<u64>();
         assert!(sum(2) > 5 * sum(0), "{} of blue, {} of red", sum(2), sum(0));
-    }
-
-    #[test]
-    fn a_picture_is_turned_upright() {
-        // The upper half is red.
-        let level = RgbImage::from_fn(8, 4, |_, y| if y < 2 { RED } else { BLUE });
-        let turned = [
-            (Vector3::new(0.0, -1.0, 0.2), level.clone()),
-            (Vector3::new(0.1, 0.9, 0.0), imageops::rotate180(&level)),
-            (Vector3::new(0.9, 0.1, 0.0), imageops::rotate90(&level)),
-            (Vector3::new(-0.9, 0.1, 0.0), imageops::rotate270(&level)),
-        ];
-        for (up, recorded) in turned {
-            assert_eq!(upright(recorded, Some(up)), level, "up is {up:?}");
-        }
-        let recorded = imageops::rotate90(&level);
-        assert_eq!(upright(recorded.clone(), Some(Vector3::new(0.1, 0.1, 0.99))), recorded);
-        assert_eq!(upright(recorded.clone(), None), recorded);
     }
 
     #[test]

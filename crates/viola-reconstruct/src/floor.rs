@@ -1,32 +1,38 @@
 //! Finds the floor plane, which defines the clip frame (paper III-B).
 
-use super::cloud::{CloudPoint, Label, PointCloud};
+mod scorer;
+
+use super::cloud::{CloudPoint, PointCloud};
 use super::fuse::mean_camera_up;
 use super::key_frame::KeyFrame;
 use super::reason::Reason;
-use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use scorer::{Candidate, Scored, Scorer};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use viola_formats::clip::Up;
-use viola_geometry::{Plane, Point3, Pose3, Vector2, Vector3};
+use viola_geometry::{Plane, Point3, Pose3, Vector3};
 
 /// Number of RANSAC hypotheses.
 const HYPOTHESES: usize = 400;
 /// Maximum number of points that score a hypothesis; larger clouds are subsampled evenly.
 const SCORED_POINTS: usize = 30_000;
-/// Maximum distance of an inlier from the plane.
-const INLIER_M: f64 = 0.03;
-/// A point further below the plane than this counts against it: nothing is under a floor.
-const BELOW_M: f64 = 0.08;
 /// Maximum angle between the normal and the capture's gravity.
 const GRAVITY_CONE_RAD: f64 = 10f64.to_radians();
 /// Maximum angle between the normal and the mean of the cameras' upward axes, if gravity is unknown.
 const CAMERA_CONE_RAD: f64 = 50f64.to_radians();
 /// Allowed height of the first camera above the floor.
 const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.25..=2.6;
+/// Heights of most phones above the floor, as in `viola-align`'s search for the scale.
+const USUAL_HEIGHT_M: RangeInclusive<f64> = 1.0..=1.8;
+/// Floors within this height are one.
+const SAME_FLOOR_M: f64 = 0.08;
+/// Minimum area of another possible floor, and its minimum ratio to that of the best one.
+const RIVAL_AREA_M2: f64 = 0.5;
+const RIVAL_RATIO: usize = 3;
 /// Assumed heights of the first camera if no floor is in sight.
 const ASSUMED_HEIGHTS_M: [f64; 3] = [1.45, 1.25, 1.65];
 /// Minimum visible area of a floor, in square metres.
@@ -105,62 +111,174 @@ impl Floor {
     }
 }
 
-/// Finds the floor by seeded RANSAC among nearly level planes, in a world of any orientation.
-pub fn find_floor(
+/// Returns the possible floors of a clip, the likeliest first, and the reason if none of them was seen. Several compete if
+/// the seen one lies at an unusual height, or if a much larger level surface lies above it: it may be the top of a bed, or
+/// a step.
+pub fn floors(
     cloud: &PointCloud,
     key_frames: &[KeyFrame],
     up_in_world: Option<&Up>,
     seed: u64,
+) -> (Vec<Floor>, Option<NoFloor>) {
+    let planes = Planes::grow(cloud, key_frames, up_in_world, &CAMERA_HEIGHT_M, seed);
+    let best = planes.as_ref().map_err(|why| *why).and_then(Planes::best);
+    let mut floors: Vec<Floor> = best.iter().cloned().collect();
+    let Some(up) = up_in_world else { return (floors, best.err()) };
+    if let Ok(planes) = &planes {
+        floors.extend(planes.rival(best.is_ok()));
+    }
+    let none_seen = best.err().filter(|_| floors.is_empty());
+    let is_usual =
+        |floor: &Floor| USUAL_HEIGHT_M.contains(&median_height_m(&floor.plane_in_world, key_frames));
+    if !floors.first().is_some_and(is_usual) {
+        for assumed in assume(cloud, key_frames, up) {
+            let is_near =
+                |f: &Floor| (f.first_camera_height_m - assumed.first_camera_height_m).abs() < SAME_FLOOR_M;
+            if !floors.iter().any(is_near) {
+                floors.push(assumed);
+            }
+        }
+    }
+    (floors, none_seen)
+}
+
+/// Finds the floor by seeded RANSAC among nearly level planes, in a world of any orientation. `heights_m` are the allowed
+/// heights of the first camera above it.
+pub fn find_floor(
+    cloud: &PointCloud,
+    key_frames: &[KeyFrame],
+    up_in_world: Option<&Up>,
+    heights_m: &RangeInclusive<f64>,
+    seed: u64,
 ) -> Result<Floor, NoFloor> {
-    let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
-    let known = up_in_world.map(|up| up.direction);
-    let up = known.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
-    let cone = if up_in_world.is_some() { GRAVITY_CONE_RAD } else { CAMERA_CONE_RAD };
-    let stride = cloud.points.len().div_ceil(SCORED_POINTS).max(1);
-    let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
-    let flat: Vec<usize> = (0..scored.len())
-        .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
-        .collect();
-    if flat.is_empty() {
-        return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
+    Planes::grow(cloud, key_frames, up_in_world, heights_m, seed)?.best()
+}
+
+/// The nearly level planes of a clip.
+struct Planes<'a> {
+    cloud: &'a PointCloud,
+    first: &'a KeyFrame,
+    cameras: Vec<Point3>,
+    up_in_world: Option<&'a Up>,
+    /// Every `stride`th point of the cloud.
+    scored: Vec<Scored>,
+    stride: usize,
+    up: Vector3,
+    cone: f64,
+    heights_m: &'a RangeInclusive<f64>,
+    /// By descending score. Ties go to the earlier pick, so that the answer does not depend on threads.
+    candidates: Vec<Candidate>,
+}
+
+impl<'a> Planes<'a> {
+    fn grow(
+        cloud: &'a PointCloud,
+        key_frames: &'a [KeyFrame],
+        up_in_world: Option<&'a Up>,
+        heights_m: &'a RangeInclusive<f64>,
+        seed: u64,
+    ) -> Result<Planes<'a>, NoFloor> {
+        let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
+        let known = up_in_world.map(|up| up.direction);
+        let up = known.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
+        let cone = if up_in_world.is_some() { GRAVITY_CONE_RAD } else { CAMERA_CONE_RAD };
+        let stride = cloud.points.len().div_ceil(SCORED_POINTS).max(1);
+        let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
+        let flat: Vec<usize> = (0..scored.len())
+            .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
+            .collect();
+        if flat.is_empty() {
+            return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
+        }
+        let cameras = key_frames.iter().map(position).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let picks: Vec<usize> = (0..HYPOTHESES).map(|_| flat[rng.random_range(0..flat.len())]).collect();
+        let candidates = Vec::new();
+        let mut planes =
+            Planes { cloud, first, cameras, up_in_world, scored, stride, up, cone, heights_m, candidates };
+        let scorer = planes.scorer();
+        let mut candidates: Vec<Candidate> = picks.par_iter().filter_map(|&pick| scorer.grow(pick)).collect();
+        candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+        planes.candidates = candidates;
+        Ok(planes)
     }
-    let cameras: Vec<Point3> =
-        key_frames.iter().map(|k| Point3::from(k.world_from_camera.translation.vector)).collect();
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let picks: Vec<usize> = (0..HYPOTHESES).map(|_| flat[rng.random_range(0..flat.len())]).collect();
-    let scorer = Scorer { scored: &scored, cameras: &cameras, up, cone };
-    // Ties go to the earlier pick, so that the answer does not depend on threads.
-    let best = picks
-        .par_iter()
-        .enumerate()
-        .filter_map(|(order, &pick)| scorer.grow(pick).map(|candidate| (order, candidate)))
-        .max_by(|(i, a), (j, b)| a.score.total_cmp(&b.score).then(j.cmp(i)))
-        .map(|(_, candidate)| candidate)
-        .ok_or(NO_PLANE_AT_ALL)?;
-    // A flat surface changes sign along about one axis, so each point stands for one voxel face.
-    let area_m2 = best.inliers as f64 * stride as f64 * cloud.voxel_m * cloud.voxel_m;
-    let below_share = best.below as f64 / scored.len() as f64;
-    if area_m2 < MIN_AREA_M2 || below_share > MAX_BELOW_SHARE {
-        return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
+
+    fn scorer(&self) -> Scorer<'_> {
+        let Planes { scored, cameras, up, cone, heights_m, .. } = self;
+        Scorer { scored, cameras, up: *up, cone: *cone, heights_m }
     }
-    let settled = scorer.settled(best.plane);
-    let plane = match up_in_world {
-        Some(up) => scorer.steadied(&settled, area_m2, up),
-        None => settled,
-    };
-    Ok(Floor {
-        plane_in_world: plane,
-        clip_from_world: clip_from_world(&plane, &first.world_from_camera),
-        first_camera_height_m: plane.height_m(&cameras[0]),
-        support_points: cloud.points.iter().filter(|p| plane.height_m(&p.position()).abs() < 0.02).count(),
-        assumed: false,
-        gravity_angle_rad: known.map(|up| plane.normal.dot(&up).clamp(-1.0, 1.0).acos()),
-    })
+
+    /// Returns the best plane, if it is large enough and little lies below it.
+    fn best(&self) -> Result<Floor, NoFloor> {
+        let best = self.candidates.first().ok_or(NO_PLANE_AT_ALL)?;
+        let best_area_m2 = self.area_m2(best);
+        let below_share = best.below as f64 / self.scored.len() as f64;
+        if best_area_m2 < MIN_AREA_M2 || below_share > MAX_BELOW_SHARE {
+            return Err(NoFloor::NoPlane { best_area_m2, below_share });
+        }
+        Ok(self.floor(best))
+    }
+
+    /// Returns the largest plane at a usual height that is much larger than the best one, or than nothing if that one was
+    /// refused.
+    fn rival(&self, best_is_floor: bool) -> Option<Floor> {
+        let best = self.candidates.first().filter(|_| best_is_floor);
+        let least = best.map_or(0, |best| RIVAL_RATIO * best.inliers);
+        let first_m = |candidate: &Candidate| candidate.plane.height_m(&self.cameras[0]);
+        let rivals = self.candidates.iter().filter(|candidate| {
+            candidate.inliers >= least
+                && self.area_m2(candidate) >= RIVAL_AREA_M2
+                && best.is_none_or(|best| (first_m(best) - first_m(candidate)).abs() >= SAME_FLOOR_M)
+                && USUAL_HEIGHT_M.contains(&median_of(&candidate.plane, self.cameras.iter()))
+        });
+        let largest = rivals.enumerate().max_by(|(i, a), (j, b)| a.inliers.cmp(&b.inliers).then(j.cmp(i)));
+        largest.map(|(_, candidate)| self.floor(candidate))
+    }
+
+    /// A flat surface changes sign along about one axis, so each point stands for one voxel face.
+    fn area_m2(&self, candidate: &Candidate) -> f64 {
+        candidate.inliers as f64 * self.stride as f64 * self.cloud.voxel_m * self.cloud.voxel_m
+    }
+
+    fn floor(&self, candidate: &Candidate) -> Floor {
+        let scorer = self.scorer();
+        let settled = scorer.settled(candidate.plane);
+        let plane = match self.up_in_world {
+            Some(up) => scorer.steadied(&settled, self.area_m2(candidate), up),
+            None => settled,
+        };
+        let is_on = |point: &&CloudPoint| plane.height_m(&point.position()).abs() < 0.02;
+        let known = self.up_in_world.map(|up| up.direction);
+        Floor {
+            plane_in_world: plane,
+            clip_from_world: clip_from_world(&plane, &self.first.world_from_camera),
+            first_camera_height_m: plane.height_m(&self.cameras[0]),
+            support_points: self.cloud.points.iter().filter(is_on).count(),
+            assumed: false,
+            gravity_angle_rad: known.map(|up| plane.normal.dot(&up).clamp(-1.0, 1.0).acos()),
+        }
+    }
+}
+
+fn position(key: &KeyFrame) -> Point3 {
+    Point3::from(key.world_from_camera.translation.vector)
+}
+
+fn median_height_m(plane: &Plane, key_frames: &[KeyFrame]) -> f64 {
+    let cameras: Vec<Point3> = key_frames.iter().map(position).collect();
+    median_of(plane, cameras.iter())
+}
+
+/// Returns the median height of cameras above a plane.
+fn median_of<'a>(plane: &Plane, cameras: impl Iterator<Item = &'a Point3>) -> f64 {
+    let mut heights_m: Vec<f64> = cameras.map(|camera| plane.height_m(camera)).collect();
+    heights_m.sort_by(f64::total_cmp);
+    heights_m.get(heights_m.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Returns assumed level floors for a clip that shows none (the paper's future work): the first camera is
 /// at heights at which people hold a phone, and no floor is above the lowest seen surface.
-pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
+fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
     let Some(first) = key_frames.first() else { return Vec::new() };
     let up = up.direction;
     let camera = Point3::from(first.world_from_camera.translation.vector);
@@ -195,144 +313,6 @@ pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor
 }
 
 const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_share: 0.0 };
-
-struct Candidate {
-    plane: Plane,
-    inliers: usize,
-    below: usize,
-    score: f64,
-}
-
-/// A cloud point with the data that the floor search needs.
-struct Scored {
-    position_m: Point3,
-    normal: Vector3,
-    /// False if the pictures label it as another level surface: the top of a bed, a table.
-    may_be_floor: bool,
-}
-
-impl From<&CloudPoint> for Scored {
-    fn from(point: &CloudPoint) -> Scored {
-        const SURE: f32 = 0.5;
-        let Label { class, .. } = point.label;
-        let else_for_sure = class.has_level_top() && point.label.probability() > SURE;
-        Scored { position_m: point.position(), normal: point.normal(), may_be_floor: !else_for_sure }
-    }
-}
-
-struct Scorer<'a> {
-    scored: &'a [Scored],
-    cameras: &'a [Point3],
-    up: Vector3,
-    cone: f64,
-}
-
-impl Scorer<'_> {
-    /// Grows a plane from one point and its normal by fits with a growing radius and a stricter distance.
-    fn grow(&self, pick: usize) -> Option<Candidate> {
-        let Scored { position_m: point, normal, .. } = self.scored[pick];
-        let mut plane = Plane::through(&point, normal);
-        for (distance_m, radius_m, angle) in [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (INLIER_M, 1e3, 0.25)] {
-            let near = self.scored.iter().filter(|s| {
-                s.may_be_floor
-                    && plane.height_m(&s.position_m).abs() < distance_m
-                    && s.normal.dot(&plane.normal) > f64::cos(angle)
-                    && (s.position_m - point).norm_squared() < radius_m * radius_m
-            });
-            let fitted = Plane::fit(near.map(|s| &s.position_m))?;
-            plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
-        }
-        self.candidate(plane)
-    }
-
-    fn candidate(&self, plane: Plane) -> Option<Candidate> {
-        let heights = self.cameras.iter().map(|c| plane.height_m(c));
-        let under_all = heights.clone().all(|h| h > 0.0);
-        let first = plane.height_m(&self.cameras[0]);
-        if plane.normal.dot(&self.up) < self.cone.cos() || !under_all || !CAMERA_HEIGHT_M.contains(&first) {
-            return None;
-        }
-        let (mut inliers, mut below) = (0, 0);
-        for Scored { position_m, normal, may_be_floor } in self.scored {
-            let height_m = plane.height_m(position_m);
-            if height_m < -BELOW_M {
-                below += 1;
-            } else if height_m.abs() < INLIER_M && *may_be_floor && normal.dot(&plane.normal) > 0.9 {
-                inliers += 1;
-            }
-        }
-        // A table top has the floor below it; each point below outweighs several inliers.
-        let score = inliers as f64 - 5.0 * below as f64;
-        Some(Candidate { plane, inliers, below, score })
-    }
-}
-
-impl Scorer<'_> {
-    /// Returns the floor points within a distance of a plane.
-    fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
-        let is_on = move |s: &&Scored| {
-            s.may_be_floor
-                && plane.height_m(&s.position_m).abs() < within_m
-                && s.normal.dot(&plane.normal) > 0.9
-        };
-        self.scored.iter().filter(is_on).map(|s| &s.position_m)
-    }
-
-    /// Refits the plane to its inliers until it converges. The inlier distance starts wider, because a bent
-    /// floor leaves the narrow band of the first plane.
-    fn settled(&self, plane: Plane) -> Plane {
-        const ROUNDS: i32 = 20;
-        const WIDER: f64 = 1.7;
-        const NARROWER: f64 = 0.8;
-        let mut plane = plane;
-        for round in 0..ROUNDS {
-            let within_m = INLIER_M * (WIDER * NARROWER.powi(round)).max(1.0);
-            let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
-            let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
-            let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
-            plane = fitted;
-            if moved < 1e-9 && within_m == INLIER_M {
-                break;
-            }
-        }
-        plane
-    }
-
-    /// Combines the fitted tilt and gravity by inverse covariance. The tilt's covariance comes from the
-    /// unevenness and extent of the seen floor, and from the drift of recordings.
-    fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
-        /// Area over which the errors of a floor are correlated.
-        const ALIKE_M2: f64 = 0.3;
-        /// Lower bound of the measured unevenness.
-        const LEAST_UNEVEN_M: f64 = 0.002;
-        /// Standard deviation of a recording's own tilt: poses drift, and parts of the real apartment's
-        /// floors tilt by 1.9 degrees.
-        const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-        let up = &known_up.direction;
-        let seen: Vec<&Point3> = self.on(plane, INLIER_M).collect();
-        if seen.is_empty() {
-            return *plane;
-        }
-        let east = up.cross(&plane.normal).try_normalize(1e-9);
-        // A level plane stays as it is.
-        let Some(east) = east else { return *plane };
-        let north = up.cross(&east);
-        let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
-        let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
-        let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
-        let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
-        let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
-        // Inverse covariance of the fitted tilt.
-        let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
-        let with_drift = Matrix2::identity() + by_points * DRIFT_RAD.powi(2);
-        let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
-        let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
-        let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
-        let Some(share) = (known + level).try_inverse() else { return *plane };
-        let lean = share * known * lean;
-        Plane::through(&Point3::from(middle), up + east * lean.x + north * lean.y)
-    }
-}
 
 /// Returns the clip frame: z up, origin on the floor below the first camera, x along its heading.
 fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {

@@ -42,8 +42,8 @@ use combine::Alone;
 use sites::Sites;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::Progress;
-use viola_geometry::{Point3, Pose3};
-use vote::{Look, Votes};
+use viola_geometry::{Point3, Pose3, Vector3};
+use vote::{Look, Recording, Votes};
 
 /// Summary of the labelling for the answer.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -82,11 +82,13 @@ pub struct Labeller {
 }
 
 impl Labeller {
-    /// Segments the pictures, and writes their labels into the cloud.
+    /// Segments the pictures, and writes their labels into the cloud. The pictures are set upright if the upward direction
+    /// is known.
     pub fn listen(
         clip: &Clip,
         cloud_in_world: &mut PointCloud,
         key_frames: &[KeyFrame],
+        up_in_world: Option<&Vector3>,
         params: &LabelParams,
         progress: &dyn Progress,
     ) -> Result<Labeller, ReconstructError> {
@@ -101,7 +103,8 @@ impl Labeller {
         let Some(segmenter) = params.segmenter.as_ref().filter(|_| clip.has_color()) else {
             return Ok(labeller);
         };
-        match vote::vote(clip, key_frames, &labeller.sites, segmenter.as_ref(), params, progress)? {
+        let recording = Recording { clip, key_frames, up_in_world };
+        match vote::vote(&recording, &labeller.sites, segmenter.as_ref(), params, progress)? {
             Ok(votes) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
                 labeller.votes = Some(votes);

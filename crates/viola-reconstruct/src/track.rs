@@ -35,7 +35,7 @@ use odometry::Odometry;
 use picture::Pyramid;
 use shutter::Rolling;
 use viola_formats::clip::{Frame, Shutter};
-use viola_geometry::Pose3;
+use viola_geometry::{Point3, Pose3};
 
 /// Maximum number of key frames that a lost frame is compared with, the most similar first.
 const RELOCALISE_TRIES: usize = 12;
@@ -300,21 +300,26 @@ impl Tracker {
         (right, dropped + edges.count() - right)
     }
 
-    /// Moves segments that an edge connects into one world.
+    /// Moves segments that edges connect into one world.
     fn join_segments(&mut self) {
-        for edge in &self.edges {
-            let (a, b) = (self.keys[edge.a].segment, self.keys[edge.b].segment);
-            if a == b {
-                continue;
-            }
-            let (into, from) = (a.min(b), a.max(b));
+        loop {
+            let pair = |edge: &Edge| {
+                let (a, b) = (self.keys[edge.a].segment, self.keys[edge.b].segment);
+                (a != b).then(|| (a.min(b), a.max(b)))
+            };
+            let Some((into, from)) = self.edges.iter().find_map(pair) else { return };
+            let moves = self.edges.iter().filter(|edge| pair(edge) == Some((into, from))).map(|edge| {
+                let a_from_b = self.keys[edge.a].world_from_key
+                    * edge.b_from_a.inverse()
+                    * self.keys[edge.b].world_from_key.inverse();
+                if self.keys[edge.a].segment == into { a_from_b } else { a_from_b.inverse() }
+            });
+            let at = self.keys.iter().find(|key| key.segment == from);
+            let at = at.map_or_else(Point3::origin, |key| key.world_from_key.translation.vector.into());
+            let moved = loops::most_agreed(&moves.collect::<Vec<_>>(), &at);
             // The joined segment ends as the later of the two.
             let last = |segment: usize| self.keys.iter().rposition(|key| key.segment == segment);
             let ends_as_from = last(from) > last(into);
-            let a_from_b = self.keys[edge.a].world_from_key
-                * edge.b_from_a.inverse()
-                * self.keys[edge.b].world_from_key.inverse();
-            let moved = if into == a { a_from_b } else { a_from_b.inverse() };
             for key in self.keys.iter_mut().filter(|key| key.segment == from) {
                 key.segment = into;
                 key.world_from_key = moved * key.world_from_key;

@@ -74,13 +74,14 @@ impl Voxel {
         self.weight = self.weight.saturating_add(weight).min(16_384);
     }
 
-    /// Adds a colour to the mean.
-    fn add_color(&mut self, color: [u8; 3]) {
+    /// Adds a colour to the mean. `noise` rounds the mean: to the nearest, it would not follow a reading that differs by
+    /// less than half the count.
+    fn add_color(&mut self, color: [u8; 3], noise: u32) {
         let count = u32::from(self.color_count);
-        for (mean, value) in self.color.iter_mut().zip(color) {
+        for (channel, (mean, value)) in self.color.iter_mut().zip(color).enumerate() {
             let sum = u32::from(*mean) * count + u32::from(value);
-            let half = count.div_ceil(2);
-            *mean = ((sum + half) / (count + 1)) as u8;
+            let dither = (noise >> (10 * channel)) % (count + 1);
+            *mean = ((sum + dither) / (count + 1)) as u8;
         }
         if self.color == NO_COLOR {
             self.color = BLACK;
@@ -132,8 +133,8 @@ impl Tsdf {
     pub fn integrate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
         self.frames += 1;
         self.allocate(frame, world_from_camera);
-        let update = Update::new(&self.params, frame, world_from_camera);
         let stamp = self.frames;
+        let update = Update::new(&self.params, frame, world_from_camera, stamp);
         self.blocks.par_iter_mut().with_min_len(64).for_each(|block| {
             if block.stamp == stamp {
                 update.block(block);
@@ -191,21 +192,29 @@ impl Tsdf {
     }
 }
 
+/// Returns the bits that round the colours of a voxel in a frame: they depend on neither threads nor blocks.
+fn noise(stamp: u32, point: &nalgebra::Vector3<f32>) -> u32 {
+    let mixed = point.iter().fold(stamp, |mixed, value| (mixed ^ value.to_bits()).wrapping_mul(0x9e37_79b1));
+    mixed ^ (mixed >> 15)
+}
+
 /// The update of a block by one frame.
 struct Update<'a> {
     params: &'a TsdfParams,
     frame: &'a Frame,
     camera_from_world: Pose3,
+    /// Number of the frame.
+    stamp: u32,
     /// Camera-frame steps of one voxel along the world's axes.
     steps: [nalgebra::Vector3<f32>; 3],
 }
 
 impl<'a> Update<'a> {
-    fn new(params: &'a TsdfParams, frame: &'a Frame, world_from_camera: &Pose3) -> Update<'a> {
+    fn new(params: &'a TsdfParams, frame: &'a Frame, world_from_camera: &Pose3, stamp: u32) -> Update<'a> {
         let camera_from_world = world_from_camera.inverse();
         let steps = [nalgebra::Vector3::x(), nalgebra::Vector3::y(), nalgebra::Vector3::z()]
             .map(|axis| (camera_from_world.rotation * (axis * params.voxel_m)).cast::<f32>());
-        Update { params, frame, camera_from_world, steps }
+        Update { params, frame, camera_from_world, stamp, steps }
     }
 
     fn block(&self, block: &mut Block) {
@@ -265,9 +274,28 @@ impl<'a> Update<'a> {
         let color = picture.get_pixel(u as u32, v as u32).0;
         let is_within = |at: f32, side: f32| at >= RIM * side && at < (1.0 - RIM) * side;
         if is_within(u, width) && is_within(v, height) {
-            voxel.add_color(color);
+            voxel.add_color(color, noise(self.stamp, point));
         } else {
             voxel.add_rim_color(color);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding to the nearest would keep a mean of 32 readings that differ from later ones by less than 16.
+    #[test]
+    fn a_colour_follows_the_light() {
+        let mut voxel = Voxel::default();
+        let mut add = |value: u8, readings: std::ops::Range<u32>| {
+            let point = nalgebra::Vector3::new(0.1, 0.2, 1.5);
+            readings.for_each(|stamp| voxel.add_color([value, value, 0], noise(stamp, &point)));
+            voxel.color()
+        };
+        assert_eq!(add(100, 0..40), [100, 100, 0]);
+        let [red, green, blue] = add(110, 40..400);
+        assert!(red.abs_diff(110) <= 1 && green.abs_diff(110) <= 1 && blue == 0, "{red} {green} {blue}");
     }
 }

@@ -1,6 +1,7 @@
 //! Tests of the floor search in rooms of any orientation.
 
 use super::*;
+use crate::cloud::Label;
 use proptest::prelude::*;
 use viola_geometry::taxonomy::Class;
 
@@ -53,7 +54,7 @@ fn check(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3, gravity_known: bool)
     let (cloud, keys) = room(surfaces, turn);
     let up = turn * Vector3::z();
     let known = gravity_known.then(|| Up::of_device(up));
-    let floor = find_floor(&cloud, &keys, known.as_ref(), 5).unwrap();
+    let floor = find_floor(&cloud, &keys, known.as_ref(), &CAMERA_HEIGHT_M, 5).unwrap();
     assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{floor:?}");
     assert!(floor.plane_in_world.normal.dot(&up) > 0.5f64.to_radians().cos(), "{floor:?}");
     // The clip frame: the first camera stands over the origin and faces along x.
@@ -86,7 +87,7 @@ fn a_table_or_a_bed_is_not_the_floor() {
 fn what_pictures_call_a_bed_is_not_the_floor() {
     let surfaces = [level((0.2, 2.8), (0.5, 3.0), 0.45)];
     let (mut cloud, keys) = room(&surfaces, &Pose3::identity());
-    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(&z_up()), 5);
+    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(&z_up()), &CAMERA_HEIGHT_M, 5);
     // By its shape alone the only level surface in sight passes for the floor.
     assert!((find(&cloud).unwrap().first_camera_height_m - 0.95).abs() < 0.01);
     for point in cloud.points.iter_mut().filter(|point| point.normal[2] > 0.9) {
@@ -108,7 +109,7 @@ fn a_floor_that_pictures_call_a_wall_is_the_floor() {
         for point in &mut cloud.points {
             point.label = Label::new(class, 0.9, 3);
         }
-        let floor = find_floor(&cloud, &keys, Some(&z_up()), 5).unwrap();
+        let floor = find_floor(&cloud, &keys, Some(&z_up()), &CAMERA_HEIGHT_M, 5).unwrap();
         assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{class:?} {floor:?}");
     }
 }
@@ -122,7 +123,7 @@ fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
     let leaning = |y_end_m: f64, up: &Up| {
         let surfaces = [level((0.0, 3.0), (0.5, y_end_m), 0.0)];
         let (cloud, keys) = room(&surfaces, &lean);
-        find_floor(&cloud, &keys, Some(up), 5).unwrap().gravity_angle_rad.unwrap()
+        find_floor(&cloud, &keys, Some(up), &CAMERA_HEIGHT_M, 5).unwrap().gravity_angle_rad.unwrap()
     };
     let of_device = z_up();
     let (strip, broad) = (leaning(0.7, &of_device), leaning(3.0, &of_device));
@@ -134,14 +135,44 @@ fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
 #[test]
 fn without_a_floor_there_is_a_reason() {
     let (cloud, keys) = room(&[wall(2.4)], &Pose3::identity());
-    let none = find_floor(&cloud, &keys, Some(&z_up()), 5).unwrap_err();
+    let none = find_floor(&cloud, &keys, Some(&z_up()), &CAMERA_HEIGHT_M, 5).unwrap_err();
     assert_eq!(none.reason().code, "no_floor");
-    let none = find_floor(&PointCloud::default(), &keys, None, 5).unwrap_err();
+    let none = find_floor(&PointCloud::default(), &keys, None, &CAMERA_HEIGHT_M, 5).unwrap_err();
     assert_eq!(none.reason().code, "nothing_fused");
     // The wall's foot is 1.4 m below the camera, so lower assumed floors remain.
     let guesses = assume(&cloud, &keys, &z_up());
     assert!(guesses.iter().all(|g| g.assumed && g.first_camera_height_m > 1.39), "{guesses:?}");
     assert!(!guesses.is_empty());
+}
+
+/// Checks the heights of the camera above the possible floors, and whether each is assumed.
+fn check_floors(surfaces: &[Vec<(Point3, Vector3)>], expected: &[(f64, bool)]) {
+    let (cloud, keys) = room(surfaces, &Pose3::identity());
+    let (floors, none_seen) = floors(&cloud, &keys, Some(&z_up()), 5);
+    let told: Vec<_> = floors.iter().map(|f| (f.first_camera_height_m, f.assumed)).collect();
+    let is_near = |(a, b): (&(f64, bool), &(f64, bool))| (a.0 - b.0).abs() < 0.02 && a.1 == b.1;
+    assert!(told.len() == expected.len() && told.iter().zip(expected).all(is_near), "{told:?}");
+    assert!(none_seen.is_none());
+}
+
+#[test]
+fn other_floors_compete_where_the_seen_one_is_doubtful() {
+    let floor = || level((0.0, 3.0), (0.5, 3.0), 0.0);
+    let assumed = [(1.45, true), (1.25, true), (1.65, true)];
+    check_floors(&[floor(), wall(2.4)], &[(1.4, false)]);
+    // Only a bed is in sight.
+    let bed = level((0.2, 2.8), (0.5, 3.0), 0.5);
+    check_floors(&[bed], &[&[(0.9, false)], &assumed[..]].concat());
+    // A sunken entrance beside a floor of seven times its area.
+    let entrance = level((0.0, 1.0), (3.0, 4.1), -0.15);
+    check_floors(&[floor(), entrance, wall(2.4)], &[(1.55, false), (1.4, false)]);
+    // The lowest step in sight below a landing.
+    let steps: Vec<_> = (1..=6)
+        .map(|i| {
+            level((3.0 + 0.25 * f64::from(i), 3.25 + 0.25 * f64::from(i)), (0.5, 1.5), -0.18 * f64::from(i))
+        })
+        .collect();
+    check_floors(&[vec![floor()], steps].concat(), &[(2.48, false), (1.4, false)]);
 }
 
 #[test]

@@ -38,7 +38,8 @@ const NEAR_M: f64 = 0.05;
 const FACING: f64 = 0.85;
 /// Minimum area of a plane.
 const MIN_AREA_M2: f64 = 0.2;
-const MAX_PLANES: usize = 80;
+/// A flat of ten rooms has about a hundred; clutter must not take all the time.
+const MAX_PLANES: usize = 400;
 /// Side of the cells that split a plane into patches, and the maximum step between cells of one patch.
 const PATCH_CELL_M: f64 = 0.10;
 const PATCH_GAP: i32 = 3;

@@ -6,6 +6,7 @@ use crate::error::ReconstructError;
 use crate::key_frame::KeyFrame;
 use crate::label::params::KEY_ANGLE_RAD;
 use crate::label::params::KEY_DISTANCE_M;
+use crate::quarter_turn::QuarterTurn;
 use rayon::prelude::*;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::{self, Progress};
@@ -26,11 +27,25 @@ const CHUNK: usize = 1024;
 /// Frames decoded at a time.
 const BATCH: usize = 4;
 
-/// Streams the chosen key frames again, segments each, and adds its votes for the sites that it sees.
+/// The pictures of a clip.
+pub(super) struct Recording<'a> {
+    pub clip: &'a Clip,
+    pub key_frames: &'a [KeyFrame],
+    pub up_in_world: Option<&'a Vector3>,
+}
+
+impl Recording<'_> {
+    /// Returns the turn that sets the picture of a key frame upright.
+    fn turn(&self, key: &KeyFrame) -> QuarterTurn {
+        let up = self.up_in_world.map(|up| key.world_from_camera.rotation.inverse() * up.normalize());
+        up.map_or(QuarterTurn::None, |up| QuarterTurn::upright(&up))
+    }
+}
+
+/// Streams the chosen key frames again, segments each upright, and adds its votes for the sites that it sees.
 /// `sites` are in the world frame.
 pub(super) fn vote(
-    clip: &Clip,
-    key_frames: &[KeyFrame],
+    recording: &Recording,
     sites: &Sites,
     segmenter: &dyn Segmenter,
     params: &LabelParams,
@@ -38,8 +53,8 @@ pub(super) fn vote(
 ) -> Result<Result<Votes, SegmentError>, ReconstructError> {
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
-    let chosen = choose(key_frames);
-    let mut frames = clip.stream(chosen.iter().map(|key| key.index).collect());
+    let chosen = choose(recording.key_frames);
+    let mut frames = recording.clip.stream(chosen.iter().map(|key| key.index).collect());
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
         for (i, (frame, key)) in frames.next_batch(BATCH).into_iter().zip(batch).enumerate() {
@@ -52,11 +67,13 @@ pub(super) fn vote(
                 Err(_) => continue,
             };
             let Some(picture) = &frame.color else { continue };
-            let map = match augment::segment(segmenter, picture, params.augmentations) {
+            let turn = recording.turn(key);
+            let turned = turn.of_picture(picture);
+            let map = match augment::segment(segmenter, &turned, params.augmentations) {
                 Ok(map) => map,
                 Err(error) => return Ok(Err(error)),
             };
-            votes.add(sites, &balls, &frame, &key.world_from_camera, &map);
+            votes.add(sites, &balls, &frame, &key.world_from_camera, &Turned { map, turn });
         }
     }
     Ok(Ok(votes))
@@ -87,6 +104,21 @@ pub(super) fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
     chosen
 }
 
+/// The class map of a picture that was turned.
+struct Turned {
+    map: ClassMap,
+    turn: QuarterTurn,
+}
+
+impl Turned {
+    /// Samples the probabilities at a pixel of the picture before its turn.
+    fn sample(&self, pixel: [f32; 2], size: [u32; 2], into: &mut [f32; CLASSES]) {
+        let [u, v] = self.turn.of_pixel(pixel, size);
+        let [width, height] = self.turn.of_size(size).map(|side| side as usize);
+        self.map.sample(u, v, width, height, into);
+    }
+}
+
 /// Returns the centre and radius of each chunk.
 fn balls(sites: &Sites) -> Vec<(Point3, f64)> {
     let ball = |chunk: &[Point3]| {
@@ -110,7 +142,7 @@ impl Votes {
         balls: &[(Point3, f64)],
         frame: &Frame,
         world_from_camera: &Pose3,
-        map: &ClassMap,
+        map: &Turned,
     ) {
         let look = Look { frame, camera_from_world: world_from_camera.inverse() };
         let chunks = self.sums.par_chunks_mut(CHUNK * CLASSES).zip(self.views.par_chunks_mut(CHUNK));
@@ -126,7 +158,7 @@ impl Votes {
                     continue;
                 };
                 let camera = &frame.color_camera;
-                map.sample(u, v, camera.width as usize, camera.height as usize, &mut probabilities);
+                map.sample([u, v], [camera.width, camera.height], &mut probabilities);
                 let confidence = probabilities.iter().copied().fold(0.0, f32::max);
                 for (sum, p) in sums.iter_mut().zip(&probabilities) {
                     *sum += confidence * p;

@@ -6,7 +6,7 @@ use super::place::{Place, recognise};
 use super::step::{Step, align};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
-use viola_geometry::Pose3;
+use viola_geometry::{Point3, Pose3};
 
 /// Minimum distance of a loop's ends in a segment, in key frames.
 const APART: usize = 3;
@@ -53,6 +53,21 @@ impl Way {
         off.translation.vector.norm() <= DRIFT_M + DRIFT_SHARE * way_m + 0.5 * way_m.min(1.0) * turn_limit
             && off.rotation.angle() <= turn_limit
     }
+}
+
+/// Motions of a segment that put a place within this of each other agree.
+const AGREE_M: f64 = 0.3;
+const AGREE_RAD: f64 = 10f64.to_radians();
+
+/// Returns the motion of a segment with which most others agree, by where they put `at`; the first one if several do. A wrong
+/// one could not be outvoted once the segment is moved.
+pub(super) fn most_agreed(moves: &[Pose3], at: &Point3) -> Pose3 {
+    let agrees = |a: &Pose3, b: &Pose3| {
+        (a * at - b * at).norm() < AGREE_M && a.rotation.angle_to(&b.rotation) < AGREE_RAD
+    };
+    let count = |a: &Pose3| moves.iter().filter(|b| agrees(a, b)).count();
+    let best = moves.iter().rev().max_by_key(|a| count(a));
+    best.copied().unwrap_or_else(Pose3::identity)
 }
 
 /// Aligns two key frames from a start; `None` if they do not fit.
@@ -134,4 +149,21 @@ pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
 
 fn edge(a: usize, b: usize, found: &Step) -> Edge {
     Edge { a, b, b_from_a: found.camera_from_key, information: found.trusted_information(), is_loop: true }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::Vector3;
+
+    #[test]
+    fn a_wrong_motion_of_a_segment_is_outvoted() {
+        let at = Point3::new(4.0, 0.0, 1.0);
+        let by = |x: f64, yaw: f64| Pose3::new(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, 0.0, yaw));
+        let right = by(0.0, 0.0);
+        assert_eq!(most_agreed(&[by(1.0, 0.0), right, by(0.02, 0.01), by(0.05, 0.0)], &at), right);
+        // Alike at the origin, not at the segment.
+        assert_eq!(most_agreed(&[by(0.0, 0.15), right, by(0.1, 0.0)], &at), right);
+        assert_eq!(most_agreed(&[by(1.0, 0.0), right], &at), by(1.0, 0.0));
+    }
 }
