@@ -110,4 +110,4 @@ macro_rules! plain {
 }
 
 plain!(bool, u32, i64, u64, usize, f64, String, Uuid, Timestamp, BTreeMap<String, f64>);
-plain!([f32; 2], [f32; 3], [f64; 2], [f64; 3], [[f64; 2]; 2], [[f64; 3]; 3]);
+plain!([f32; 2], [f32; 3], [f64; 2], [f64; 3], [[f64; 2]; 2], [[f64; 3]; 3], [[f64; 4]; 4]);

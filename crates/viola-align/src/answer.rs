@@ -61,6 +61,15 @@ pub struct FreeSpace {
     pub walls_on_floor: f64,
 }
 
+/// The first used camera of a clip: the clip frame has its origin on the floor below it and faces along its heading.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReferenceCamera {
+    /// Number of the frame in the clip.
+    pub frame: u32,
+    /// Pose of the camera (x right, y down, z forward) in the clip frame, row by row; translation in metres.
+    pub clip_from_camera: [[f64; 4]; 4],
+}
+
 /// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
@@ -99,6 +108,9 @@ pub struct Alignment {
     /// Summary of the labelling; null if nothing was fused.
     pub labels: Option<LabelReport>,
     pub floor: Option<FloorReport>,
+    /// The camera that defines the clip frame; null without a floor.
+    #[serde(default)]
+    pub reference_camera: Option<ReferenceCamera>,
     /// Completion because the first answer was in doubt; null without completion.
     pub completion: Option<CompletionReport>,
     /// Time of each stage. The only part that differs from run to run.
@@ -158,6 +170,7 @@ impl Alignment {
             key_frames: 0,
             labels: None,
             floor: None,
+            reference_camera: None,
             completion: None,
             seconds: BTreeMap::new(),
         }

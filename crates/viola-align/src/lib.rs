@@ -18,7 +18,9 @@ mod search;
 mod target;
 mod within;
 
-pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
+pub use answer::{
+    Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ReferenceCamera, ViewReport,
+};
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
 pub use maps::later_from_earlier;
 pub use observe::{FloorHypothesis, Observation, Scale, observe};

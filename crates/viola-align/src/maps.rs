@@ -37,31 +37,32 @@ pub fn later_from_earlier(earlier: &LidarMap, later: &LidarMap) -> Option<Pose2>
         return None;
     }
     let (from, to) = (Target::new(earlier)?, Target::new(later)?);
-    // A search is over poses whose origin lies in the map.
+    // Poses of the middle: the frame's origin may lie tens of metres away, where small turns move it far.
     let middle = middle(&from.thinned_m);
     let points = from.thinned_m.iter().zip(&from.thinned_shares);
     let every = from.thinned_m.len().div_ceil(REFINED_HITS).max(1);
     let hits: Vec<Hit> = points.step_by(every).map(|point| hit(point, &middle)).collect();
     let params = SearchParams { hits: HITS, first: LIMITS, in_doubt: LIMITS, ..SearchParams::default() };
     let found = Search::new(&hits, &to, &params).run(&LIMITS, &Silent).ok()?;
-    let from_earlier = |pose: &Pose2| pose.compose(&Pose2::new(-middle.x, -middle.y, 0.0));
     let stayed = Pose2::new(middle.x, middle.y, 0.0);
     let starts: Vec<Pose2> =
         std::iter::once(stayed).chain(found.modes.iter().map(|mode| mode.map_from_clip)).collect();
     let refined = refine::refine(&starts, &hits, &to);
-    let poses: Vec<Pose2> = refined.iter().map(|refined| from_earlier(&refined.map_from_clip)).collect();
-    let agreements: Vec<Agreement> = poses.par_iter().map(|pose| Agreement::of(pose, &from, &to)).collect();
+    let poses: Vec<Pose2> = refined.iter().map(|refined| refined.map_from_clip).collect();
+    let from_earlier = |pose: &Pose2| pose.compose(&Pose2::new(-middle.x, -middle.y, 0.0));
+    let agreement = |pose: &Pose2| Agreement::of(&from_earlier(pose), &from, &to);
+    let agreements: Vec<Agreement> = poses.par_iter().map(agreement).collect();
     let ranked = || poses.iter().zip(&agreements);
     let (best, most) = ranked().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean()))?;
     let as_good = |agreement: &Agreement| agreement.mean() > most.mean() - MARGIN;
     let is_told = !ranked().any(|(pose, agreement)| as_good(agreement) && is_different(pose, best));
     if is_told {
-        return most.is_enough().then_some(*best);
+        return most.is_enough().then(|| from_earlier(best));
     }
     // The first start is the frame that stayed.
     let (pose, agreement) = ranked().next()?;
-    let stays = as_good(agreement) && !is_different(pose, &Pose2::IDENTITY);
-    (stays && agreement.is_enough()).then_some(*pose)
+    let stays = as_good(agreement) && !is_different(pose, &stayed);
+    (stays && agreement.is_enough()).then(|| from_earlier(pose))
 }
 
 /// Returns whether a map is as large as a home and not more: the work is then bounded.
@@ -225,5 +226,14 @@ mod tests {
             (map(&SQUARE, &Pose2::IDENTITY, all, 1), map(&SQUARE, &Pose2::IDENTITY, all, 2));
         let found = later_from_earlier(&earlier, &later).unwrap();
         assert!(!is_different(&found, &Pose2::IDENTITY), "{found:?}");
+
+        // The origin is 36 m from the home, as in the sheets of robots: a turn by 0.8 degrees moves it by 0.5 m.
+        let middle = Point2::new(27.6, 27.6);
+        let far = Pose2::new(25.6, 25.6, 0.0);
+        let turn = Pose2::new(middle.x, middle.y, 0.8f64.to_radians())
+            .compose(&Pose2::new(-middle.x, -middle.y, 0.0));
+        let later = map(&SQUARE, &turn.compose(&far), all, 2);
+        let found = later_from_earlier(&map(&SQUARE, &far, all, 1), &later).unwrap();
+        assert!((found.apply(&middle) - middle).norm() < 0.1, "{found:?}");
     }
 }

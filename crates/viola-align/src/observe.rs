@@ -1,17 +1,21 @@
 //! Stages 1-6: from a clip to its virtual scan.
 
+use super::answer::ReferenceCamera;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use viola_formats::clip::{Clip, Up};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::features::features;
-use viola_reconstruct::floor::{self, Floor};
+use viola_reconstruct::floor::{self, Floor, NoFloor};
 use viola_reconstruct::label::{LabelReport, Labeller, Wall};
 use viola_reconstruct::track::{self, TrackedClip};
 use viola_reconstruct::trajectory::Trajectory;
 use viola_reconstruct::{Feature, FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
+
+/// A clip of unknown unit has a floor at any nominal height.
+const ANY_HEIGHT: RangeInclusive<f64> = 0.0..=f64::MAX;
 
 /// The data of a clip, without any map.
 #[derive(Debug, Clone, Default)]
@@ -30,8 +34,10 @@ pub struct Observation {
     pub pictures: Vec<usize>,
     /// `None` without a floor, seen or assumed.
     pub clip_from_world: Option<Pose3>,
+    /// `None` without a floor.
+    pub first_camera: Option<FirstCamera>,
     pub floor: Option<FloorReport>,
-    /// Scans for other heights of the camera, if the floor was not seen and its height is assumed.
+    /// Scans above other possible floors, if it is in doubt which one is the floor.
     pub other_floors: Vec<FloorHypothesis>,
     /// True if the camera was tracked from frames that are far apart.
     pub sparse_track: bool,
@@ -39,6 +45,26 @@ pub struct Observation {
     pub scale: Option<Scale>,
     /// Remarks, and last the reason for an empty `scan`, if there is one.
     pub reasons: Vec<Reason>,
+}
+
+/// The first used camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstCamera {
+    /// Index of its frame in the clip.
+    pub index: usize,
+    pub number: u32,
+    pub clip_from_camera: Pose3,
+}
+
+impl FirstCamera {
+    /// Returns the camera above another floor of the clip.
+    fn above(&self, floor: &FloorReport) -> ReferenceCamera {
+        let mut pose = self.clip_from_camera;
+        pose.translation.z = floor.camera_height_m;
+        let matrix = pose.to_homogeneous();
+        let clip_from_camera = std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]));
+        ReferenceCamera { frame: self.number, clip_from_camera }
+    }
 }
 
 /// The scale of a clip.
@@ -74,7 +100,7 @@ pub(super) struct Fusion {
     /// Upward direction in the world of the used poses.
     up: Option<Up>,
     sparse_track: bool,
-    reasons: Vec<Reason>,
+    pub(super) reasons: Vec<Reason>,
 }
 
 /// Fuses the clip, finds the floor and casts the rays.
@@ -113,7 +139,7 @@ pub(super) fn fuse(
         fused = fuse(Some(&refined))?;
         tracked = Some(refined);
     }
-    let mut reasons: Vec<Reason> = no_color(clip).into_iter().collect();
+    let mut reasons: Vec<Reason> = no_color(clip).into_iter().chain(few_poses(clip)).collect();
     reasons.extend(by_device.iter().map(|trajectory| trajectory.reason.clone()));
     reasons.extend(tracked.iter().flat_map(|tracked| tracked.reasons.clone()));
     let fused = match fused {
@@ -140,7 +166,9 @@ impl Fusion {
         let mut observation = self.blank();
         progress::begin(progress, Stage::Label)?;
         let keys = &self.fused.key_frames;
-        let labeller = Labeller::listen(clip, &mut self.fused.cloud_in_world, keys, &params.label, progress)?;
+        let up = self.up.as_ref().map(|up| &up.direction);
+        let labeller =
+            Labeller::listen(clip, &mut self.fused.cloud_in_world, keys, up, &params.label, progress)?;
         observation.labels = Some(labeller.report.clone());
         observation.pictures = labeller.pictures.clone();
         observation.reasons.extend(labeller.remarks.clone());
@@ -175,6 +203,22 @@ impl Fusion {
         Ok(observation)
     }
 
+    /// Finds the floor of a clip in nominal metres, at any height, and casts the rays.
+    pub(super) fn observe_nominal(
+        &self,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Result<Observation, NoFloor>, AlignError> {
+        let (cloud, keys) = (&self.fused.cloud_in_world, &self.fused.key_frames);
+        let floor = match floor::find_floor(cloud, keys, self.up.as_ref(), &ANY_HEIGHT, params.seed) {
+            Ok(floor) => floor,
+            Err(why) => return Ok(Err(why)),
+        };
+        let mut observation = self.blank();
+        observation.cast(cloud.clone(), keys, &[floor], &params.raycast, progress)?;
+        Ok(Ok(observation))
+    }
+
     pub(super) fn into_key_frames(self) -> Vec<KeyFrame> {
         self.fused.key_frames
     }
@@ -188,16 +232,12 @@ impl Fusion {
         }
     }
 
-    /// Returns the floor, or the assumed ones if it is not seen, the likeliest first.
+    /// Returns the possible floors, the likeliest first.
     fn floors(&self, seed: u64, reasons: &mut Vec<Reason>) -> Vec<Floor> {
         let (cloud, keys) = (&self.fused.cloud_in_world, &self.fused.key_frames);
-        match floor::find_floor(cloud, keys, self.up.as_ref(), seed) {
-            Ok(floor) => vec![floor],
-            Err(why) => {
-                reasons.push(why.reason());
-                self.up.as_ref().map_or_else(Vec::new, |up| floor::assume(cloud, keys, up))
-            }
-        }
+        let (floors, none_seen) = floor::floors(cloud, keys, self.up.as_ref(), seed);
+        reasons.extend(none_seen.map(|why| why.reason()));
+        floors
     }
 }
 
@@ -214,6 +254,15 @@ fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Tr
 fn no_color(clip: &Clip) -> Option<Reason> {
     let detail = "the clip has no colour pictures; it is aligned by depth alone, without a network's labels";
     (!clip.has_color()).then(|| Reason::new("no_colour", detail))
+}
+
+/// Returns a reason if most frames of a clip with poses have none: the recording of the poses may have been cut off.
+fn few_poses(clip: &Clip) -> Option<Reason> {
+    let info = clip.info();
+    let is_cut = info.frames_with_pose > 0 && info.frames_with_pose < info.frames / 2;
+    let detail =
+        format!("{} of {} frames have no pose and were left out", info.skipped_without_pose, info.frames);
+    is_cut.then(|| Reason::new("frames_without_pose", detail))
 }
 
 /// Tracks the wanted frames of a clip if none of them has a pose.
@@ -248,6 +297,11 @@ impl Observation {
         self.cloud_in_clip = cloud_in_world.transformed(&first.clip_from_world);
         self.floor = Some(first.report());
         self.clip_from_world = Some(first.clip_from_world);
+        self.first_camera = keys.first().map(|key| FirstCamera {
+            index: key.index,
+            number: key.number,
+            clip_from_camera: first.clip_from_world * key.world_from_camera,
+        });
         self.scan = self.scan_above(first, first, keys, params);
         for floor in &floors[1..] {
             progress::check(progress)?;
@@ -306,6 +360,7 @@ impl Observation {
             scan,
             walls,
             clip_from_world: self.clip_from_world.map(|clip_from_world| lower * clip_from_world),
+            first_camera: self.first_camera.clone(),
             floor: Some(floor.clone()),
             other_floors: Vec::new(),
             sparse_track: self.sparse_track,
@@ -317,6 +372,11 @@ impl Observation {
             pictures: self.pictures.clone(),
             reasons: self.reasons.clone(),
         }
+    }
+
+    /// Returns the camera that defines the clip frame above a floor of the clip.
+    pub(super) fn reference_camera(&self, floor: &FloorReport) -> Option<ReferenceCamera> {
+        self.first_camera.as_ref().map(|camera| camera.above(floor))
     }
 
     /// Returns the scan that an answer chose, and the depth of its floor below that of the cloud.

@@ -30,6 +30,7 @@ pub fn register(
         key_frames: observation.key_frames,
         labels: observation.labels.clone(),
         floor: observation.floor.clone(),
+        reference_camera: observation.floor.as_ref().and_then(|floor| observation.reference_camera(floor)),
         reasons: observation.reasons.clone(),
         ..Alignment::failed()
     };
@@ -51,6 +52,7 @@ pub fn register(
         return Ok(answer);
     }
     let mut answer = Registration::new(&hypotheses, targets, params).run(answer, progress)?;
+    answer.reference_camera = answer.floor.as_ref().and_then(|floor| observation.reference_camera(floor));
     if let Some(floor) = answer.floor.as_ref().filter(|floor| floor.assumed) {
         let height_m = floor.camera_height_m;
         answer.reasons.push(Reason::new(
@@ -141,8 +143,11 @@ impl<'a> Registration<'a> {
         let limits = &self.params.search;
         let mut placed = self.place(&limits.first, &blank, progress)?;
         if placed.answer.state != AlignmentState::Aligned && placed.complete {
-            // The right pose may score below the first limits.
-            placed = self.place(&limits.in_doubt, &blank, progress)?;
+            // The right pose may score below the first limits. A search that ends at its budget tells no more.
+            let resumed = self.place(&limits.in_doubt, &blank, progress)?;
+            if resumed.complete {
+                placed = resumed;
+            }
         }
         let Placed { mut answer, hypothesis, .. } = placed;
         if let (Some(target), Some(map_from_clip), Some(covariance)) =
@@ -193,7 +198,10 @@ impl<'a> Registration<'a> {
             let detail = "the search for the clip's scale ended at its budget; other scales may explain the clip as well";
             answer.reasons.push(Reason::new("search_incomplete", detail));
         }
-        let cut_short = found.iter().find(|found| !found.complete);
+        // A search that ended at its budget matters if an open pose may score as high as a mode that counts.
+        let best = found.iter().filter_map(|found| found.modes.first()).map(|mode| mode.score);
+        let least = limits.bar * best.fold(0.0, f64::max);
+        let cut_short = found.iter().find(|found| !found.complete && found.open_bound >= least);
         let doubts = Doubts {
             search_incomplete: cut_short.is_some() || view.scale_cut_short,
             sparse_track: view.sparse_track,

@@ -19,7 +19,7 @@ use shape::{FIRST, IN_DOUBT, Shape};
 use std::ops::Range;
 use viola_formats::clip::Clip;
 use viola_geometry::progress::{self, Progress, Stage};
-use viola_reconstruct::Reason;
+use viola_reconstruct::{NoFloor, Reason};
 
 /// Median depth in nominal metres.
 const MEDIAN_DEPTH_M: f64 = 2.0;
@@ -76,18 +76,13 @@ pub(super) fn find(
         Ok(fusion) => fusion,
         Err(reasons) => return Ok(Err(reasons)),
     };
-    let observation = fusion.observe_shape(params, &within)?;
+    let observation = match fusion.observe_nominal(params, &within)? {
+        Ok(observation) => observation,
+        Err(why) => return Ok(Err(without_floor(fusion.reasons, why))),
+    };
     let (Some(floor), Some(clip_from_world)) = (&observation.floor, observation.clip_from_world) else {
         return Ok(Err(observation.reasons));
     };
-    if floor.assumed {
-        let mut reasons = observation.reasons.clone();
-        reasons.push(Reason::new(
-            "scale_unknown",
-            "the unit of the clip is unknown, and without a floor in sight its scale cannot be found; include some floor in the recording",
-        ));
-        return Ok(Err(reasons));
-    }
     let shape = Shape {
         camera_height: floor.camera_height_m,
         cloud_in_clip: scan::upright(observation.cloud_in_clip),
@@ -109,6 +104,18 @@ pub(super) fn find(
         rival_gaps_m,
         complete,
     }))
+}
+
+/// Returns the reasons of a clip of unknown unit without a floor.
+fn without_floor(mut reasons: Vec<Reason>, why: NoFloor) -> Vec<Reason> {
+    reasons.push(why.reason());
+    if let NoFloor::NoPlane { .. } = why {
+        reasons.push(Reason::new(
+            "scale_unknown",
+            "the unit of the clip is unknown, and without a floor in sight its scale cannot be found; include some floor in the recording",
+        ));
+    }
+    reasons
 }
 
 /// Returns the hits where the map has their walls.

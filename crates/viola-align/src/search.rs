@@ -6,6 +6,8 @@
 //! likelihood that the square lets it reach, from a pyramid of maxima. Nodes are opened best first, so poses
 //! come out in the order of their scores, and the first one is the optimum. All sums are integers: neither
 //! threads nor the order of the hits change a bit.
+//!
+//! Translations are those of the middle of the hits, which lies in the map: the first camera may stand outside of it.
 
 mod pyramid;
 mod space;
@@ -20,7 +22,7 @@ use rayon::prelude::*;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::{Point2, Pose2, angle_between};
 
 /// Poses nearer than this, and turned by less than `APART_RAD` from each other, are one mode.
 pub(crate) const APART_M: f64 = 0.25;
@@ -85,23 +87,24 @@ pub struct Modes {
     pub complete: bool,
 }
 
-/// A search over all poses whose origin lies in the map. It can be resumed.
+/// A search over all poses with the middle of the hits in the map. It can be resumed.
 pub struct Search<'a> {
     params: &'a SearchParams,
     space: Space<'a>,
+    middle: Point2,
     open: BinaryHeap<Node>,
     dived: Option<Node>,
     /// Nodes with a bound up to this are dropped.
     hopeless: u32,
+    /// Modes of the middle of the hits.
     modes: Vec<Candidate>,
     nodes: usize,
 }
 
 impl<'a> Search<'a> {
     pub fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Search<'a> {
-        let hits = thin(hits, params.hits);
-        let likelihood = Likelihood::new(target, reach_m(&hits), params);
-        Search::of_thinned(&hits, Arc::new(likelihood), params)
+        let likelihood = Likelihood::new(target, reach_m(hits), params);
+        Search::sharing(&Arc::new(likelihood), hits, params)
     }
 
     /// Starts a search in a likelihood that other searches share. Its reach includes all of their hits.
@@ -110,18 +113,16 @@ impl<'a> Search<'a> {
         hits: &[Hit],
         params: &'a SearchParams,
     ) -> Search<'a> {
-        Search::of_thinned(&thin(hits, params.hits), Arc::clone(likelihood), params)
-    }
-
-    fn of_thinned(hits: &[Hit], likelihood: Arc<Likelihood>, params: &'a SearchParams) -> Search<'a> {
-        let space = Space::new(hits, likelihood, params);
+        let middle = middle(hits);
+        let hits = about(&middle, &thin(hits, params.hits));
+        let space = Space::new(&hits, Arc::clone(likelihood), params);
         let roots = space.roots();
         // Nodes that cannot reach the lowest bar relative to this leaf are dropped.
         let dived = space.dive(&roots);
         let lowest = params.first.bar.min(params.in_doubt.bar);
         let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
         let open = roots.into_iter().filter(|node| node.bound > hopeless).collect();
-        Search { params, space, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
+        Search { params, space, middle, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
     }
 
     /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
@@ -191,14 +192,39 @@ impl<'a> Search<'a> {
             let map_from_clip = self.space.pose(&leaf);
             modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
         }
+        let middle_from_clip = Pose2::new(-self.middle.x, -self.middle.y, 0.0);
+        for mode in &mut modes {
+            mode.map_from_clip = mode.map_from_clip.compose(&middle_from_clip);
+        }
         let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
         Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < self.params.max_nodes }
     }
 }
 
-/// Returns the largest distance of a hit from the clip's origin.
+/// Returns the weighted middle of the hits, without those that no map of a home reaches.
+fn middle(hits: &[Hit]) -> Point2 {
+    const MOST_M: f64 = 100.0;
+    // Integers, so that the order of the hits does not matter.
+    const UNITS: f64 = 1024.0;
+    let (mut sum, mut weights) = ([0i64; 2], 0i64);
+    for hit in hits.iter().filter(|hit| hit.point_m.coords.norm() <= MOST_M) {
+        let weight = i64::from(space::weight(hit));
+        for (sum, value) in sum.iter_mut().zip([hit.point_m.x, hit.point_m.y]) {
+            *sum += weight * (value * UNITS).round() as i64;
+        }
+        weights += weight;
+    }
+    Point2::from(sum.map(|sum| sum as f64 / UNITS / weights.max(1) as f64))
+}
+
+fn about(middle: &Point2, hits: &[Hit]) -> Vec<Hit> {
+    hits.iter().map(|hit| Hit { point_m: Point2::from(hit.point_m - middle), ..*hit }).collect()
+}
+
+/// Returns the largest distance of a hit from the middle of all.
 pub(crate) fn reach_m(hits: &[Hit]) -> f64 {
-    hits.iter().map(|hit| hit.point_m.coords.norm()).fold(0.0, f64::max)
+    let middle = middle(hits);
+    hits.iter().map(|hit| (hit.point_m - middle).norm()).fold(0.0, f64::max)
 }
 
 fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
@@ -229,7 +255,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use viola_geometry::progress::Silent;
-    use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Vector2};
+    use viola_geometry::{DistanceField, Grid, GridFrame, Vector2};
 
     fn target(walls: &[(usize, usize)]) -> Target {
         let frame = GridFrame { origin_m: [-1.0, 0.5], cell_m: 0.05, width: 56, height: 50 };
@@ -263,7 +289,7 @@ mod tests {
     /// Returns the best score over every rotation and cell, without a pyramid.
     fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
         let likelihood = Likelihood::new(target, reach_m(hits), params);
-        let space = Space::new(hits, Arc::new(likelihood), params);
+        let space = Space::new(&about(&middle(hits), hits), Arc::new(likelihood), params);
         let roots = space.roots();
         let side = 1i32 << params.levels;
         let leaves = roots.iter().flat_map(|root| {
@@ -340,6 +366,27 @@ mod tests {
             let found = search.run_down_to(least, 12, &Silent).unwrap();
             let wanted: Vec<Candidate> = all.modes.into_iter().filter(|mode| mode.score >= least).collect();
             prop_assert_eq!(found.modes, wanted);
+        }
+    }
+
+    /// The same room is found from outside of the map, wherever the clip begins.
+    #[test]
+    fn a_clip_that_begins_outside_of_the_map_is_found() {
+        let walls: Vec<(usize, usize)> =
+            (0..16).map(|x| (x, 0)).chain((0..10).map(|y| (0, y))).chain((4..9).map(|x| (x, 9))).collect();
+        let target = target(&walls);
+        let params = SearchParams { rotations: 360, ..small() };
+        for [x, y] in [[3.0, 0.0], [-3.0, 0.5], [0.0, 3.0], [0.2, -3.0]] {
+            let map_from_clip = Pose2::new(x, y, 0.7);
+            let clip_from_map = map_from_clip.inverse();
+            let seen = |point: &Point2| {
+                let point = clip_from_map.apply(point);
+                hit(point.x, point.y)
+            };
+            let hits: Vec<Hit> = target.thinned_m.iter().map(seen).collect();
+            let found = search(&hits, &target, &params).modes[0];
+            let off = clip_from_map.compose(&found.map_from_clip);
+            assert!(found.score > 0.9 && off.translation().norm() < 0.15, "{x} {y} {found:?}");
         }
     }
 

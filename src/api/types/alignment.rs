@@ -31,7 +31,7 @@ answer! {
         inliers: f64,
         /// Contradictions between the pose and free space; null if the method does not look at free space.
         free_space: Option<FreeSpace>,
-        /// Share of everything named above the floor that would stand in a wrong room of the map, such as a
+        /// Fraction of the labelled points above the floor in a room whose name excludes their class, such as a
         /// bed in a kitchen, 0..1. It is computed from the classes of a network and the names of the rooms;
         /// null if no room's name tells its use.
         #[schema(required = false)]
@@ -86,10 +86,25 @@ answer! {
         /// Source of the points' classes; null if nothing was fused.
         labels: Option<LabelReport>,
         floor: Option<FloorReport>,
+        /// The camera that defines the clip frame; null without a floor, and in answers of earlier versions.
+        #[schema(required = false)]
+        reference_camera: Option<ReferenceCamera>,
         /// Completion, made because the first answer was uncertain; null if there was none.
         completion: Option<CompletionReport>,
         /// Time of each stage. The only part that differs from run to run.
         seconds: BTreeMap<String, f64>,
+    }
+}
+
+answer! {
+    /// The first used camera of a clip: the clip frame has its origin on the floor below it and faces along its heading.
+    /// With it a device's session is placed in the map: `map_from_clip * clip_from_camera * world_from_camera^-1`, by the
+    /// device's own pose of that frame.
+    struct ReferenceCamera from viola_align::ReferenceCamera {
+        /// Number of the frame in the clip.
+        frame: u32,
+        /// Pose of the camera (x right, y down, z forward) in the clip frame, row by row; translation in metres.
+        clip_from_camera: [[f64; 4]; 4],
     }
 }
 
