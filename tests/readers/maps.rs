@@ -1,7 +1,7 @@
 //! Maps in each format: the drawing is read.
 
 use crate::drawing::*;
-use crate::writers::{as_folder, encode};
+use crate::writers::{as_folder, encode, zip_bytes};
 use image::{DynamicImage, ImageFormat, LumaA};
 use serde_json::json;
 use viola_formats::lidar::{Cell, LidarMap};
@@ -112,6 +112,14 @@ fn ros_maps_in_each_mode_and_encoding() {
     let wide = String::from_utf8(yaml("")).unwrap().replace("0.196", "0.25").into_bytes();
     let map = check("free_thresh 0.25", &wide, &saved);
     assert!(map.info.notes[0].contains("205"), "{:?}", map.info.notes);
+    // A saver's image is still one after an eraser stroke, and in red, green and blue.
+    let mut cleaned = grey(0, 254, 205);
+    cleaned.put_pixel(3, 1, image::Luma([255]));
+    let rgb = DynamicImage::from(cleaned.clone()).to_rgb8();
+    for (what, image) in [("cleaned", pgm(cleaned)), ("rgb", encode(&rgb.into(), ImageFormat::Png))] {
+        let map = check(what, &wide, &image);
+        assert!(map.info.notes[0].contains("205"), "{what}: {:?}", map.info.notes);
+    }
     // For an image that is not a saver's, the file's threshold applies.
     let map = LidarMap::read(&ros_zip(&wide, &pgm(grey(0, 250, 205)))).unwrap();
     assert_eq!(map.info.free_cells, 48 - map.info.occupied_points);
@@ -135,6 +143,25 @@ fn a_ros_map_is_read_from_its_yaml_file() {
     for (name, yaml) in [("map.yaml", yaml("")), ("MAP.YAML", absolute.into_bytes())] {
         let folder = as_folder(&[(name.into(), yaml), ("map.pgm".into(), image.clone())]);
         check_home(name, &LidarMap::open(&folder.path().join(name)).unwrap(), [-1.0, 2.0]);
+    }
+}
+
+#[test]
+fn a_ros_image_in_an_absent_folder_is_taken_beside_its_yaml_file() {
+    let image = pgm(grey(0, 254, 205));
+    let relative = String::from_utf8(yaml("")).unwrap().replace("map.pgm", "maps/map.pgm").into_bytes();
+    for (place, is_noted) in [("map.pgm", true), ("maps/map.pgm", false)] {
+        let folder = as_folder(&[("map.yaml".into(), relative.clone()), (place.into(), image.clone())]);
+        let zip = zip_bytes(&[
+            ("home/map.yaml".into(), relative.clone()),
+            (format!("home/{place}"), image.clone()),
+        ]);
+        for map in [LidarMap::open(&folder.path().join("map.yaml")), LidarMap::read(&zip)] {
+            let map = map.unwrap();
+            check_home(place, &map, [-1.0, 2.0]);
+            let notes = &map.info.notes;
+            assert_eq!(notes.iter().any(|note| note.contains("absent; map.pgm")), is_noted, "{notes:?}");
+        }
     }
 }
 

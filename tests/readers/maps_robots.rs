@@ -55,7 +55,9 @@ fn roborock_in_each_generation() {
 
 #[test]
 fn dreame_with_its_saved_map() {
-    for bytes in [dreame(&dreame_inflated(b'I')), zlib(&dreame_inflated(b'I')), dreame_inflated(b'I')] {
+    let text = dreame(&dreame_inflated(b'I'));
+    let lines = text.chunks(76).collect::<Vec<_>>().join(&b"\r\n"[..]);
+    for bytes in [text, lines, zlib(&dreame_inflated(b'I')), dreame_inflated(b'I')] {
         let map = LidarMap::read(&bytes).unwrap();
         assert_eq!(map.info.format, "dreame");
         check_home("dreame", &map, DREAME_CORNER);
@@ -100,6 +102,41 @@ fn viomi_with_and_without_a_number() {
     let map = LidarMap::read(&zlib(&other)).unwrap();
     assert!(map.charger.is_none());
     assert!(map.info.notes.iter().any(|note| note.contains("not all understood")), "{:?}", map.info.notes);
+}
+
+#[test]
+fn viomi_with_unknown_positions_and_several_maps() {
+    let whole = viomi_inflated(77);
+    let unknown = 1100f32.to_le_bytes();
+    // The charger follows the image of 3 000 bytes and an empty path; the robot follows two restrictions, no zone and a
+    // target.
+    let charger = 48 + 40 + 3_000 + 12;
+    let robot = charger + 16 + (12 + 2 * 92) + 12 + 20;
+    for (what, at, expected) in [
+        ("all known", None, [true, true]),
+        ("the charger's x", Some(charger + 4), [false, true]),
+        ("the charger's y", Some(charger + 8), [false, true]),
+        ("the robot's x", Some(robot + 9), [true, false]),
+        ("the robot's y", Some(robot + 13), [true, false]),
+    ] {
+        let bytes = at.map_or(whole.clone(), |at| edited(&whole, at, &unknown));
+        let map = LidarMap::read(&zlib(&bytes)).unwrap();
+        assert_eq!([map.charger.is_some(), map.info.marks.robot.is_some()], expected, "{what}");
+        assert_eq!(map.info.notes, Vec::<String>::new(), "{what}");
+    }
+    // The map's name is `up`, with the number 0.
+    let names = whole.windows(3).rposition(|window| window == b"\x02up").unwrap();
+    let number = 0x5e63_d2b4u32.to_le_bytes();
+    let named = |name: &[u8]| [name, &number].concat();
+    for (what, bytes) in [
+        ("a name of another map", [&whole[..names], &named(b"\x03Alt")[..], &whole[names..]].concat()),
+        ("two", [&whole[..names], &named(b"\x03Alt")[..], &named(b"\x01B")[..], &whole[names..]].concat()),
+        ("one name with a large number", edited(&whole, names + 3, &number)),
+    ] {
+        let map = LidarMap::read(&zlib(&bytes)).unwrap();
+        check_rooms(what, &map, &[("16", Some("Kitchen"), None), ("17", None, None)]);
+        assert_eq!(map.info.notes, Vec::<String>::new(), "{what}");
+    }
 }
 
 #[test]

@@ -12,6 +12,8 @@ use viola_geometry::{Grid, GridFrame, Pose2};
 const MAX_YAML_BYTES: u64 = 64 << 10;
 /// A free threshold that keeps a map saver's unknown (205) from being free.
 const SAVED_FREE_THRESHOLD: f64 = 0.196;
+/// Larger cells get a note.
+const COARSE_CELL_M: f64 = 0.2;
 /// A smaller yaw moves the largest map by less than a cell.
 const MIN_YAW_RAD: f64 = 1e-6;
 
@@ -87,7 +89,7 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 pub(super) fn read(
     yaml: &[u8],
     name: &str,
-    read_image: impl FnOnce(&str) -> Result<Vec<u8>, LidarError>,
+    read_image: impl Fn(&str) -> Result<Vec<u8>, LidarError>,
 ) -> Result<LidarMap, LidarError> {
     let bad = |reason: String| LidarError::BadYaml { name: name.to_string(), reason };
     if yaml.len() as u64 > MAX_YAML_BYTES {
@@ -98,7 +100,24 @@ pub(super) fn read(
     let mut notes = Vec::new();
     let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
     let origin = check(&description).map_err(bad)?;
-    let image = raster::decode(&read_image(&image_name)?, &image_name)?;
+    if description.resolution > COARSE_CELL_M {
+        notes.push(format!(
+            "cells of {} m are coarse: poses of clips are up to half a cell off, and most clips are not aligned",
+            description.resolution
+        ));
+    }
+    let bytes = match (read_image(&image_name), image_name.rsplit_once('/')) {
+        // Some map savers write the folder of their own working directory.
+        (Err(error), Some((_, last))) if is_absent(&error) => {
+            let bytes = read_image(last)?;
+            notes.push(format!(
+                "image is in a folder that is absent; {last:.80} beside the yaml file was taken"
+            ));
+            bytes
+        }
+        (bytes, _) => bytes?,
+    };
+    let image = raster::decode(&bytes, &image_name)?;
     if raster::is_saved_with_wide_threshold(&image, &description) {
         notes.push(format!(
             "the image's 205, which map savers write for unknown, is below free_thresh {}; it was read as unknown",
@@ -133,7 +152,15 @@ pub(super) fn read(
     })
 }
 
-/// Returns the image's name in the yaml file's own folder. Map savers write absolute names of the robot's
+fn is_absent(error: &LidarError) -> bool {
+    match error {
+        LidarError::YamlWithoutImage => true,
+        LidarError::Unreadable { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
+        _ => false,
+    }
+}
+
+/// Returns the image's name from the yaml file's own folder. Map savers write absolute names of the robot's
 /// disk; only the last part of those is used.
 fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> {
     let is_absolute = image.starts_with('/') || image.contains('\\') || image.contains(':');
@@ -169,4 +196,22 @@ fn check(description: &Description) -> Result<Pose2, String> {
         ));
     }
     Ok(Pose2::new(x_m, y_m, yaw_rad))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarse_cells_are_noted() {
+        for (resolution, is_noted) in [(0.05, false), (0.2, false), (0.25, true), (1.0, true)] {
+            let yaml = format!(
+                "image: a.pgm\nresolution: {resolution}\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+            );
+            let map = read(yaml.as_bytes(), "a.yaml", |_| Ok(b"P2 2 1 255\n0 254\n".to_vec())).unwrap();
+            let coarse = format!("cells of {resolution} m are coarse");
+            let notes = &map.info.notes;
+            assert_eq!(notes.iter().any(|note| note.starts_with(&coarse)), is_noted, "{notes:?}");
+        }
+    }
 }

@@ -8,9 +8,9 @@ mod extra;
 
 use self::extra::Extra;
 use super::{Bytes, MAX_SIDE, inflate, is_zlib, round_cm};
-use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot};
+use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot, touches_floor};
 use crate::lidar::sheet::{Run, Runs, Sheet};
-use crate::lidar::{LidarError, LidarMap, RobotFrame};
+use crate::lidar::{Cell, LidarError, LidarMap, RobotFrame};
 use base64::Engine;
 use base64::alphabet::URL_SAFE;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -70,32 +70,29 @@ fn bad(reason: impl Into<String>) -> LidarError {
     LidarError::BadRobotMap { format: "Dreame", reason: reason.into() }
 }
 
-/// Returns whether a text can be a map: only base64, of a zlib stream.
+/// Returns whether a text can be a map: only base64, of a zlib stream. Programs break it into lines.
 pub(in super::super) fn is_text(text: &[u8]) -> bool {
-    let text = text.trim_ascii_end();
     let is_digit = |b: &u8| b.is_ascii_alphanumeric() || b"-_+/=".contains(b);
+    // Two bytes; the next digit can be of either alphabet.
+    let first: Vec<u8> = text.iter().copied().filter(|b| !b.is_ascii_whitespace()).take(3).collect();
     text.len() > HEADER_BYTES
-        && text.iter().all(is_digit)
-        // Two bytes; the next digit can be of either alphabet.
-        && BASE64URL.decode(&text[..3]).is_ok_and(|bytes| is_zlib(&bytes))
+        && text.iter().all(|b| is_digit(b) || b.is_ascii_whitespace())
+        && BASE64URL.decode(first).is_ok_and(|bytes| is_zlib(&bytes))
 }
 
 pub(in super::super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
-    read(&decode(text.trim_ascii_end())?)
+    read(&decode(text)?)
 }
 
 /// Decodes either alphabet of base64, and inflates the result.
 fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
     let url_safe: Vec<u8> = text
         .iter()
-        .map(|b| {
-            if *b == b'+' {
-                b'-'
-            } else if *b == b'/' {
-                b'_'
-            } else {
-                *b
-            }
+        .filter(|b| !b.is_ascii_whitespace())
+        .map(|b| match b {
+            b'+' => b'-',
+            b'/' => b'_',
+            _ => *b,
         })
         .collect();
     let deflated =
@@ -131,11 +128,10 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     drawing.own_frame = Some(RobotFrame::millimetres([-OFFSET_MM; 2]));
     let extra = Extra::parse(frame.extra, &mut drawing.notes);
     let cells = frame.cells(Source::Regular, &drawing.sheet)?;
-    let (mut has_floor, mut has_wall) = (!cells.floor.0.is_empty(), !cells.wall.0.is_empty());
     (drawing.robot, drawing.charger) = (frame.robot, frame.charger);
     let mut rooms: Vec<(usize, Vec<Run>)> = cells.rooms();
     drawing.carpet = cells.carpet.0;
-    let mut layers = vec![(LayerKind::Floor, cells.floor.0), (LayerKind::Wall, cells.wall.0)];
+    let (floor, mut walls) = (cells.floor.0, cells.wall.0);
     let mut infos = extra.segments.clone();
 
     // The saved map is the fallback for parts that this one lacks.
@@ -158,15 +154,9 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
                 rooms.push((id, runs));
             }
         }
-        for (kind, runs, has) in [
-            (LayerKind::Floor, cells.floor.0, &mut has_floor),
-            (LayerKind::Wall, cells.wall.0, &mut has_wall),
-        ] {
-            if !*has {
-                *has = !runs.is_empty();
-                layers.push((kind, runs));
-            }
-        }
+        let floors: Vec<&[Run]> =
+            rooms.iter().map(|(_, runs)| runs.as_slice()).chain([floor.as_slice()]).collect();
+        walls.extend(missing_walls(cells.wall.0, &walls, &floors, &drawing.sheet)?);
         if drawing.carpet.is_empty() {
             drawing.carpet = cells.carpet.0;
         }
@@ -174,7 +164,8 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
             infos.entry(id).or_default().take(info);
         }
     }
-    drawing.layers.extend(layers.into_iter().map(|(kind, runs)| Layer { kind, runs }));
+    drawing.layers.push(Layer { kind: LayerKind::Floor, runs: floor });
+    drawing.layers.push(Layer { kind: LayerKind::Wall, runs: walls });
     for (id, runs) in rooms {
         let info = infos.remove(&id).unwrap_or_default();
         let kind = LayerKind::Segment { id: id.to_string(), name: info.name, material: info.material };
@@ -183,6 +174,30 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     extra.restrict(&mut drawing);
     extra.add_obstacles(&mut drawing);
     drawing.into_map()
+}
+
+/// Returns the saved walls that the live frame lacks: on its unknown cells, beside floor. Other saved walls are behind
+/// live ones: the same walls, seen at another time.
+fn missing_walls(
+    saved: Vec<Run>,
+    live: &[Run],
+    floors: &[&[Run]],
+    sheet: &Sheet,
+) -> Result<Vec<Run>, LidarError> {
+    if live.is_empty() {
+        return Ok(saved);
+    }
+    let mut grid = sheet.grid_around(live.iter().chain(floors.iter().copied().flatten()))?;
+    floors.iter().for_each(|runs| sheet.fill(&mut grid, runs, Cell::Free));
+    sheet.fill(&mut grid, live, Cell::Occupied);
+    let mut missing = Runs::default();
+    for (x, y) in saved.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| (x, run.y))) {
+        let cell = grid.frame.cell(&sheet.centre(x, y));
+        if cell.is_some_and(|(x, y)| grid.get(x, y) == Cell::Unknown && touches_floor(&grid, x, y)) {
+            missing.add(x, y);
+        }
+    }
+    Ok(missing.0)
 }
 
 impl<'a> Frame<'a> {
@@ -298,4 +313,58 @@ impl Cells {
 fn on_sheet(x_mm: f64, y_mm: f64) -> [f64; 2] {
     let cm = |mm: f64| round_cm((mm + OFFSET_MM) / 10.0);
     [cm(x_mm), SIDE_CM as f64 - cm(y_mm)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the cells of this symbol in a drawing, the top row first.
+    fn runs(rows: &[&str], symbol: char) -> Vec<Run> {
+        let mut runs = Runs::default();
+        for (y, row) in rows.iter().enumerate() {
+            for (x, _) in row.chars().enumerate().filter(|(_, c)| *c == symbol) {
+                runs.add(x as u32, y as u32);
+            }
+        }
+        runs.0
+    }
+
+    #[test]
+    fn saved_walls_complete_the_live_ones() {
+        let sheet = Sheet::new(50, 25, 5);
+        let saved = [
+            "##########", //
+            "#........#", //
+            "#........#", //
+            "#........#", //
+            "##########",
+        ];
+        let left = ["", " #....", " #....", " #....", ""];
+        let right = ["  #######", "         #", "         #", "         #", "  #######"];
+        let whole = ["", " ########", " #......#", " ########", ""];
+        let no_wall = [".....", ".....", ".....", "", ""];
+        for (what, live, expected) in [
+            ("the left wall is live, one cell further inside", left, right),
+            ("all walls are live, one cell further inside", whole, [""; 5]),
+            ("no wall is live, and live floor is at saved walls", no_wall, saved),
+        ] {
+            let floors = [&runs(&live, '.')[..], &runs(&saved, '.')[..]];
+            let missing = missing_walls(runs(&saved, '#'), &runs(&live, '#'), &floors, &sheet).unwrap();
+            assert_eq!(missing, runs(&expected, '#'), "{what}");
+        }
+    }
+
+    #[test]
+    fn base64_in_lines_is_a_text() {
+        let text = b"eJzLSM3JyVcozy/KSVEwNDI2MTUzt7A0AABTBQYr";
+        for (what, text, expected) in [
+            ("one line", text.to_vec(), true),
+            ("lines", text.chunks(7).collect::<Vec<_>>().join(&b"\r\n"[..]), true),
+            ("a line in the first digits", [&b"e\nJ"[..], &text[2..]].concat(), true),
+            ("points in millimetres", b"120 340\n560 780\n".repeat(4), false),
+        ] {
+            assert_eq!(is_text(&text), expected, "{what}");
+        }
+    }
 }

@@ -16,7 +16,10 @@ const PATH_POINT_BYTES: usize = 9;
 const AREA_BYTES: usize = 92;
 /// Cells from this value on are of a room that is being cleaned, whose number is 50 less.
 const FIRST_ACTIVE: u8 = 60;
-const MAX_ROOMS: usize = 256;
+/// Maximum number of rooms, as in Valetudo. A larger number is the beginning of another name.
+const MAX_ROOMS: u32 = 255;
+/// A coordinate of an unknown position.
+const UNKNOWN_M: f64 = 1100.0;
 
 mod flag {
     pub const STATUS_AND_IMAGE: u32 = 0b11;
@@ -136,11 +139,16 @@ impl Place {
         [cm(x_m, self.min_m[0]), self.height_cm - cm(y_m, self.min_m[1])]
     }
 
+    /// Reads a position; `None` if it is unknown.
+    fn position(&self, map: &Bytes, at: usize) -> Option<[f64; 2]> {
+        let [x_m, y_m] = [map.f32(at)?, map.f32(at + 4)?];
+        (x_m != UNKNOWN_M && y_m != UNKNOWN_M).then(|| self.on_sheet(x_m, y_m))
+    }
+
     /// Reads a pose of x, y and an angle in radians counter-clockwise from the right. Valetudo adds 180 to
     /// that number as if it were degrees; read as radians, docks face away from their walls.
     fn spot(&self, map: &Bytes, at: usize) -> Option<Spot> {
-        let [x_m, y_m, yaw_rad] = [map.f32(at)?, map.f32(at + 4)?, map.f32(at + 8)?];
-        let [x_cm, y_cm] = self.on_sheet(x_m, y_m);
+        let ([x_cm, y_cm], yaw_rad) = (self.position(map, at)?, map.f32(at + 8)?);
         Some(Spot { x_cm, y_cm, angle_deg: Some(90.0 - yaw_rad.to_degrees()) })
     }
 }
@@ -159,16 +167,14 @@ impl Blocks<'_> {
         if flags & flag::PATH != 0 {
             let count = self.count()?;
             let first = self.next(12 + count.checked_mul(PATH_POINT_BYTES)?)? + 12;
-            let point = |index: usize| {
-                let at = first + index * PATH_POINT_BYTES;
-                Some(place.on_sheet(self.map.f32(at + 1)?, self.map.f32(at + 5)?))
+            let point_before_end = |index: usize| {
+                let at = first + count.checked_sub(index)? * PATH_POINT_BYTES;
+                place.position(&self.map, at + 1)
             };
-            if count >= 2 {
-                heading = heading_deg(point(count - 2)?, point(count - 1)?);
-            }
-            if self.number == 0 && count >= 1 {
-                let [x_cm, y_cm] = point(count - 1)?;
-                drawing.robot = Some(Spot { x_cm, y_cm, angle_deg: heading });
+            let end = point_before_end(1);
+            heading = point_before_end(2).zip(end).and_then(|(from, to)| heading_deg(from, to));
+            if self.number == 0 {
+                drawing.robot = end.map(|[x_cm, y_cm]| Spot { x_cm, y_cm, angle_deg: heading });
             }
         }
         if self.number == 0 {
@@ -240,17 +246,23 @@ impl Blocks<'_> {
         Some(())
     }
 
-    /// Reads the rooms' names, after the map's own name and a number. A byte and a place follow each name.
+    /// Reads the rooms' names, after the names of one or more maps, each with a number. The last number of a list
+    /// is at most 1, but that of a single map can be larger. A byte and a place follow each room's name.
     fn names(&self) -> Option<BTreeMap<u8, String>> {
         if self.map.u32(self.at)? != self.number {
             return None;
         }
         let mut at = self.at + 4;
-        at += 1 + usize::from(self.map.u8(at)?) + 4;
-        let count = self.map.u32(at)? as usize;
+        let count = loop {
+            at += 1 + usize::from(self.map.u8(at)?) + 4;
+            let count = self.map.u32(at)?;
+            if count <= MAX_ROOMS {
+                break count;
+            }
+        };
         at += 4;
         let mut names = BTreeMap::new();
-        for _ in 0..count.min(MAX_ROOMS) {
+        for _ in 0..count {
             let (id, length) = (self.map.u8(at)?, usize::from(self.map.u8(at + 1)?));
             let name = self.map.0.get(at + 2..at + 2 + length)?;
             names.insert(id, String::from_utf8_lossy(name).into_owned());

@@ -38,18 +38,69 @@ pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarErro
 
 /// Map savers' value for unknown, besides 254 for free and 0 for occupied.
 const SAVED_UNKNOWN: u8 = 205;
-const SAVED_VALUES: [u8; 3] = [0, SAVED_UNKNOWN, 254];
+const SAVED_FREE: u8 = 254;
+/// nav2's saver writes this `free_thresh` by default.
+const NAV2_FREE_THRESHOLD: f64 = 0.25;
+/// Minimum fraction of 205 among the pixels of a saver's image that was edited; if it is lower, half of the border
+/// has to be 205.
+const MIN_UNKNOWN_SHARE: f64 = 0.03;
 
-/// Returns whether a map saver wrote the image and the file's `free_thresh` would make unknown cells free.
-/// nav2's saver writes 0.25 by default, and 205 is an occupancy of 0.196.
+/// Returns whether a map saver wrote the image and the file's `free_thresh` would make unknown cells free:
+/// 205 is an occupancy of 0.196. Editors add other values and save grey as red, green and blue.
 pub(super) fn is_saved_with_wide_threshold(image: &DynamicImage, description: &Description) -> bool {
-    let DynamicImage::ImageLuma8(grey) = image else { return false };
     let saved_occupancy = 1.0 - f64::from(SAVED_UNKNOWN) / 255.0;
-    description.mode == Mode::Trinary
-        && !negates(description)
-        && description.free_thresh > saved_occupancy
-        && grey.as_raw().contains(&254)
-        && grey.as_raw().iter().all(|value| SAVED_VALUES.contains(value))
+    if description.mode != Mode::Trinary || negates(description) || description.free_thresh <= saved_occupancy
+    {
+        return false;
+    }
+    let Some(count) = Count::of(image) else { return false };
+    let is_frequent = count.unknown as f64 >= MIN_UNKNOWN_SHARE * count.pixels as f64
+        || 2 * count.unknown_at_border > count.border;
+    count.free > 0
+        && count.unknown > 0
+        && (count.edited == 0 || (description.free_thresh <= NAV2_FREE_THRESHOLD && is_frequent))
+}
+
+/// Numbers of pixels of an image by the values of map savers.
+#[derive(Default)]
+struct Count {
+    pixels: usize,
+    border: usize,
+    free: usize,
+    unknown: usize,
+    unknown_at_border: usize,
+    /// Pixels of no saver's value.
+    edited: usize,
+}
+
+impl Count {
+    /// Counts the pixels of an 8-bit image without alpha; `None` for other images.
+    fn of(image: &DynamicImage) -> Option<Count> {
+        let channels = match image {
+            DynamicImage::ImageLuma8(_) => 1,
+            DynamicImage::ImageRgb8(_) => 3,
+            _ => return None,
+        };
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        let mut count = Count::default();
+        for (index, pixel) in image.as_bytes().chunks_exact(channels).enumerate() {
+            let (x, y) = (index % width, index / width);
+            let is_border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+            count.pixels += 1;
+            count.border += usize::from(is_border);
+            let is_grey = pixel.iter().all(|value| *value == pixel[0]);
+            match pixel[0] {
+                SAVED_UNKNOWN if is_grey => {
+                    count.unknown += 1;
+                    count.unknown_at_border += usize::from(is_border);
+                }
+                SAVED_FREE if is_grey => count.free += 1,
+                0 if is_grey => {}
+                _ => count.edited += 1,
+            }
+        }
+        Some(count)
+    }
 }
 
 fn negates(description: &Description) -> bool {
@@ -137,5 +188,102 @@ impl Rule {
         } else {
             Cell::Unknown
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{GrayImage, Luma};
+
+    /// Returns an image of 20 x 20 pixels: free with a wall, and `border` all around.
+    fn drawn(border: u8, free: u8) -> GrayImage {
+        GrayImage::from_fn(20, 20, |x, y| {
+            let is_border = [x, y].iter().any(|v| [0, 19].contains(v));
+            Luma([if is_border {
+                border
+            } else if x == 5 {
+                0
+            } else {
+                free
+            }])
+        })
+    }
+
+    fn edited(mut image: GrayImage, values: &[u8]) -> GrayImage {
+        for (index, value) in values.iter().enumerate() {
+            image.put_pixel(index as u32 % 10 + 6, index as u32 / 10 + 1, Luma([*value]));
+        }
+        image
+    }
+
+    fn description(free_thresh: f64, mode: Mode, negate: bool) -> Description {
+        Description {
+            image: String::new(),
+            resolution: 0.05,
+            origin: vec![0.0; 3],
+            negate: Some(Switch::Bool(negate)),
+            occupied_thresh: 0.65,
+            free_thresh,
+            mode,
+        }
+    }
+
+    #[test]
+    fn the_unknown_of_a_saver_is_found_in_an_edited_image() {
+        let saved = drawn(205, 254);
+        let rgb = |image: &GrayImage| DynamicImage::from(image.clone()).to_rgb8();
+        let mut tinted = rgb(&saved);
+        tinted.put_pixel(9, 9, image::Rgb([205, 205, 0]));
+        // 11 and 13 of 400 pixels are 2.75 % and 3.25 %.
+        let few = edited(drawn(254, 254), &[[205; 11].as_slice(), &[255]].concat());
+        let enough = edited(drawn(254, 254), &[[205; 13].as_slice(), &[255]].concat());
+        let one = edited(drawn(254, 254), &[205]);
+        let cases: [(&str, DynamicImage, bool); 10] = [
+            ("saved", saved.clone().into(), true),
+            ("saved, one unknown", one.into(), true),
+            ("no unknown", drawn(254, 254).into(), false),
+            ("one eraser stroke", edited(saved.clone(), &[255; 40]).into(), true),
+            ("one anti-aliased pixel", edited(saved.clone(), &[127]).into(), true),
+            ("red, green and blue", rgb(&saved).into(), true),
+            ("colour", tinted.into(), true),
+            ("more than 3 % unknown", enough.into(), true),
+            ("less than 3 % unknown", few.into(), false),
+            ("another white", drawn(205, 250).into(), false),
+        ];
+        let nav2 = description(0.25, Mode::Trinary, false);
+        for (what, image, expected) in cases {
+            assert_eq!(is_saved_with_wide_threshold(&image, &nav2), expected, "{what}");
+        }
+        let stroke: DynamicImage = edited(saved, &[255]).into();
+        for (free_thresh, mode, negate) in [
+            (0.196, Mode::Trinary, false),
+            (0.3, Mode::Trinary, false),
+            (0.25, Mode::Scale, false),
+            (0.25, Mode::Trinary, true),
+        ] {
+            let other = description(free_thresh, mode, negate);
+            assert!(!is_saved_with_wide_threshold(&stroke, &other), "{free_thresh} {negate}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_border_of_a_large_image_is_enough() {
+        // The border has 796 of 40 000 pixels: 2 %.
+        let large = |border: u8| {
+            GrayImage::from_fn(200, 200, |x, y| {
+                let is_border = [x, y].iter().any(|v| [0, 199].contains(v));
+                Luma([if is_border {
+                    border
+                } else if x == 5 {
+                    255
+                } else {
+                    254
+                }])
+            })
+        };
+        let nav2 = description(0.25, Mode::Trinary, false);
+        assert!(is_saved_with_wide_threshold(&large(205).into(), &nav2));
+        assert!(!is_saved_with_wide_threshold(&edited(large(254), &[205]).into(), &nav2));
     }
 }
