@@ -23,11 +23,10 @@ use tracing::{Span, error, info, warn};
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{Assembly, Coverage, LabelledMap, Manifest, NotOurs, Tile, TileKey};
+use viola_home::{
+    Assembly, Coverage, LabelledMap, LookedThrough, Manifest, NotOurs, PlacedClip, Tile, TileKey,
+};
 use viola_reconstruct::label::SurfaceNetwork;
-
-/// Pause of a home after a failed merge.
-const PAUSE: Duration = Duration::from_secs(5);
 
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
@@ -65,21 +64,21 @@ pub(super) async fn merge(
         Ok(Merged::Lost) => info!(home = %claim.home, "the map is due again"),
         Ok(Merged::Stopped) => {
             info!(home = %claim.home, "the merge ends with the worker");
-            give_back(&queue.storage, claim, Duration::ZERO).await;
+            told(claim, queue.storage.give_back_merge(claim, Timestamp::now()).await);
         }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
-            // A clip that was removed meanwhile is no fault, and waiting would not bring it back.
-            let pause = if matches!(cause, MergeError::Gone) { Duration::ZERO } else { PAUSE };
-            give_back(&queue.storage, claim, pause).await;
+            // Waiting would not bring back a clip that was removed meanwhile.
+            let may_have_passed = matches!(cause, MergeError::Gone);
+            told(claim, queue.storage.fail_merge(claim, may_have_passed, Timestamp::now()).await);
         }
     }
     is_new
 }
 
-async fn give_back(storage: &Storage, claim: &MergeClaim, pause: Duration) {
-    if let Err(error) = storage.give_back_merge(claim, Timestamp::now() + pause).await {
-        // The lease expires, and the home is merged again.
+/// Logs that a claim could not be given back: its lease expires, and the home is merged again.
+fn told(claim: &MergeClaim, given_back: Result<(), StorageError>) {
+    if let Err(error) = given_back {
         error!(home = %claim.home, %error, "a merge could not be given back");
     }
 }
@@ -271,7 +270,7 @@ fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeErro
             continue;
         }
         let tiles = of_levels.remove(level).unwrap_or_default();
-        let looked = looked.remove(level).unwrap_or_default();
+        let looked = looked_through(&mut looked, *level, &new.manifest.clips);
         let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
         let Described { scene, plan, has_object_changes } =
             describe(map, &tiles, &new.manifest.clips, &looked, last);
@@ -284,6 +283,48 @@ fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeErro
     Ok(new)
 }
 
+/// Takes what the clips looked through in the tiles of a level that were made anew. A level without such a tile still
+/// has the times of its clips: a correction must not erase them from the history of the objects.
+fn looked_through(
+    looked: &mut BTreeMap<LevelName, LookedThrough>,
+    level: LevelName,
+    clips: &[PlacedClip],
+) -> LookedThrough {
+    looked.remove(&level).unwrap_or_else(|| LookedThrough::of(level, clips))
+}
+
 fn coverage(level: LevelName, of_level: &Coverage) -> LevelCoverage {
     LevelCoverage { level, seen: of_level.seen, floor_seen: of_level.floor_seen }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use uuid::Uuid;
+    use viola_home::{Extent, PlacedBy};
+
+    fn clip(recorded_at_ms: Option<i64>) -> PlacedClip {
+        PlacedClip {
+            clip: Uuid::nil(),
+            share: String::new(),
+            recorded_at_ms,
+            by: PlacedBy::Alignment,
+            level_name: LevelName::MAIN,
+            probability: None,
+            alone: Pose2::IDENTITY,
+            map_from_clip: Pose2::IDENTITY,
+            level: viola_home::Level::default(),
+            with: Vec::new(),
+            extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
+            tiles: Vec::new(),
+            points: 1,
+        }
+    }
+
+    #[test]
+    fn a_level_without_a_changed_tile_has_the_times_of_its_clips() {
+        let clips = [clip(Some(7)), clip(None)];
+        let looked = looked_through(&mut BTreeMap::new(), LevelName::MAIN, &clips);
+        assert_eq!([0, 1, 2].map(|number| looked.time_ms(number)), [Some(7), None, None]);
+    }
 }

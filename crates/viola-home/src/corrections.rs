@@ -4,15 +4,15 @@
 //! room is held by a point inside the room, since rooms are cut anew by every LiDAR map. Places are in the
 //! map's frame, and move with it when a new LiDAR map has another one.
 
-use super::identity::Stated;
-use super::objects::{Object, UprightBox};
+use super::identity::{Stated, Statement};
+use super::objects::{Object, UprightBox, room_of};
 use super::rooms::{Room, merged, room_at, split};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
 
-/// An object this far from a room belongs to it: objects stand at walls.
+/// Largest distance of a corrected room from the point that holds the correction.
 const ROOM_REACH_M: f64 = 1.0;
 
 /// A corrected property of an object.
@@ -140,10 +140,19 @@ pub struct Corrected<Field> {
     pub fields: Vec<Field>,
 }
 
-/// Returns where corrected objects stand, for [`super::History::identify_objects`].
-pub fn stated(corrections: &[(String, ObjectCorrection)]) -> Stated {
-    let place = |correction: &ObjectCorrection| correction.over(&correction.seen_bounds());
-    corrections.iter().map(|(id, correction)| (id.clone(), Some(place(correction)))).collect()
+/// Returns what corrections state, for [`super::History::identify_objects`]. `times_ms` are the times of the corrections.
+pub fn stated(corrections: &[(String, ObjectCorrection)], times_ms: impl IntoIterator<Item = i64>) -> Stated {
+    let statement = |correction: &ObjectCorrection, stated_at_ms: i64| {
+        let seen = correction.seen_bounds();
+        Statement {
+            bounds: correction.over(&seen),
+            put_from: correction.centre_m.map(|_| seen),
+            is_hidden: correction.hidden,
+            stated_at_ms,
+        }
+    };
+    let timed = corrections.iter().zip(times_ms);
+    timed.map(|((id, correction), time_ms)| (id.clone(), statement(correction, time_ms))).collect()
 }
 
 /// Applies corrections to the objects, which have their lasting ids. Returns what was corrected by id, and
@@ -169,10 +178,11 @@ pub fn correct_objects(
         }
         object.class = correction.class.unwrap_or(object.class);
         let bounds = correction.over(&object.bounds());
-        if bounds != object.bounds() {
+        // An object that no clip shows has no room yet.
+        if bounds != object.bounds() || object.room.is_none() {
             (object.centre_m, object.size_m, object.yaw_rad) =
                 (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
-            object.room = room_of(rooms, object);
+            object.room = room_id(rooms, object);
         }
         let fields = correction.fields();
         if !fields.is_empty() {
@@ -202,13 +212,12 @@ fn unseen(id: &str, seen: &Seen) -> Object {
 pub fn assign_rooms(objects: &mut [Object], rooms: &[Room], corrections: &[(String, RoomCorrection)]) {
     let are_edited = corrections.iter().any(|(_, one)| one.merge.is_some() || one.split.is_some());
     for object in objects.iter_mut().filter(|object| are_edited && object.room.is_some()) {
-        object.room = room_of(rooms, object);
+        object.room = room_id(rooms, object);
     }
 }
 
-fn room_of(rooms: &[Room], object: &Object) -> Option<String> {
-    let at = Point2::new(object.centre_m[0], object.centre_m[1]);
-    room_at(rooms, &at, ROOM_REACH_M).map(|room| room.id.clone())
+fn room_id(rooms: &[Room], object: &Object) -> Option<String> {
+    room_of(rooms, &object.bounds()).map(|room| room.id.clone())
 }
 
 /// The rooms that are one with another, each by a point inside it.
@@ -277,7 +286,7 @@ pub fn correct_rooms(
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.cmp(b.1)));
     let mut corrected: BTreeMap<String, Corrected<RoomField>> = BTreeMap::new();
     for (_, key, field, correction) in all {
-        let Some(index) = at(rooms, &correction.at_m) else { continue };
+        let Some(index) = at(rooms, &correction.at_m, Some(key.as_str())) else { continue };
         let is_done = match field {
             RoomField::MergeWith => correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge)),
             RoomField::SplitBy => {
@@ -294,7 +303,9 @@ pub fn correct_rooms(
                 !is_named
             }
         };
-        let Some(index) = at(rooms, &correction.at_m).filter(|_| is_done) else { continue };
+        let Some(index) = at(rooms, &correction.at_m, Some(key.as_str())).filter(|_| is_done) else {
+            continue;
+        };
         let of_room = corrected.entry(rooms[index].id.clone()).or_insert_with(|| Corrected {
             key: key.clone(),
             name: None,
@@ -306,9 +317,16 @@ pub fn correct_rooms(
     corrected
 }
 
-fn at(rooms: &[Room], place: &[f64; 2]) -> Option<usize> {
+/// Returns the room at a point. Furniture that stands on the point is cut out of its room: then the room is the one with
+/// `id`, if that is near, or the nearest one.
+fn at(rooms: &[Room], place: &[f64; 2], id: Option<&str>) -> Option<usize> {
     let place = Point2::from(*place);
-    rooms.iter().position(|room| room.contains(&place))
+    let is_known = |room: &Room| Some(room.id.as_str()) == id && room.distance_m(&place) <= ROOM_REACH_M;
+    let inside = rooms.iter().position(|room| room.contains(&place));
+    inside.or_else(|| rooms.iter().position(is_known)).or_else(|| {
+        let nearest = room_at(rooms, &place, ROOM_REACH_M)?;
+        rooms.iter().position(|room| room.id == nearest.id)
+    })
 }
 
 /// Joins other rooms to one; returns whether at least one was joined.
@@ -317,7 +335,7 @@ fn join(rooms: &mut Vec<Room>, index: usize, merge: &RoomMerge) -> bool {
     let mut is_done = false;
     for place in &merge.with_m {
         let Some(own) = rooms.iter().position(|room| room.id == id) else { return is_done };
-        let Some(other) = at(rooms, place).filter(|other| *other != own) else { continue };
+        let Some(other) = at(rooms, place, None).filter(|other| *other != own) else { continue };
         if let Some(both) = merged(&rooms[own], &rooms[other]) {
             rooms[own] = both;
             rooms.remove(other);

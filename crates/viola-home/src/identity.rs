@@ -11,11 +11,15 @@ mod assignment;
 mod changes;
 mod evidence;
 mod frames;
+mod known;
 mod likeness;
+mod stated;
 
-pub use changes::{MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, object_changes};
+pub use changes::{MovedObject, ObjectChanges, RevisionObjects, object_changes};
 pub use evidence::KnownPoint;
 pub use frames::map_from_earlier;
+pub use known::{KnownObject, MIN_MOVE_M};
+pub use stated::{Stated, Statement};
 
 use super::assemble::LookedThrough;
 use super::objects::{Object, UprightBox};
@@ -27,7 +31,8 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Point2, Pose2};
 
 /// Revisions for which an object or a room that is not found is remembered: as many as are kept, so that
-/// nothing of a deleted clip outlives them.
+/// nothing of a deleted clip outlives them. Of an object whose clips are in the map only those revisions count that made
+/// its place anew.
 const REMEMBERED: u32 = 5;
 /// Maximum number of objects that are remembered without being found.
 const MAX_MISSING: usize = 500;
@@ -45,86 +50,6 @@ pub fn level_of_id(id: &str) -> LevelName {
 /// Returns an id without its level.
 fn own_part(id: &str) -> &str {
     id.split_once(AFTER_LEVEL).map_or(id, |(_, own)| own)
-}
-
-/// An object that had an id, where it was found last. Corrections of people do not change it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct KnownObject {
-    pub id: String,
-    pub class: Class,
-    pub centre_m: [f64; 3],
-    pub size_m: [f64; 3],
-    pub yaw_rad: f64,
-    /// Number of revisions since it was found; 0 if the last one has it.
-    pub missing: u32,
-    /// Points of its surface.
-    #[serde(default)]
-    pub points: Vec<KnownPoint>,
-    /// True if clips looked through its place before it was seen there: it was added to the home.
-    #[serde(default)]
-    pub is_new: bool,
-    /// True if clips looked through its place after it was seen there, and it is not found: it is gone.
-    #[serde(default)]
-    pub is_gone: bool,
-    /// Number of times that it was found in a slightly different place, after clips looked through the earlier one.
-    #[serde(default)]
-    pub moves: u32,
-}
-
-impl KnownObject {
-    /// Returns an object that the last revision has.
-    pub fn found(id: String, class: Class, bounds: &UprightBox) -> KnownObject {
-        let UprightBox { centre_m, size_m, yaw_rad } = *bounds;
-        KnownObject {
-            id,
-            class,
-            centre_m,
-            size_m,
-            yaw_rad,
-            missing: 0,
-            points: Vec::new(),
-            is_new: false,
-            is_gone: false,
-            moves: 0,
-        }
-    }
-
-    /// Returns an object of the next revision, which was found before as `last` if at all.
-    fn next(object: &Object, last: Option<&KnownObject>, looked: &LookedThrough) -> KnownObject {
-        let found = KnownObject::found(object.id.clone(), object.class, &object.bounds());
-        let points = evidence::points_of(object, looked);
-        let Some(last) = last else {
-            return KnownObject { is_new: evidence::was_empty(&points, looked), points, ..found };
-        };
-        let apart_m =
-            (0..3).map(|axis| (last.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
-        let has_moved = apart_m >= MIN_MOVE_M && evidence::is_pushed(&last.points, &points, looked);
-        KnownObject {
-            points,
-            // An object that was gone came back.
-            is_new: last.is_new || last.is_gone,
-            moves: last.moves.saturating_add(u32::from(has_moved)),
-            ..found
-        }
-    }
-
-    /// Returns whether an object in its place is only what is left of it: its place is empty since, and no later clip
-    /// sees what is found there.
-    fn is_left_over(&self, object: &Object, looked: &LookedThrough) -> bool {
-        evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone)
-            && !evidence::is_seen_later(&self.points, &evidence::points_of(object, looked))
-    }
-
-    /// Counts a revision in which it is not found.
-    fn miss(&mut self, looked: &LookedThrough) {
-        self.missing = self.missing.saturating_add(1);
-        // The clip that looked through its place may be deleted since.
-        self.is_gone = evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone);
-    }
-
-    pub fn bounds(&self) -> UprightBox {
-        UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
-    }
 }
 
 /// A room that had an id, where it was last.
@@ -148,9 +73,6 @@ pub struct History {
     pub rooms: Vec<KnownRoom>,
 }
 
-/// Corrected objects by id, with the box in which people put them. Their ids are never forgotten.
-pub type Stated = BTreeMap<String, Option<UprightBox>>;
-
 impl History {
     /// Returns the history of objects and rooms that have ids already, as of a map without a history.
     pub fn of(objects: Vec<KnownObject>, rooms: &[Room]) -> History {
@@ -171,12 +93,7 @@ impl History {
     /// Brings the known places into the frame of another LiDAR map.
     pub fn move_by(&mut self, now_from_then: &Pose2) {
         for known in &mut self.objects {
-            let moved = known.bounds().moved(now_from_then);
-            (known.centre_m, known.yaw_rad) = (moved.centre_m, moved.yaw_rad);
-            for KnownPoint([x, y, _], _) in &mut known.points {
-                let at = now_from_then.apply(&Point2::new(f64::from(*x), f64::from(*y)));
-                (*x, *y) = (at.x as f32, at.y as f32);
-            }
+            known.move_by(now_from_then);
         }
         for corner in self.rooms.iter_mut().flat_map(|room| &mut room.polygon_m) {
             let at = now_from_then.apply(&Point2::from(*corner));
@@ -188,28 +105,7 @@ impl History {
     /// of the next revision looked through. What is left of an object that is gone is no object.
     pub fn identify_objects(&mut self, objects: &mut Vec<Object>, stated: &Stated, looked: &LookedThrough) {
         self.remember_stated(stated);
-        let mut candidates = Vec::new();
-        for (row, known) in self.objects.iter().enumerate() {
-            let put = stated.get(&known.id).copied().flatten();
-            for (column, object) in objects.iter().enumerate() {
-                if let Some(score) = likeness::of_objects(known, put.as_ref(), object) {
-                    candidates.push(Candidate { row, column, score });
-                }
-            }
-        }
-        let mut ids: Vec<Option<String>> = vec![None; objects.len()];
-        for (row, column) in best_pairs(&candidates) {
-            ids[column] = Some(self.objects[row].id.clone());
-        }
-        for (object, id) in objects.iter_mut().zip(ids) {
-            object.id = match id {
-                Some(id) => id,
-                None => {
-                    let number = self.next_number(object.class.name());
-                    self.on_level(format!("{}-{number}", object.class.name()))
-                }
-            };
-        }
+        self.name_objects(objects, stated, looked);
         let known: BTreeMap<&str, &KnownObject> =
             self.objects.iter().map(|known| (known.id.as_str(), known)).collect();
         let mut left_over: BTreeSet<String> = BTreeSet::new();
@@ -240,6 +136,32 @@ impl History {
         let known =
             |object: &Object| KnownObject::next(object, last.get(object.id.as_str()).copied(), looked);
         self.objects = objects.iter().map(known).chain(missing).collect();
+    }
+
+    /// Gives the objects the ids of the known ones that they are, and new ids to the others. Leaves out an unknown object
+    /// in a place from which a person moved one.
+    fn name_objects(&mut self, objects: &mut Vec<Object>, stated: &Stated, looked: &LookedThrough) {
+        let mut candidates = Vec::new();
+        for (row, known) in self.objects.iter().enumerate() {
+            let statement = stated.get(&known.id);
+            for (column, score) in likeness::of_objects(known, statement, objects, looked) {
+                candidates.push(Candidate { row, column, score });
+            }
+        }
+        let mut ids: Vec<Option<String>> = vec![None; objects.len()];
+        for (row, column) in best_pairs(&candidates) {
+            ids[column] = Some(self.objects[row].id.clone());
+        }
+        let is_left_over =
+            |object: &Object| stated.values().any(|statement| statement.is_left_over(object, looked));
+        let named = objects.drain(..).zip(ids).filter(|(object, id)| id.is_some() || !is_left_over(object));
+        for (object, id) in named.collect::<Vec<_>>() {
+            let id = id.unwrap_or_else(|| {
+                let number = self.next_number(object.class.name());
+                self.on_level(format!("{}-{number}", object.class.name()))
+            });
+            objects.push(Object { id, ..object });
+        }
     }
 
     /// Gives computed rooms their ids. Returns the id of each room by the id that it came with.
@@ -281,14 +203,14 @@ impl History {
 
     /// Knows corrected objects that were forgotten, or that came from a map without a history.
     fn remember_stated(&mut self, stated: &Stated) {
-        for (id, put) in stated {
+        for (id, statement) in stated {
             self.take_number_of(id);
-            let (Some(put), false) = (put, self.objects.iter().any(|known| known.id == *id)) else {
+            if self.objects.iter().any(|known| known.id == *id) {
                 continue;
-            };
+            }
             let class = own_part(id).rsplit_once('-').map_or("", |(class, _)| class);
             let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
-            self.objects.push(KnownObject::found(id.clone(), class, put));
+            self.objects.push(KnownObject::found(id.clone(), class, &statement.bounds));
         }
     }
 

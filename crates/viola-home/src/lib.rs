@@ -46,7 +46,7 @@ pub use features::{features_bytes, read_features};
 pub use frame_pictures::{FramePictures, frame_pictures};
 pub use identity::{
     History, KnownObject, KnownPoint, MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, Stated,
-    level_of_id, map_from_earlier, object_changes,
+    Statement, level_of_id, map_from_earlier, object_changes,
 };
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;

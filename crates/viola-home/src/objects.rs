@@ -14,13 +14,15 @@ mod join;
 mod kind;
 mod kitchen;
 mod patch;
+mod place;
 mod split;
 
 pub use fit::{UprightBox, fit_box};
 pub use kind::is_furniture;
+pub use place::room_of;
 
 use super::map_point::MapPoint;
-use super::rooms::{Room, room_at};
+use super::rooms::Room;
 use cells::Cells;
 use fragment::Fragment;
 use serde::{Deserialize, Serialize};
@@ -42,8 +44,6 @@ const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
 const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.45;
-/// An object this far from a room belongs to it: objects stand at walls.
-const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.
 const CLIP_SHARE: f64 = 0.05;
 /// Maximum number of an object's samples.
@@ -128,7 +128,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
     let mut found = conflict::resolve(found, points);
-    context::leave_out_misplaced(&mut found);
+    context::leave_out_misplaced(&mut found, rooms);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
         let class = a.object.class.id().cmp(&b.object.class.id());
@@ -196,7 +196,7 @@ fn finish(
         centre_m: bounds.centre_m,
         size_m: bounds.size_m,
         yaw_rad: bounds.yaw_rad,
-        room: room_at(rooms, &fit::middle(&bounds), ROOM_REACH_M).map(|room| room.id.clone()),
+        room: room_of(rooms, &bounds).map(|room| room.id.clone()),
         points: members.len(),
         clips: clips.collect(),
         samples: Vec::new(),

@@ -1,5 +1,6 @@
 //! Rooms of a home: from the vacuum's software, or computed from the map.
 
+mod bridge;
 mod edit;
 pub(super) mod outline;
 pub(super) mod partition;
@@ -164,20 +165,20 @@ fn shapes(owner: &Grid<u32>, count: usize, space: &Space) -> Vec<Option<Shape>> 
         .collect()
 }
 
-/// Returns one room's polygon: its largest piece, with gaps closed and small holes filled.
+/// Returns one room's polygon: its largest piece, with near pieces joined to it, gaps closed and small holes filled.
 fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Option<Shape> {
     let frame = window.frame;
     let whose =
         |index: usize| owner.get(index % frame.width + window.left, index / frame.width + window.bottom);
     let mut mask = Grid { frame, cells: (0..frame.len()).map(|i| whose(i) == number).collect() };
-    close(&mut mask, CLOSE_M);
-    for index in 0..frame.len() {
+    let is_open = |index: usize| {
         let (x, y) = (index % frame.width + window.left, index / frame.width + window.bottom);
-        // Closing must not reach through a wall.
-        if whose(index) != number && (whose(index) != 0 || space.is_wall(x, y)) {
-            mask.cells[index] = false;
-        }
-    }
+        whose(index) == number || whose(index) == 0 && !space.is_wall(x, y)
+    };
+    close(&mut mask, CLOSE_M);
+    // Closing must not reach through a wall.
+    mask.cells.iter_mut().enumerate().for_each(|(index, cell)| *cell &= is_open(index));
+    bridge::bridge(&mut mask, is_open);
     keep_largest(&mut mask);
     // A room within a room is not filled.
     let most = (FILL_M2 / (frame.cell_m * frame.cell_m)) as usize;
@@ -326,6 +327,21 @@ pub(crate) mod tests {
         assert_eq!(named, [("17", Some("Kitchen")), ("3", None)]);
         assert!(rooms.iter().all(|room| (room.area_m2 - 6.25).abs() < 0.6), "{rooms:?}");
         assert_eq!(rooms[0].source, RoomSource::LidarMap);
+    }
+
+    #[test]
+    fn a_robots_room_in_two_pieces_is_one() {
+        let mut map = flat(0.0);
+        // Furniture takes 0.6 m between the pieces.
+        let columns = (0..20).chain(32..50);
+        let cell = |i: u32, j: u32| Point2::new(0.4 + f64::from(i) * 0.05, 0.3 + f64::from(j) * 0.05);
+        let cells_m = columns.flat_map(|i| (0..50).map(move |j| cell(i, j))).collect();
+        map.rooms = vec![lidar::Room { id: "17".into(), name: None, cells_m, material: None }];
+        let rooms = rooms(&map, &[]);
+        for at in [[0.8, 1.5], [2.4, 1.5]] {
+            assert!(rooms[0].contains(&Point2::from(at)), "{rooms:?}");
+        }
+        assert!((4.3..5.6).contains(&rooms[0].area_m2), "{rooms:?}");
     }
 
     #[test]

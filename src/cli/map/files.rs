@@ -19,8 +19,8 @@ use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{
-    ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject,
-    Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
+    ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, LookedThrough, MESH_TRIANGLES, Manifest, MatterFile,
+    Mesh, MeshObject, Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
 };
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
@@ -67,7 +67,8 @@ impl<'a> HomeFiles<'a> {
             let of_level = |key: &TileKey| key.level == map.level;
             let tiles = all_tiles.iter().filter(|(key, _)| of_level(key));
             let tiles: Vec<Tile> = tiles.map(|(_, tile)| tile.clone()).collect();
-            let looked = looked.get(&map.level).cloned().unwrap_or_default();
+            let unchanged = || LookedThrough::of(map.level, &manifest.clips);
+            let looked = looked.get(&map.level).cloned().unwrap_or_else(unchanged);
             let Described { scene, plan, .. } =
                 describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());
             let robot_level = robot_level(map, &scene);

@@ -74,7 +74,8 @@ pub fn describe(
     let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
         let renamed = history.ids.identify_rooms(rooms);
         corrected_rooms = home::correct_rooms(rooms, &of_rooms);
-        history.ids.identify_objects(objects, &home::stated(&of_objects), looked);
+        let times_ms = last.corrections.objects.iter().map(|kept| kept.corrected_at.as_millisecond());
+        history.ids.identify_objects(objects, &home::stated(&of_objects, times_ms), looked);
         for object in objects.iter_mut() {
             object.room = object.room.as_ref().and_then(|room| renamed.get(room).cloned());
         }

@@ -27,15 +27,9 @@ pub struct LookedThrough {
     times_ms: Vec<Option<i64>>,
 }
 
-impl Default for LookedThrough {
-    fn default() -> LookedThrough {
-        LookedThrough::of(LevelName::MAIN, &[])
-    }
-}
-
 impl LookedThrough {
-    /// Returns that of no tiles of a level.
-    pub(super) fn of(level: LevelName, clips: &[PlacedClip]) -> LookedThrough {
+    /// Returns that of no tiles of a level. The times are those of `clips`, which are the clips of the map.
+    pub fn of(level: LevelName, clips: &[PlacedClip]) -> LookedThrough {
         LookedThrough {
             level,
             blocks: FxHashMap::default(),
@@ -70,15 +64,14 @@ impl LookedThrough {
     /// Returns that of no tiles.
     #[cfg(test)]
     pub(crate) fn of_times(times_ms: &[Option<i64>]) -> LookedThrough {
-        LookedThrough { times_ms: times_ms.to_vec(), ..LookedThrough::default() }
+        LookedThrough { times_ms: times_ms.to_vec(), ..LookedThrough::of(LevelName::MAIN, &[]) }
     }
 
     /// Returns that of the tiles around the origin; `empty` names what a clip looked through.
     #[cfg(test)]
     pub(crate) fn of_boxes(times_ms: &[Option<i64>], empty: &[([f64; 3], [f64; 3], u16)]) -> LookedThrough {
         let tiles = (-2..2).flat_map(|x| (-2..2).map(move |y| TileKey { level: LevelName::MAIN, x, y }));
-        let mut looked =
-            LookedThrough { tiles: tiles.collect(), times_ms: times_ms.to_vec(), ..LookedThrough::default() };
+        let mut looked = LookedThrough { tiles: tiles.collect(), ..LookedThrough::of_times(times_ms) };
         for (low_m, high_m, clip) in empty {
             let (low, high) = (cell_of(*low_m), cell_of(*high_m));
             for (z, y, x) in (low[2]..=high[2]).flat_map(|z| {
@@ -94,9 +87,19 @@ impl LookedThrough {
         looked
     }
 
+    /// Returns whether the tile at a place was made anew.
+    pub fn is_remade(&self, [x_m, y_m]: [f64; 2]) -> bool {
+        self.tiles.contains(&TileKey::at(self.level, x_m, y_m))
+    }
+
+    /// Returns whether a clip of the map was recorded at `time_ms`.
+    pub fn has_clip_of(&self, time_ms: i64) -> bool {
+        self.times_ms.contains(&Some(time_ms))
+    }
+
     fn at(&self, at_m: [f32; 3]) -> Option<[u16; 2]> {
         let at_m = at_m.map(f64::from);
-        if !self.tiles.contains(&TileKey::at(self.level, at_m[0], at_m[1])) {
+        if !self.is_remade([at_m[0], at_m[1]]) {
             return None;
         }
         let cell = cell_of(at_m);

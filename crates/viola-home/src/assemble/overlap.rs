@@ -3,7 +3,7 @@
 use super::surface::{Surface, SurfacePoint};
 use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
 use serde::{Deserialize, Serialize};
-use viola_geometry::{Pose3, Vector3};
+use viola_geometry::{Point3, Pose3, Vector3};
 use viola_reconstruct::PointCloud;
 
 /// Points of one clip that are searched in the other.
@@ -50,9 +50,10 @@ pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3) -> Option<Overlap
             }
         }
     }
-    let shift_m = (pose.translation.vector - start.translation.vector).norm();
-    let far = shift_m > MAX_SHIFT_M || pose.rotation.angle_to(&start.rotation) > MAX_TURN_RAD;
     let last = Normal::gather(&samples, b, &pose, KERNEL_M[2], NEAR_M);
+    // Of the shared surface: it may be far from the first camera, which a small turn about it moves far.
+    let shift_m = (pose * last.middle_of_a() - start * last.middle_of_a()).norm();
+    let far = shift_m > MAX_SHIFT_M || pose.rotation.angle_to(&start.rotation) > MAX_TURN_RAD;
     if far || !pose.translation.vector.iter().all(|c| c.is_finite()) || last.found < MIN_FOUND {
         return None;
     }
@@ -92,11 +93,18 @@ struct Normal {
     information: Matrix6<f64>,
     gradient: Vector6<f64>,
     found: usize,
+    /// Sum of the found points, in `a`'s frame.
+    sum_in_a: Vector3,
 }
 
 impl Normal {
     fn gather(samples: &[&SurfacePoint], b: &Surface, pose: &Pose3, kernel_m: f64, near_m: f64) -> Normal {
-        let mut normal = Normal { information: Matrix6::zeros(), gradient: Vector6::zeros(), found: 0 };
+        let mut normal = Normal {
+            information: Matrix6::zeros(),
+            gradient: Vector6::zeros(),
+            found: 0,
+            sum_in_a: Vector3::zeros(),
+        };
         let c2 = kernel_m * kernel_m;
         for sample in samples {
             let position = pose * sample.position;
@@ -108,9 +116,16 @@ impl Normal {
             let slope = Vector6::new(n.x, n.y, n.z, turn.x, turn.y, turn.z);
             normal.information += slope * slope.transpose() * (share * share);
             normal.gradient += slope * (distance_m * share * share);
-            normal.found += usize::from(sample.is_upright() && distance_m.abs() < near_m);
+            if sample.is_upright() && distance_m.abs() < near_m {
+                normal.found += 1;
+                normal.sum_in_a += sample.position.coords;
+            }
         }
         normal
+    }
+
+    fn middle_of_a(&self) -> Point3 {
+        Point3::from(self.sum_in_a / self.found.max(1) as f64)
     }
 }
 
@@ -159,6 +174,19 @@ mod tests {
             prop_assert!((found.translation.vector - truth.translation.vector).norm() < 3e-3, "{found:?} {truth:?}");
             prop_assert!(found.rotation.angle_to(&truth.rotation) < 2e-3);
         }
+    }
+
+    /// The shared surface is 12 m from the first camera of both clips, which the correction moves by 0.4 m.
+    #[test]
+    fn a_turn_about_a_far_surface_is_a_small_correction() {
+        let there = corner().transformed(&Pose3::translation(12.0, 0.0, 0.0));
+        let middle = Vector3::new(13.0, 1.0, 1.0);
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, 2f64.to_radians()));
+        let start = Pose3::from_parts((middle - turn * middle).into(), turn);
+        let surface = Surface::new(&there);
+        let found = overlap(&surface, &surface, &start).unwrap().b_from_a;
+        let moved = found * Point3::from(middle) - Point3::from(middle);
+        assert!(moved.norm() < 3e-3 && found.rotation.angle() < 2e-3, "{found:?}");
     }
 
     #[test]

@@ -76,6 +76,29 @@ fn a_pinned_object_stays_as_it_was() {
 }
 
 #[test]
+fn a_pinned_object_that_no_clip_shows_has_a_room() {
+    let pin = ObjectCorrection { pinned: true, ..ObjectCorrection::of(seen(&chair("chair-1", 5.0, 1.0))) };
+    let mut objects = Vec::new();
+    correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), pin)]);
+    assert_eq!(objects[0].room.as_deref(), Some("2"));
+}
+
+#[test]
+fn a_moved_object_is_stated_with_both_places() {
+    let mut moved = ObjectCorrection::of(seen(&chair("chair-1", 1.0, 1.0)));
+    moved.centre_m = Some([5.0, 1.0, 0.45]);
+    let hidden = ObjectCorrection { hidden: true, ..ObjectCorrection::of(seen(&chair("chair-2", 2.0, 1.0))) };
+    let stated = stated(&[("chair-1".to_owned(), moved), ("chair-2".to_owned(), hidden)], [10, 20]);
+    let told = |id: &str| {
+        let statement = &stated[id];
+        let from_m = statement.put_from.map(|from| from.centre_m[0]);
+        (statement.bounds.centre_m[0], from_m, statement.is_hidden, statement.stated_at_ms)
+    };
+    assert_eq!(told("chair-1"), (5.0, Some(1.0), false, 10));
+    assert_eq!(told("chair-2"), (2.0, None, true, 20));
+}
+
+#[test]
 fn a_hidden_object_is_not_shown() {
     let found = chair("chair-1", 1.0, 1.0);
     let hide = ObjectCorrection { hidden: true, pinned: true, ..ObjectCorrection::of(seen(&found)) };
@@ -199,5 +222,29 @@ fn rooms_are_named_joined_and_divided() {
     ];
     for (corrections, expected) in cases {
         assert_eq!(rooms_with(&corrections), expected, "{corrections:?}");
+    }
+}
+
+#[test]
+fn a_correction_holds_while_furniture_stands_on_its_point() {
+    let named = RoomCorrection { name: Some("Den".to_owned()), ..at(3.5) };
+    let joined = RoomCorrection { merge: Some(RoomMerge { with_m: vec![[6.0, 1.5]], order: 1 }), ..at(2.0) };
+    let hole = |x: f64| vec![vec![[x - 0.4, 1.1], [x - 0.4, 1.9], [x + 0.4, 1.9], [x + 0.4, 1.1]]];
+    // (key, correction, holes of room 1, its eastern wall, names of the rooms that result)
+    for (key, correction, holes_m, east_m, want) in [
+        ("1", &named, hole(3.5), 4.0, vec![Some("Den"), None, None]),
+        // Furniture along the wall: the room with the key is meant, although the next one is nearer.
+        ("1", &named, Vec::new(), 2.8, vec![Some("Den"), None, None]),
+        ("9", &named, Vec::new(), 2.8, vec![None, Some("Den"), None]),
+        // Room 1 is too far away.
+        ("1", &named, Vec::new(), 2.4, vec![None, Some("Den"), None]),
+        ("1", &joined, hole(2.0), 4.0, vec![None, None]),
+    ] {
+        let mut rooms = flat();
+        rooms[0] =
+            Room { holes_m, label_at_m: [0.8, 1.5], ..Room::rectangle("1", [0.0, 0.0], [east_m, 3.0]) };
+        correct_rooms(&mut rooms, &[(key.to_owned(), correction.clone())]);
+        let names: Vec<Option<&str>> = rooms.iter().map(|room| room.name.as_deref()).collect();
+        assert_eq!(names, want, "{key} {east_m}");
     }
 }

@@ -3,12 +3,10 @@
 use super::super::objects::UprightBox;
 use super::assignment::{Candidate, best_pairs};
 use super::likeness::is_family;
-use super::{History, KnownObject};
+use super::{History, KnownObject, MIN_MOVE_M};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
 
-/// Distance from which an object counts as moved: boxes shift by a few centimetres with every clip.
-pub const MIN_MOVE_M: f64 = 0.25;
 /// Tolerance of a side's length of one object in two places: as much as views from other directions differ.
 const SIDE_M: f64 = 0.15;
 const SIDE_FRACTION: f64 = 0.25;
@@ -76,10 +74,13 @@ pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectCha
             Some(_) if !object.is_found => {}
             Some(j) => {
                 let moves = |known: Option<&&KnownObject>| known.map_or(0, |known| known.moves);
-                let has_moved = moves(now) > moves(known_then.get(object.id));
+                let count = moves(now).saturating_sub(moves(known_then.get(object.id)));
                 let later = &to.objects[*j];
-                let is_told = has_moved || object.is_put || later.is_put;
-                if is_told && distance_m(object, later) >= MIN_MOVE_M {
+                let is_put = object.is_put || later.is_put;
+                let is_far = distance_m(object, later) >= MIN_MOVE_M;
+                // One move may be the sum of small steps, of which the last one is between the revisions. After several
+                // moves an object may be back.
+                if is_far && (is_put || count > 0) || count == 1 && !is_put {
                     changes.moved.push((i, *j));
                 }
             }
@@ -229,6 +230,18 @@ mod tests {
                 vec![chair("chair-1", 0.0)],
                 vec![KnownObject { moves: 1, ..chair("chair-1", 0.5) }],
                 ObjectChanges { moved: vec![(0, 0)], ..none() },
+            ),
+            (
+                "by the last of many small steps",
+                vec![chair("chair-1", 0.0)],
+                vec![KnownObject { moves: 1, ..chair("chair-1", 0.1) }],
+                ObjectChanges { moved: vec![(0, 0)], ..none() },
+            ),
+            (
+                "to and fro",
+                vec![chair("chair-1", 0.0)],
+                vec![KnownObject { moves: 2, ..chair("chair-1", 0.1) }],
+                none(),
             ),
             ("seen better", vec![chair("chair-1", 0.0)], vec![chair("chair-1", 0.5)], none()),
             (

@@ -48,6 +48,18 @@ pub fn is_seen_later(then: &[KnownPoint], now: &[KnownPoint]) -> bool {
     later as f64 >= MIN_SEEN_LATER * now.len() as f64
 }
 
+/// Returns whether clips after `time_ms` see enough of `points`; a clip of unknown time may be one.
+pub fn is_seen_after(points: &[KnownPoint], time_ms: i64) -> bool {
+    let later = points.iter().filter(|point| point.1.is_none_or(|seen_ms| seen_ms > time_ms)).count();
+    later as f64 >= MIN_SEEN_LATER * points.len() as f64
+}
+
+/// Returns whether all points are of clips that are in the map, and of known time; false without points.
+pub fn is_of_map(points: &[KnownPoint], looked: &LookedThrough) -> bool {
+    let is_known = |point: &KnownPoint| point.1.is_some_and(|time_ms| looked.has_clip_of(time_ms));
+    !points.is_empty() && points.iter().all(is_known)
+}
+
 /// Returns whether an object was pushed aside: clips looked through a part of its earlier place after it was seen there,
 /// and later clips see it. What is left of an object that was taken away is seen by no later clip.
 pub fn is_pushed(then: &[KnownPoint], now: &[KnownPoint], looked: &LookedThrough) -> bool {

@@ -1,9 +1,10 @@
 //! Likeness of two finds: the evidence that they are the same object, or the same room.
 
+use super::super::assemble::LookedThrough;
 use super::super::objects::{Object, UprightBox};
 use super::super::rooms::Room;
 use super::super::rooms::outline::{contains, signed_area_m2};
-use super::{KnownObject, KnownRoom};
+use super::{KnownObject, KnownRoom, Statement};
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
 
@@ -16,7 +17,8 @@ const MIN_IOU: f64 = 0.1;
 const MIN_SHARE: f64 = 0.5;
 /// Maximum distance of the centres if the boxes do not overlap: a chair that was pushed aside a little.
 const NEAR_M: f64 = 0.25;
-/// Minimum overlap of two boxes of different families: labels change, but the thing fills the same space.
+/// Minimum overlap of two boxes of different families: labels change, but the thing fills the same space. Also of an
+/// object with one that a person hid or moved away.
 const MIN_IOU_OF_OTHERS: f64 = 0.4;
 
 /// Classes that labels take for each other.
@@ -42,16 +44,60 @@ pub fn is_family(a: Class, b: Class) -> bool {
     a == b || FAMILIES.iter().any(|family| family.contains(&a) && family.contains(&b))
 }
 
-/// Returns the score of an object as a known one, found where it was or `put` by people; none if it is not.
-pub fn of_objects(known: &KnownObject, put: Option<&UprightBox>, object: &Object) -> Option<i64> {
-    let bounds = known.bounds();
-    let places = [Some(&bounds), put].into_iter().flatten();
-    let place = places.filter_map(|place| of_boxes(place, known.class, object)).max()?;
-    // Of two known objects alike, the one that was there more recently.
-    Some((place - 20 * i64::from(known.missing.min(10))).max(1))
+/// Returns the numbers of the objects that a known one may be, with their scores. An object is where a person put it; if
+/// nothing is found there, it is where it was.
+pub fn of_objects(
+    known: &KnownObject,
+    statement: Option<&Statement>,
+    objects: &[Object],
+    looked: &LookedThrough,
+) -> Vec<(usize, i64)> {
+    let is_hidden = statement.is_some_and(|statement| statement.is_hidden);
+    let at = |places: &[UprightBox]| -> Vec<(usize, i64)> {
+        let score = |object: &Object| {
+            // An object that a person hid hides no other one that came into its place.
+            if is_hidden && known.is_replaced_by(object, looked) {
+                return None;
+            }
+            let scores = places.iter().filter_map(|place| of_boxes(place, known.class, object, is_hidden));
+            // Of two known objects alike, the one that was there more recently.
+            Some((scores.max()? - 20 * i64::from(known.missing.min(10))).max(1))
+        };
+        objects.iter().enumerate().filter_map(|(number, object)| Some((number, score(object)?))).collect()
+    };
+    let Some(statement) = statement else { return at(&[known.bounds()]) };
+    let put = if statement.put_from.is_some() { at(&[statement.bounds]) } else { Vec::new() };
+    if put.is_empty() { at(&[known.bounds(), statement.bounds]) } else { put }
 }
 
-fn of_boxes(known: &UprightBox, class: Class, object: &Object) -> Option<i64> {
+/// Returns whether an object fills the space of a box.
+pub fn fills(bounds: &UprightBox, object: &Object) -> bool {
+    Shared::of(bounds, &object.bounds()).iou >= MIN_IOU_OF_OTHERS
+}
+
+/// The common space of two boxes.
+struct Shared {
+    /// Intersection over union.
+    iou: f64,
+    /// Fraction of the smaller box.
+    share: f64,
+}
+
+impl Shared {
+    fn of(a: &UprightBox, b: &UprightBox) -> Shared {
+        let (a, b) = (grown(a), grown(b));
+        let high = a.top_m().min(b.top_m()) - a.bottom_m().max(b.bottom_m());
+        let shared_m3 = a.shared_m2(&b) * high.max(0.0);
+        Shared {
+            iou: shared_m3 / (a.volume_m3() + b.volume_m3() - shared_m3),
+            share: shared_m3 / a.volume_m3().min(b.volume_m3()),
+        }
+    }
+}
+
+/// Returns the score of an object as one of a class in a box; none if it is another. `fills` demands that the object fills
+/// the box.
+fn of_boxes(known: &UprightBox, class: Class, object: &Object, fills: bool) -> Option<i64> {
     let bounds = object.bounds();
     let between_m = [0, 1, 2].map(|axis| known.centre_m[axis] - bounds.centre_m[axis]);
     let between_m = between_m.iter().map(|side| side * side).sum::<f64>().sqrt();
@@ -60,12 +106,8 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object) -> Option<i64> {
     if between_m.is_nan() || between_m > most_m {
         return None;
     }
-    let (a, b) = (grown(known), grown(&bounds));
-    let high = a.top_m().min(b.top_m()) - a.bottom_m().max(b.bottom_m());
-    let shared_m3 = a.shared_m2(&b) * high.max(0.0);
-    let iou = shared_m3 / (a.volume_m3() + b.volume_m3() - shared_m3);
-    let share = shared_m3 / a.volume_m3().min(b.volume_m3());
-    let is_same = if is_family(class, object.class) {
+    let Shared { iou, share } = Shared::of(known, &bounds);
+    let is_same = if is_family(class, object.class) && !fills {
         iou >= MIN_IOU || share >= MIN_SHARE || between_m <= NEAR_M
     } else {
         iou >= MIN_IOU_OF_OTHERS

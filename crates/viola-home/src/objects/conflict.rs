@@ -16,6 +16,8 @@ const AIM: f64 = 0.18;
 const STANDS_BELOW_M: f64 = 0.3;
 /// Fraction of an object's points that may be cut off by trimming its box.
 const MOST_CUT: f64 = 0.1;
+/// Minimum ratio of the footprints of an object and of one that is small beside it.
+const SEVERAL: f64 = 4.0;
 /// Two objects of which one is this far inside the other in space are one object seen twice.
 const SAME_SHARE: f64 = 0.5;
 
@@ -24,10 +26,13 @@ fn stands(bounds: &UprightBox) -> bool {
     bounds.bottom_m() < STANDS_BELOW_M
 }
 
+fn area_m2(bounds: &UprightBox) -> f64 {
+    bounds.size_m[0] * bounds.size_m[1]
+}
+
 /// Returns the shared footprint as a fraction of the smaller one.
 fn shared(a: &UprightBox, b: &UprightBox) -> f64 {
-    let area = |bounds: &UprightBox| bounds.size_m[0] * bounds.size_m[1];
-    a.shared_m2(b) / area(a).min(area(b)).max(1e-9)
+    a.shared_m2(b) / area_m2(a).min(area_m2(b)).max(1e-9)
 }
 
 /// Returns the shared volume as a fraction of the smaller one.
@@ -36,15 +41,20 @@ fn shared_in_space(a: &UprightBox, b: &UprightBox) -> f64 {
     a.shared_m2(b) * height / a.volume_m3().min(b.volume_m3()).max(1e-9)
 }
 
-/// Returns whether one of two objects may be in the footprint of the other: a chair is pushed under a table, a worktop
-/// lies on cabinets, and appliances are built into them.
-fn may_share(a: Class, b: Class) -> bool {
+/// Returns whether one of two objects may be in the footprint of the other: a chair is pushed under a table, a drawer unit
+/// stands below a desk, a worktop lies on cabinets, and appliances are built into them.
+fn may_share(a: (Class, &UprightBox), b: (Class, &UprightBox)) -> bool {
     use Class::*;
-    let within = |inner: Class, outer: Class| match inner {
-        Chair => matches!(outer, Table | Desk | Counter),
-        Sink => matches!(outer, Counter | Cabinet | Table),
-        Stove | WashingMachine => matches!(outer, Counter | Cabinet),
-        Counter => outer == Cabinet,
+    let within = |inner: (Class, &UprightBox), outer: (Class, &UprightBox)| match inner.0 {
+        Chair => matches!(outer.0, Table | Desk | Counter),
+        Sink => matches!(outer.0, Counter | Cabinet | Table),
+        Stove | WashingMachine | Refrigerator => matches!(outer.0, Counter | Cabinet),
+        Counter => outer.0 == Cabinet,
+        // A cabinet as large as the table is the table seen twice.
+        Cabinet | Box => {
+            let is_below = inner.1.top_m() < outer.1.top_m();
+            matches!(outer.0, Table | Desk) && is_below && 2.0 * area_m2(inner.1) <= area_m2(outer.1)
+        }
         _ => false,
     };
     within(a, b) || within(b, a)
@@ -52,7 +62,7 @@ fn may_share(a: Class, b: Class) -> bool {
 
 /// Returns whether two objects cannot both be where they are.
 fn conflicts(a: (Class, &UprightBox), b: (Class, &UprightBox)) -> bool {
-    if may_share(a.0, b.0) {
+    if may_share(a, b) {
         return false;
     }
     if stands(a.1) && stands(b.1) {
@@ -72,31 +82,59 @@ struct Candidate {
 impl Candidate {
     fn in_way_of(&self, bounds: &UprightBox, other: &Candidate, others: &UprightBox) -> bool {
         conflicts((self.found.object.class, bounds), (other.found.object.class, others))
-            && !self.surrounds(other, others)
-            && !other.surrounds(self, bounds)
+            && !self.surrounds(bounds, others)
+            && !other.surrounds(others, bounds)
     }
 
-    /// Returns whether this is a corner sofa around a low table: the table stands in its box, but not on its seats.
-    fn surrounds(&self, inner: &Candidate, bounds: &UprightBox) -> bool {
+    /// Returns whether this is an object around a recess in which the other one stands, such as a corner sofa around a
+    /// low table: the table stands in its box, but not on its seats. `own` and `inner` are their boxes.
+    fn surrounds(&self, own: &UprightBox, inner: &UprightBox) -> bool {
         /// Floor between a table and the seats; seats that are labelled as a table have none.
         const AROUND_M: f64 = 0.1;
+        /// Minimum ratio of the footprints.
+        const LARGER: f64 = 2.0;
+        /// Minimum fraction of the own footprint that was measured. An object of which only the front was measured has
+        /// no points in its middle either.
+        const MEASURED: f64 = 0.4;
+        let [long_m, short_m] = [0, 1].map(|axis| inner.size_m[axis] + 2.0 * AROUND_M);
+        area_m2(own) >= LARGER * area_m2(inner)
+            && self.measured_m2(own, 0.0) >= MEASURED * area_m2(own)
+            && self.measured_m2(inner, AROUND_M) <= MOST_SHARED * long_m * short_m
+    }
+
+    /// Returns the area that its points cover in the footprint of a box that is grown by `by_m` on all sides.
+    fn measured_m2(&self, bounds: &UprightBox, by_m: f64) -> f64 {
         const CELL_M: f64 = 0.1;
-        if (self.found.object.class, inner.found.object.class) != (Class::Sofa, Class::Table) {
-            return false;
-        }
-        let sides_m = [0, 1].map(|axis| bounds.size_m[axis] + 2.0 * AROUND_M);
         let cell = |at: &[f64; 3]| {
             let local = bounds.local(at[0], at[1]);
-            let is_inside = (0..2).all(|axis| 2.0 * local[axis].abs() <= sides_m[axis]);
+            let is_inside = (0..2).all(|axis| local[axis].abs() <= bounds.size_m[axis] / 2.0 + by_m);
             is_inside.then(|| local.map(|m| (m / CELL_M).floor() as i32))
         };
-        let seats: BTreeSet<[i32; 2]> = self.places.iter().filter_map(cell).collect();
-        seats.len() as f64 * CELL_M * CELL_M <= MOST_SHARED * sides_m[0] * sides_m[1]
+        let cells: BTreeSet<[i32; 2]> = self.places.iter().filter_map(cell).collect();
+        cells.len() as f64 * CELL_M * CELL_M
+    }
+
+    /// Returns whether it is small beside another one.
+    fn is_small_beside(&self, other: &Candidate) -> bool {
+        SEVERAL * area_m2(&self.bounds) <= area_m2(&other.bounds)
+    }
+
+    /// Adds the points of another one that is a part of the same object.
+    fn take_in(&mut self, other: Candidate) {
+        let is_part = confusable(self.found.object.class, other.found.object.class)
+            && shared_in_space(&self.bounds, &other.bounds) > SAME_SHARE;
+        if is_part {
+            self.places.extend(other.places);
+            self.found.members.extend(other.found.members);
+            self.found.members.sort_unstable();
+            self.found.object.points = self.found.members.len();
+        }
     }
 }
 
 /// Keeps the most confident objects. A less confident one that overlaps them is trimmed if that costs few of its
-/// points. Otherwise it is left out; if it is a part of the same object, it gives its points to that object.
+/// points. Otherwise it is left out, or those that are small beside it are: a large object is more than a label that is
+/// taken for another. If the one that is left out is a part of the same object, it gives its points to that object.
 pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
     let candidate = |found: Found| {
         let place = |member: &u32| points[*member as usize].point.position_m.map(f64::from);
@@ -111,21 +149,23 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
     });
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in candidates {
-        match placed(&kept, &candidate) {
+        let mut small = Vec::new();
+        let result = loop {
+            match placed(&kept, &candidate) {
+                Err(at) if kept[at].is_small_beside(&candidate) => small.push(kept.remove(at)),
+                result => break result,
+            }
+        };
+        match result {
             Ok((hosts, bounds)) => {
                 kept.iter_mut().zip(hosts).for_each(|(host, bounds)| host.bounds = bounds);
-                kept.push(Candidate { bounds, ..candidate });
+                let mut large = Candidate { bounds, ..candidate };
+                small.into_iter().for_each(|part| large.take_in(part));
+                kept.push(large);
             }
             Err(at) => {
-                let host = &mut kept[at];
-                let is_part = confusable(host.found.object.class, candidate.found.object.class)
-                    && shared_in_space(&host.bounds, &candidate.bounds) > SAME_SHARE;
-                if is_part {
-                    host.places.extend(candidate.places);
-                    host.found.members.extend(candidate.found.members);
-                    host.found.members.sort_unstable();
-                    host.found.object.points = host.found.members.len();
-                }
+                kept[at].take_in(candidate);
+                kept.extend(small);
             }
         }
     }
@@ -212,120 +252,4 @@ fn move_side(bounds: &mut UprightBox, side: usize, by_m: f64) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::Object;
-    use super::*;
-    use viola_reconstruct::{CloudPoint, Label};
-
-    /// An object filled with points 10 cm apart.
-    fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3], confidence: f64) -> (Found, Vec<MapPoint>) {
-        let bounds = UprightBox { centre_m, size_m, yaw_rad: 0.0 };
-        let count = size_m.map(|side| (side / 0.1).round() as usize);
-        let place = |i: usize| {
-            let at = [i % count[0], i / count[0] % count[1], i / count[0] / count[1]];
-            [0, 1, 2].map(|axis| centre_m[axis] - size_m[axis] / 2.0 + (at[axis] as f64 + 0.5) * 0.1)
-        };
-        let point = |i: usize| {
-            let position_m = place(i).map(|c| c as f32);
-            let (normal, color, label) = ([0.0, 0.0, 1.0], [9; 3], Label::NONE);
-            MapPoint { point: CloudPoint { position_m, normal, color, label, weight: 9 }, clip: 0 }
-        };
-        let points: Vec<MapPoint> = (0..count.iter().product()).map(point).collect();
-        let object = Object {
-            id: String::new(),
-            class,
-            confidence,
-            centre_m: bounds.centre_m,
-            size_m: bounds.size_m,
-            yaw_rad: bounds.yaw_rad,
-            room: None,
-            points: points.len(),
-            clips: vec![0],
-            samples: Vec::new(),
-        };
-        (Found { object, members: (0..points.len() as u32).collect() }, points)
-    }
-
-    fn both_resolved(a: (Found, Vec<MapPoint>), b: (Found, Vec<MapPoint>)) -> Vec<Found> {
-        let (mut points, mut second) = (a.1, b.0);
-        second.members.iter_mut().for_each(|member| *member += points.len() as u32);
-        points.extend(b.1);
-        resolve(vec![second, a.0], &points)
-    }
-
-    #[test]
-    fn only_things_that_belong_together_share_their_space() {
-        use Class::*;
-        let table = ([0.0, 0.0, 0.375], [1.6, 0.9, 0.75]);
-        let counter = ([0.0, 0.0, 0.45], [2.4, 0.6, 0.9]);
-        for (class, host, other, at, is_conflict) in [
-            (Table, table, Chair, ([0.0, 0.4, 0.45], [0.5, 0.5, 0.9]), false),
-            (Table, table, Sofa, ([0.0, 0.4, 0.45], [2.0, 0.9, 0.9]), true),
-            (Table, table, Table, ([0.1, 0.0, 0.25], [1.0, 0.6, 0.5]), true),
-            // Beside it, and a television on it.
-            (Table, table, Sofa, ([0.0, 1.0, 0.45], [2.0, 0.9, 0.9]), false),
-            (Table, table, Television, ([0.0, 0.0, 1.1], [1.0, 0.1, 0.6]), false),
-            (Counter, counter, Sink, ([0.5, 0.0, 0.85], [0.6, 0.45, 0.2]), false),
-            (Counter, counter, Stove, ([-0.5, 0.0, 0.45], [0.6, 0.58, 0.9]), false),
-            (
-                Counter,
-                ([0.0, 0.0, 0.88], [2.4, 0.6, 0.04]),
-                Cabinet,
-                ([0.0, 0.0, 0.45], [2.4, 0.6, 0.9]),
-                false,
-            ),
-            (Counter, counter, Bed, ([-0.5, 0.0, 0.45], [0.6, 0.58, 0.9]), true),
-            // A wall unit above the run.
-            (Counter, counter, Cabinet, ([0.0, 0.1, 1.8], [2.4, 0.35, 0.7]), false),
-        ] {
-            let (a, b) = (object(class, host.0, host.1, 0.9), object(other, at.0, at.1, 0.8));
-            let (of_a, of_b) = (a.0.object.bounds(), b.0.object.bounds());
-            let both = [conflicts((class, &of_a), (other, &of_b)), conflicts((other, &of_b), (class, &of_a))];
-            assert_eq!(both, [is_conflict; 2], "{class:?} {other:?} {at:?}");
-            let kept = both_resolved(a, b);
-            assert_eq!(kept[0].object.class, class);
-            let host = kept[0].object.bounds();
-            let in_way = |f: &Found| conflicts((f.object.class, &f.object.bounds()), (class, &host));
-            assert!(!kept.iter().skip(1).any(in_way));
-        }
-    }
-
-    #[test]
-    fn a_box_that_is_too_large_is_trimmed() {
-        let bed = object(Class::Bed, [0.0, 0.0, 0.3], [2.0, 1.6, 0.6], 0.9);
-        // A stray point stretches the box of the nightstand over the bed.
-        let mut stand = object(Class::Cabinet, [0.9, 1.05, 0.3], [0.5, 0.4, 0.6], 0.8);
-        (stand.0.object.centre_m, stand.0.object.size_m) = ([0.9, 0.85, 0.3], [0.5, 0.8, 0.6]);
-        let kept = both_resolved(bed, stand);
-        assert_eq!(kept.len(), 2);
-        let [bed, stand] = [0, 1].map(|i| kept[i].object.bounds());
-        assert!(shared(&bed, &stand) <= MOST_SHARED);
-        let [top, long_m] = [stand.centre_m[1] + stand.size_m[1] / 2.0, stand.size_m[0]];
-        assert!(long_m >= stand.size_m[1] && (0.4..=0.8).contains(&long_m) && top > 0.9, "{stand:?}");
-    }
-
-    /// A corner sofa without its recess.
-    fn corner_sofa() -> (Found, Vec<MapPoint>) {
-        let (mut found, points) = object(Class::Sofa, [0.0, 0.0, 0.4], [2.4, 2.4, 0.8], 0.6);
-        let is_seat = |member: &u32| {
-            let [x, y, _] = points[*member as usize].point.position_m;
-            x < -0.4 || y < -0.4
-        };
-        found.members.retain(is_seat);
-        (found, points)
-    }
-
-    #[test]
-    fn a_table_may_stand_before_a_corner_sofa_but_not_on_its_seats() {
-        for (centre_m, size_m, is_kept) in [
-            ([0.4, 0.4, 0.2], [0.8, 0.6, 0.4], true),
-            ([-0.8, 0.0, 0.2], [0.6, 0.6, 0.4], false),
-            ([-0.2, 0.4, 0.2], [0.8, 0.6, 0.4], false),
-        ] {
-            let table = object(Class::Table, centre_m, size_m, 0.9);
-            let kept = both_resolved(table, corner_sofa());
-            let classes: Vec<Class> = kept.iter().map(|found| found.object.class).collect();
-            assert_eq!(classes.contains(&Class::Sofa), is_kept, "{centre_m:?} {classes:?}");
-        }
-    }
-}
+mod tests;

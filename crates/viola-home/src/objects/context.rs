@@ -3,6 +3,7 @@
 use super::Found;
 use super::fit::UprightBox;
 use super::hidden::WORKTOP_M;
+use crate::rooms::Room;
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -28,8 +29,9 @@ pub fn tell_nightstands(found: &mut [Found]) {
 }
 
 /// Leaves out toilets, bathtubs and showers in a room to live or to cook in, unless another thing of a bathroom is near:
-/// bins and boxes look like toilets.
-pub fn leave_out_misplaced(found: &mut Vec<Found>) {
+/// bins and boxes look like toilets. A toilet that is only near such a room may be in a bathroom that the robot never
+/// enters, which is no room of its map.
+pub fn leave_out_misplaced(found: &mut Vec<Found>, rooms: &[Room]) {
     /// Largest distance of things of one bathroom.
     const NEAR_M: f64 = 2.5;
     let classes_of = |room: &Option<String>| {
@@ -48,10 +50,11 @@ pub fn leave_out_misplaced(found: &mut Vec<Found>) {
         (0..found.len())
             .any(|i| i != of && is_of_bathroom(&found[i]) && (place(&found[i]) - at).norm() < NEAR_M)
     };
+    let is_inside = |of: &Found| rooms.iter().any(|room| room.contains(&place(of)));
     let is_misplaced = |i: usize| {
         let Found { object, .. } = &found[i];
         is_sanitary(object.class)
-            && object.room.is_some()
+            && is_inside(&found[i])
             && classes_of(&object.room).into_iter().any(is_lived_with)
             && !has_company(i)
     };

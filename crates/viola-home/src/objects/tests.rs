@@ -242,6 +242,7 @@ fn toilets_stand_where_toilets_are() {
     for (name, things, want) in [
         ("a bin in the kitchen", vec![stove.clone(), toilet(3.0)], vec![Stove]),
         ("a toilet alone", vec![stove.clone(), toilet(8.0)], vec![Stove, Toilet]),
+        ("a toilet behind a wall, in no room", vec![stove.clone(), toilet(5.2)], vec![Stove, Toilet]),
         (
             "a bathroom that is open to the kitchen",
             vec![stove, toilet(3.0), shower(4.0)],

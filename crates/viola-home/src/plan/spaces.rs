@@ -118,27 +118,30 @@ fn pieces(cells: &Cells, closed: &[Gap]) -> Vec<u32> {
     for at in closed.iter().flat_map(|gap| &gap.cells) {
         open[*at] = false;
     }
-    let mut piece = vec![0u32; open.len()];
+    regions(cells, |at| open[at].then_some(()))
+}
+
+/// Returns the connected region of equal keys of each cell, from 1; 0 without a key.
+fn regions<K: PartialEq>(cells: &Cells, key: impl Fn(usize) -> Option<K>) -> Vec<u32> {
+    let mut region = vec![0u32; cells.inside.len()];
     let mut count = 0;
-    for start in 0..open.len() {
-        if !open[start] || piece[start] != 0 {
-            continue;
-        }
+    for start in 0..region.len() {
+        let Some(own) = key(start).filter(|_| region[start] == 0) else { continue };
         count += 1;
         let mut stack = vec![start];
-        piece[start] = count;
+        region[start] = count;
         while let Some(at) = stack.pop() {
             for next in
                 crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten()
             {
-                if open[next] && piece[next] == 0 {
-                    piece[next] = count;
+                if region[next] == 0 && key(next).as_ref() == Some(&own) {
+                    region[next] = count;
                     stack.push(next);
                 }
             }
         }
     }
-    piece
+    region
 }
 
 fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
@@ -160,7 +163,6 @@ fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Ve
             *shares[*piece as usize].entry(*owner).or_default() += area;
         }
     }
-    let mut rooms: BTreeMap<(u32, u32), f64> = BTreeMap::new();
     let mut key: Vec<Option<(u32, u32)>> = vec![None; pieces.len()];
     for (piece, shares) in shares.iter().enumerate().skip(1) {
         let mut parts: Vec<u32> =
@@ -172,21 +174,42 @@ fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Ve
         }
         spread(cells, pieces, piece as u32, &parts, &mut key);
     }
-    for (at, key) in key.iter().enumerate() {
-        if let Some(key) = key {
-            *rooms.entry(*key).or_default() += cells.area_m2(at);
+    let region = joined(cells, pieces, &mut key);
+    let area_m2 = areas(cells, &region);
+    let mut owner_of = vec![0; area_m2.len()];
+    region.iter().zip(&key).for_each(|(region, key)| owner_of[*region as usize] = key.map_or(0, |key| key.1));
+    let mut order: Vec<usize> = (1..area_m2.len()).filter(|at| area_m2[*at] >= MIN_AREA_M2).collect();
+    order.sort_by(|a, b| area_m2[*b].total_cmp(&area_m2[*a]).then(a.cmp(b)));
+    let mut number = vec![0; area_m2.len()];
+    (1..).zip(&order).for_each(|(next, region)| number[*region] = next);
+    let of_cell = region.iter().map(|region| number[*region as usize]).collect();
+    // The largest of several parts of a given room has its name.
+    let mut named = std::collections::BTreeSet::new();
+    let owner = |region: &usize| if named.insert(owner_of[*region]) { owner_of[*region] } else { 0 };
+    (of_cell, order.iter().map(owner).collect())
+}
+
+/// Returns the region of each cell, since another room may lie between the parts of a given one. A part that is too small
+/// for a room belongs to the largest region beside it.
+fn joined(cells: &Cells, pieces: &[u32], key: &mut [Option<(u32, u32)>]) -> Vec<u32> {
+    let region = regions(cells, |at| key[at]);
+    let area_m2 = areas(cells, &region);
+    let mut into: Vec<Option<usize>> = vec![None; area_m2.len()];
+    for at in (0..region.len()).filter(|at| region[*at] != 0 && area_m2[region[*at] as usize] < MIN_AREA_M2) {
+        let into = &mut into[region[at] as usize];
+        for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
+            let is_other = region[next] != 0 && region[next] != region[at] && pieces[next] == pieces[at];
+            let area = |at: usize| area_m2[region[at] as usize];
+            if is_other && into.is_none_or(|into| area(next) > area(into)) {
+                *into = Some(next);
+            }
         }
     }
-    let mut order: Vec<((u32, u32), f64)> =
-        rooms.into_iter().filter(|(_, area)| *area >= MIN_AREA_M2).collect();
-    order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let number: BTreeMap<(u32, u32), u32> =
-        (1..).zip(&order).map(|(number, (key, _))| (*key, number)).collect();
-    let of_cell = key.iter().map(|key| key.and_then(|key| number.get(&key).copied()).unwrap_or(0)).collect();
-    // The largest of several pieces of a given room has its name.
-    let mut named = std::collections::BTreeSet::new();
-    let owners = order.iter().map(|((_, owner), _)| if named.insert(*owner) { *owner } else { 0 }).collect();
-    (of_cell, owners)
+    let target: Vec<_> = into.iter().map(|into| into.and_then(|at| key[at])).collect();
+    for (at, region) in region.iter().enumerate() {
+        key[at] = target[*region as usize].or(key[at]);
+    }
+    regions(cells, |at| key[at])
 }
 
 /// Gives each cell of a piece to one of `parts`: its own largest, else that of the nearest cell.
