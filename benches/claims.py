@@ -291,7 +291,7 @@ PARTS = [
     },
     {
         "name": "homes", "title": "Objects and plan of simulated homes", "needs": [],
-        "note": "75 % of the patches have the right label. Wall faces are right within 10 cm and 3 degrees, areas within 5 %.",
+        "note": "Points of the true surface, without clips; at least 75 % of patches named right. Faces within 10 cm and 3 degrees, areas within 5 %.",
         "runs": {"run": "viola evaluate --home --set normal --seeds {seeds} --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001"}, "quick": {"seeds": "5000..5050"}, "all": {"seeds": "5000..5050"}},
         "minutes": {"tiny": 2, "quick": 1, "all": 1}, "rows": simulated_homes,

@@ -92,7 +92,7 @@ async fn add(storage: &Storage, home: &HomeId) -> anyhow::Result<uuid::Uuid> {
         title: None,
         file_name: None,
     };
-    match storage.add_clip(home, new, Timestamp::now()).await? {
+    match storage.add_clip(home, new, None, Timestamp::now()).await? {
         Added::New(clip) => Ok(clip.id),
         other => anyhow::bail!("{other:?}"),
     }

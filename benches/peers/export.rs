@@ -32,7 +32,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;
     let target = sample.target.ok_or("the map is empty")?;
-    let (hits, truth) = (&sample.observation.scan.hits, sample.map_from_clip);
+    let (hits, truth) =
+        (&sample.observation.scan.hits, sample.map_from_clip.ok_or("the clip has no true pose")?);
 
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     // Half are anywhere in the map, like search results; half are near the truth.

@@ -1,22 +1,21 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
+mod report;
+
 use super::networks::NetworkArguments;
-use super::progress::tell;
+use super::progress::Steps;
 use super::provenance::{commit, program};
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use std::fs;
-use std::io::IsTerminal;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align::{AlignParams, MadeBy};
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{
-    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
-    SceneClips, Suite, SurveyParams, plot,
+    self, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene, SceneClips,
+    Suite, SurveyParams,
 };
 use viola_lab::simulate::{ClipParams, Sensor, Set};
 use viola_reconstruct::TrackParams;
@@ -40,8 +39,8 @@ pub struct EvaluateArguments {
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     pub(super) sensor: Sensor,
-    /// Accuracy of labels that simulated pictures get from the truth, 0 to 1. They replace a network, because
-    /// simulated pictures are too plain for one.
+    /// Least accuracy of labels that simulated pictures get from the truth, 0 to 1: a wrong label may be right by
+    /// chance. They replace a network, because simulated pictures are too plain for one.
     #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
     pub(super) picture_labels: Option<f64>,
     /// Also align every simulated clip to the map of another home, in which no pose is right.
@@ -85,7 +84,8 @@ pub struct EvaluateArguments {
     )]
     labels: bool,
     /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
-    /// mesh, for simulated homes against their truth.
+    /// mesh, for simulated homes against their truth. The points of simulated homes are sampled from the true surface
+    /// of all rooms, without clips, fusion and errors of poses.
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
     /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home
@@ -178,9 +178,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         program: &program()?,
         pictures: Some(&pictures),
     };
-    let report = Report::new(run.total());
-    let results = run.results(&Silent, &|result| report.hear(result))?;
-    report.finish();
+    let steps = Steps::new(run.total() as u64);
+    let results = run.results(&Silent, &|result| steps.advance(&report::line(result)))?;
+    drop(steps);
     if let Some(path) = &arguments.fit {
         let fitted_to = format!(
             "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
@@ -200,11 +200,11 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let left_out = run.total() - results.len();
+    let left_out = run.left_out(&results);
     if results.is_empty() {
         bail!("none of the {left_out} clips has a true pose");
     }
-    write_all(out, arguments, workers, &observe.label.networks(), &results, left_out)
+    report::write_all(arguments, workers, &observe.label.networks(), &results, left_out)
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
@@ -292,99 +292,6 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse::<f64>().map_err(|error| error.to_string())?;
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
-}
-
-/// Progress display: a bar with the remaining time on a terminal, else one line per result.
-struct Report {
-    bar: Option<ProgressBar>,
-    done: AtomicUsize,
-    total: usize,
-}
-
-impl Report {
-    fn new(total: usize) -> Report {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(total as u64);
-            let template = "{wide_bar} {pos}/{len} {elapsed_precise}, {eta_precise} left";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
-            }
-            bar
-        });
-        Report { bar, done: AtomicUsize::new(0), total }
-    }
-
-    fn hear(&self, r: &ClipResult) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        match &self.bar {
-            Some(bar) => bar.set_position(done as u64),
-            None => {
-                let error = match (r.rotation_error_deg, r.translation_error_m) {
-                    (Some(deg), Some(m)) => format!("{deg:.2} deg, {m:.3} m"),
-                    _ => "no pose".to_owned(),
-                };
-                let scale = r
-                    .scale_error
-                    .map_or_else(String::new, |error| format!(", scale {:+.2} %", 100.0 * error));
-                tell(&format!(
-                    "{done}/{} {} {} {} {}: {error}{scale}, {:?}, {:.2} s",
-                    self.total, r.set, r.frames, r.clip, r.method, r.state, r.register_seconds
-                ));
-            }
-        }
-    }
-
-    fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-fn write_all(
-    out: &Path,
-    arguments: &EvaluateArguments,
-    workers: usize,
-    labels_by: &str,
-    results: &[ClipResult],
-    left_out: usize,
-) -> Result<()> {
-    let rows = evaluate::tabulate(results);
-    let peak = evaluate::peak_memory_bytes();
-    let mut table = evaluate::markdown(&rows);
-    if left_out > 0 {
-        table += &format!("\n{left_out} clips have no true pose and are left out.\n");
-    }
-    if let Some(peak) = peak {
-        let mib = peak / (1 << 20);
-        table += &format!(
-            "\nPeak memory of the process, all methods with {workers} clips at a time: {mib} MiB (VmHWM).\n\
-             Times are those of one thread; with more than one clip at a time they share memory and caches.\n"
-        );
-    }
-    let run = json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "methods": arguments.methods,
-        "labels_by": labels_by,
-        "frames": arguments.frames,
-        "seed": arguments.seed,
-        "clips_at_a_time": workers,
-        "peak_memory_bytes": peak,
-        "clips_without_true_pose": left_out,
-    });
-    save(out, "table.json", &serde_json::to_string_pretty(&rows)?)?;
-    save(out, "table.md", &table)?;
-    save(out, "clips.csv", &evaluate::clips_csv(results))?;
-    save(out, "run.json", &serde_json::to_string_pretty(&run)?)?;
-    save(out, "coverage.svg", &plot::error_against_coverage(results))?;
-    if let Some(svg) = plot::risk_against_coverage(results) {
-        save(out, "risk.svg", &svg)?;
-    }
-    if let Some(svg) = plot::reliability(results) {
-        save(out, "reliability.svg", &svg)?;
-    }
-    print!("{table}");
-    Ok(())
 }
 
 pub(super) fn save(out: &Path, name: &str, text: &str) -> Result<()> {

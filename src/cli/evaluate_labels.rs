@@ -1,15 +1,14 @@
 //! `viola evaluate --labels`: classes of points.
 
 use super::evaluate::{EvaluateArguments, homes, save};
-use super::progress::TerminalProgress;
+use super::progress::{Steps, TerminalProgress};
 use anyhow::{Context, Result};
-use indicatif::ProgressBar;
 use serde_json::json;
 use std::fs;
 use std::path::Path;
 use viola_align::AlignParams;
 use viola_formats::clip::Clip;
-use viola_geometry::progress::Silent;
+use viola_geometry::progress::Progress;
 use viola_lab::evaluate::labels;
 use viola_reconstruct::LabelParams;
 
@@ -25,7 +24,7 @@ pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
     let surface = label.surface.as_ref().map(|network| network.name().to_owned());
     let label = LabelParams { segmenter: None, ..label };
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
-    let progress = TerminalProgress::new();
+    let progress = |part: String| -> Box<dyn Progress> { Box::new(TerminalProgress::of_step(part)) };
     let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
     let mut floors = Vec::new();
     for &frames in &arguments.frames {
@@ -35,10 +34,9 @@ pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
             }
             let label = LabelParams { segmenter, ..LabelParams::default() };
             let params = AlignParams { label, ..params.clone() };
-            floors.push(labels::floors(variant, &clip, &truth, frames, &params, &Silent)?);
+            floors.push(labels::floors(variant, &clip, &truth, frames, &params, &progress)?);
         }
     }
-    progress.finish();
     let table = labels::markdown(&rows) + "\n" + &labels::floors_markdown(&floors);
     save(
         &arguments.out,
@@ -61,9 +59,9 @@ pub(super) fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let homes = homes(arguments);
     let seeds = homes.seeds.end.saturating_sub(homes.seeds.start);
-    let bar = ProgressBar::new(seeds * (homes.sets.len() * homes.frames.len()) as u64);
-    let rows = labels::simulated(&homes, &params, &|| bar.inc(1))?;
-    bar.finish_and_clear();
+    let steps = Steps::new(seeds * (homes.sets.len() * homes.frames.len()) as u64);
+    let rows = labels::simulated(&homes, &params, &|clip| steps.advance(clip))?;
+    drop(steps);
     let (rows, objects): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
     let furniture: Vec<String> = objects.iter().map(labels::ObjectsRow::markdown).collect();
     let table = format!("{}\n{}", labels::markdown(&rows), furniture.join("\n"));

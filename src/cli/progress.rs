@@ -28,6 +28,59 @@ fn is_at_least(verbosity: Verbosity) -> bool {
     VERBOSITY.load(Ordering::Relaxed) >= verbosity as u8
 }
 
+/// Returns whether progress is shown as bars: on a terminal and without `--quiet`.
+fn has_bars() -> bool {
+    std::io::stderr().is_terminal() && is_at_least(Verbosity::Normal)
+}
+
+/// Returns a bar, which is hidden without a terminal and with `--quiet`.
+pub fn bar(length: u64, template: &str) -> ProgressBar {
+    let bar = if has_bars() { ProgressBar::new(length) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Returns a message that shows that the work goes on, hidden like a [`bar`].
+pub fn spinner(message: String) -> ProgressBar {
+    bar(0, "{spinner} {msg}").with_message(message)
+}
+
+/// Progress of work in steps: a bar with the remaining time on a terminal, else a line for each step.
+pub struct Steps {
+    bar: ProgressBar,
+    done: AtomicU64,
+    total: u64,
+}
+
+impl Steps {
+    pub fn new(total: u64) -> Steps {
+        let bar = bar(total, "{wide_bar} {pos}/{len} {elapsed_precise}, {eta_precise} left");
+        Steps { bar, done: AtomicU64::new(0), total }
+    }
+
+    /// Reports the end of a step.
+    pub fn advance(&self, step: &str) {
+        let line = self.line(step);
+        self.bar.set_position(self.done.load(Ordering::Relaxed));
+        if self.bar.is_hidden() {
+            tell(&line);
+        }
+    }
+
+    /// Counts a step and returns its line.
+    fn line(&self, step: &str) -> String {
+        format!("{}/{} {step}", self.done.fetch_add(1, Ordering::Relaxed) + 1, self.total)
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 /// Prints a line about the work, unless `--quiet` is given.
 pub fn tell(line: &str) {
     if is_at_least(Verbosity::Normal) {
@@ -54,16 +107,17 @@ impl TerminalProgress {
         TerminalProgress::with(Some(part))
     }
 
+    /// Returns the progress of one of many parts: a bar on a terminal, else a single line.
+    pub fn of_step(part: String) -> TerminalProgress {
+        if has_bars() {
+            return TerminalProgress::of_part(part);
+        }
+        tell(&part);
+        TerminalProgress::new()
+    }
+
     fn with(part: Option<String>) -> TerminalProgress {
-        let has_bar = std::io::stderr().is_terminal() && is_at_least(Verbosity::Normal);
-        let bar = has_bar.then(|| {
-            let bar = ProgressBar::new(1000);
-            if let Ok(style) = ProgressStyle::with_template("{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}")
-            {
-                bar.set_style(style);
-            }
-            bar
-        });
+        let bar = has_bars().then(|| bar(1000, "{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}"));
         TerminalProgress { bar, part, stage: Mutex::new(None), furthest: AtomicU64::new(0) }
     }
 
@@ -80,6 +134,12 @@ impl TerminalProgress {
         if let Some(bar) = &self.bar {
             bar.set_position(furthest);
         }
+    }
+}
+
+impl Drop for TerminalProgress {
+    fn drop(&mut self) {
+        self.finish();
     }
 }
 
@@ -106,5 +166,28 @@ impl Progress for TerminalProgress {
 
     fn cancelled(&self) -> bool {
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_counted_in_their_lines() {
+        let steps = Steps::new(2);
+        assert_eq!(
+            [steps.line("normal 5000"), steps.line("normal 5001")],
+            ["1/2 normal 5000", "2/2 normal 5001"]
+        );
+    }
+
+    #[test]
+    fn nothing_is_drawn_with_quiet() {
+        set_verbosity(Verbosity::Quiet);
+        let hidden = [bar(10, "{wide_bar}").is_hidden(), spinner("npm pack".into()).is_hidden()];
+        let has_bars = has_bars();
+        set_verbosity(Verbosity::Normal);
+        assert_eq!((hidden, has_bars), ([true, true], false));
     }
 }

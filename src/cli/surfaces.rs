@@ -1,7 +1,7 @@
 //! `viola surfaces`: labelled surfaces of simulated clips, for training.
 
+use super::progress::Steps;
 use anyhow::{Context, Result};
-use indicatif::ProgressBar;
 use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -34,15 +34,14 @@ pub fn run(arguments: &SurfacesArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let seeds = arguments.seeds.end.saturating_sub(arguments.seeds.start);
-    let bar = ProgressBar::new(seeds * arguments.set.len() as u64);
+    let steps = Steps::new(seeds * arguments.set.len() as u64);
     let mut turn = 0;
     for seed in arguments.seeds.clone() {
         for &set in &arguments.set {
             surfaces_of_home(arguments, set, seed, &mut turn)?;
-            bar.inc(1);
+            steps.advance(&format!("{} {seed}", set.name()));
         }
     }
-    bar.finish();
     Ok(())
 }
 

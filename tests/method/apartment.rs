@@ -146,7 +146,8 @@ fn geometry_alone_tells_floor_and_walls() {
     let Some(scene) = apartment() else { return };
     let clip = Clip::open(&scene).unwrap();
     let truth = evaluate::labels::Truth::open(&scene).unwrap();
-    let rows = evaluate::labels::evaluate(&clip, &truth, None, &AlignParams::default(), &Silent).unwrap();
+    let params = AlignParams::default();
+    let rows = evaluate::labels::evaluate(&clip, &truth, None, &params, &|_| Box::new(Silent)).unwrap();
     let [row] = rows.as_slice() else { panic!("{rows:?}") };
     assert_eq!(row.variant, "geometry");
     assert!(row.iou["floor"] >= 0.82 && row.wall_or_opening_iou >= 0.65, "{row:?}");

@@ -100,7 +100,9 @@ fn simulated_clips_are_found_and_called_aligned() {
 fn floors_of_real_clips_are_right() {
     let Some(folder) = apartment() else { return };
     let (clip, truth) = (Clip::open(&folder).unwrap(), Truth::open(&folder).unwrap());
-    let row = labels::floors("shape alone", &clip, &truth, 20, &AlignParams::default(), &Silent).unwrap();
+    let row =
+        labels::floors("shape alone", &clip, &truth, 20, &AlignParams::default(), &|_| Box::new(Silent));
+    let row = row.unwrap();
     eprintln!("{row:?}");
     assert!(row.see_floor >= 29 && row.within >= 28, "{row:?}");
     assert!(row.median_deg < 0.5 && row.median_m < 0.01, "{row:?}");
@@ -113,7 +115,7 @@ fn the_built_in_network_labels_simulated_homes() {
     let surface = Some(SurfaceNetwork::new(&installed.entry, network).unwrap().into());
     let params =
         AlignParams { label: LabelParams { surface, ..LabelParams::default() }, ..AlignParams::default() };
-    let rows = labels::simulated(&homes(&[Set::Normal], 2000..2002, 12), &params, &|| {}).unwrap();
+    let rows = labels::simulated(&homes(&[Set::Normal], 2000..2002, 12), &params, &|_| {}).unwrap();
     let [(shapes, _), (volume, _)] = rows.as_slice() else { panic!("{rows:?}") };
     eprintln!("{rows:?}");
     assert!(shapes.structure_accuracy >= 0.7, "{shapes:?}");
@@ -124,7 +126,7 @@ fn the_built_in_network_labels_simulated_homes() {
 #[test]
 fn objects_and_plan_of_a_simulated_home_are_right() {
     let params = SampleParams { rays: 6_000, ..SampleParams::default() };
-    let score = simulated(Set::Normal, 2001..2002, &params).unwrap();
+    let score = simulated(Set::Normal, 2001..2002, &params, &|_| {}).unwrap();
     let (objects, plan) = (&score.objects.total, &score.plan);
     eprintln!("{objects:?} {} of {} rooms; {plan:?}", score.matched_rooms, score.rooms);
     assert!(objects.recall() >= 0.6 && objects.precision() >= 0.7, "{objects:?}");
@@ -142,7 +144,7 @@ fn overlapping_clips_agree_better_together() {
     let Some(folder) = apartment() else { return };
     let scene = scene(&folder);
     let ranges = &consecutive(scene.clip.frames().len(), 30)[..4];
-    let fused = fuse(&scene, ranges, &AlignParams::default(), &Silent).unwrap();
+    let fused = fuse(&scene, ranges, &AlignParams::default(), &|_| Box::new(Silent)).unwrap();
     eprintln!("{:?} {:?}", fused.agreement, fused.excerpts);
     assert!(fused.excerpts.iter().all(|excerpt| excerpt.placed_by.is_some() && !excerpt.is_wrong()));
     let agreement = fused.agreement;

@@ -105,7 +105,7 @@ fn the_evaluation_of_labels_has_a_row_for_the_volume() {
     let label = LabelParams { surface, ..LabelParams::default() };
     let params = AlignParams { label, ..AlignParams::default() };
     let truth = Truth { vertices_m: vec![Point3::origin()], classes: vec![Some(0)] };
-    let rows = labels::evaluate(&clip, &truth, None, &params, &Silent).unwrap();
+    let rows = labels::evaluate(&clip, &truth, None, &params, &|_| Box::new(Silent)).unwrap();
     let variants: Vec<&str> = rows.iter().map(|row| row.variant.as_str()).collect();
     assert_eq!(variants, ["geometry", "volume"]);
 }

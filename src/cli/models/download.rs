@@ -1,7 +1,8 @@
 //! Download of a file by HTTPS; an interrupted download is resumed.
 
+use crate::cli::progress;
 use anyhow::{Context, Result, bail};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use reqwest::header::{CONTENT_RANGE, RANGE};
 use reqwest::{Response, StatusCode};
 use std::path::Path;
@@ -36,10 +37,7 @@ async fn fetch(url: &str, part: &Path) -> Result<()> {
         status => bail!("the server answers {status}"),
     };
     let rest = answer.content_length().unwrap_or(0);
-    let bar = ProgressBar::new(at + rest);
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {bytes}/{total_bytes} {eta}") {
-        bar.set_style(style);
-    }
+    let bar = progress::bar(at + rest, "{wide_bar} {bytes}/{total_bytes} {eta}");
     let done = write(answer, &mut file, &mut at, &bar).await;
     bar.finish_and_clear();
     // The bytes of a broken transfer are kept too, so that it can be resumed.

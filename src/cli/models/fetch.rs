@@ -1,8 +1,8 @@
 //! `viola models fetch`: fetches an entry of the manifest, verifies its checksum and installs it.
 
 use super::{archive, download, sum};
+use crate::cli::progress;
 use anyhow::{Context, Result, bail};
-use indicatif::ProgressBar;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -72,7 +72,7 @@ fn from_package(
     unpack: impl Fn(&Path, &mut fs::File) -> Result<()>,
 ) -> Result<()> {
     let place = tempfile::tempdir().context("cannot make a temporary folder")?;
-    let spinner = ProgressBar::new_spinner().with_message(format!("{} {}", clients[0], args.join(" ")));
+    let spinner = progress::spinner(format!("{} {}", clients[0], args.join(" ")));
     spinner.enable_steady_tick(Duration::from_millis(120));
     let done = ask(clients, args, destination, place.path());
     spinner.finish_and_clear();

@@ -5,6 +5,7 @@ use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use viola_network::Weights;
 
 /// Returns the sum in hexadecimal.
 pub(super) fn of_file(path: &Path) -> Result<String> {
@@ -24,6 +25,14 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
 /// Returns the sum of bytes in hexadecimal.
 pub(super) fn of_bytes(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
+}
+
+/// Returns the sum of a network's weights in hexadecimal.
+pub(in crate::cli) fn of_weights(weights: &Weights) -> Result<String> {
+    match weights {
+        Weights::File(path) => of_file(path),
+        Weights::BuiltIn { bytes, .. } => Ok(of_bytes(bytes)),
+    }
 }
 
 fn hexadecimal(sum: &[u8]) -> String {

@@ -1,6 +1,7 @@
 //! The command and the files that it writes.
 
 use super::flat;
+use serde_json::json;
 use std::process::Command;
 
 #[test]
@@ -42,6 +43,11 @@ fn leaves_tables_that_programs_can_read() {
     assert_eq!(read("clips.csv").lines().count(), 5);
     let run: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
     assert!(run["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20), "{run}");
+    let command = run["command"].as_str().unwrap();
+    assert!(command.starts_with("viola evaluate --map ") && command.ends_with("--methods viola"), "{run}");
+    let told = ["sets", "clips", "foreign", "rescale", "clips_without_true_pose"].map(|member| &run[member]);
+    assert_eq!(told, [&json!([]), &json!(2), &json!(false), &json!(false), &json!(0)], "{run}");
+    assert!(run["commit"].is_string() && run["seeds"].is_string() && run["drift"].is_number(), "{run}");
     assert!(read("coverage.svg").starts_with("<svg"));
     // The second run takes all results from the journal, including the times.
     let csv = read("clips.csv");

@@ -14,13 +14,15 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         state,
         reasons: vec!["several_modes".into(), "weak_evidence".into()],
         probability: None,
+        foreign: false,
         rotation_error_deg: errors.map(|e| e.0),
         translation_error_m: errors.map(|e| e.1),
         right_level: None,
-        coverage: 0.5,
+        coverage: Some(0.5),
         inliers: None,
         floor_seen: true,
-        unknowable: false,
+        floor_in_sight: None,
+        unknowable: Some(false),
         scale_error: None,
         truth_rank: None,
         alternatives: Vec::new(),
@@ -81,8 +83,11 @@ fn rows_are_apart_by_method_set_and_length() {
 
 #[test]
 fn unknowable_clips_are_admitted_by_doubt_that_lists_the_truth() {
-    let unknowable =
-        |state, truth_rank| ClipResult { unknowable: true, truth_rank, ..result(state, Some((90.0, 3.0))) };
+    let unknowable = |state, truth_rank| ClipResult {
+        unknowable: Some(true),
+        truth_rank,
+        ..result(state, Some((90.0, 3.0)))
+    };
     let row = &tabulate(&[
         unknowable(Ambiguous, Some(1)),
         unknowable(Ambiguous, None),
@@ -90,7 +95,7 @@ fn unknowable_clips_are_admitted_by_doubt_that_lists_the_truth() {
         unknowable(Ambiguous, Some(0)),
         result(Ambiguous, Some((1.0, 0.1))),
     ])[0];
-    assert_eq!((row.unknowable_clips, row.unknowable_admitted), (4, Some(0.5)));
+    assert_eq!((row.unknowable_clips, row.unknowable_admitted), (Some(4), Some(0.5)));
 }
 
 #[test]

@@ -136,9 +136,10 @@ impl Suite for DrawnClips {
                     target: Some(map.target.clone()),
                     level: LevelName::MAIN,
                     other_levels: Vec::new(),
-                    map_from_clip: *first,
+                    map_from_clip: Some(*first),
+                    unknowable: None,
+                    floor_in_sight: None,
                     scale: None,
-                    equivalent_poses: vec![*first],
                     first_frame: 0,
                     last_frame: frames.saturating_sub(1) as u32,
                 }));

@@ -1,4 +1,4 @@
-//! Picture of a failed clip: the answer on the left, the truth on the right.
+//! Picture of a failed clip: the answer on the left, the truth on the right. Without a true pose, the answer alone.
 
 use super::Sample;
 use viola_align::{Aligned, Alignment};
@@ -7,7 +7,7 @@ use viola_reconstruct::PointCloud;
 
 pub(super) fn picture(sample: &Sample, answer: Alignment) -> Vec<u8> {
     let mut truth = answer.clone();
-    truth.map_from_clip = Some(sample.map_from_clip);
+    truth.map_from_clip = sample.map_from_clip;
     truth.alternatives.clear();
     let [answer, truth] = [answer, truth].map(|alignment| {
         let scan = sample.observation.scan.clone();
@@ -22,7 +22,8 @@ pub(super) fn picture(sample: &Sample, answer: Alignment) -> Vec<u8> {
         };
         home::overlay_png(&sample.lidar, &aligned)
     });
-    beside(&answer, &truth).unwrap_or(answer)
+    let both = sample.map_from_clip.and_then(|_| beside(&answer, &truth));
+    both.unwrap_or(answer)
 }
 
 fn beside(left: &[u8], right: &[u8]) -> Option<Vec<u8>> {

@@ -2,7 +2,6 @@
 
 mod spread;
 
-use super::homes::FOREIGN;
 use super::weights::learned_loss;
 use super::{ClipResult, Listed, Placement};
 use std::collections::BTreeSet;
@@ -118,7 +117,7 @@ impl Answer {
         for (share, bound) in shares.iter_mut().zip(BOUNDS) {
             *share = share_of_odds(&alternatives, temperature_m * bound)?;
         }
-        let weight = if result.set.ends_with(FOREIGN) { FOREIGN_WEIGHT } else { 1.0 };
+        let weight = if result.foreign { FOREIGN_WEIGHT } else { 1.0 };
         Some(Answer { features, shares, right, weight })
     }
 }

@@ -79,13 +79,14 @@ pub enum HomeError {
     NotUpright,
 }
 
-/// Aligns and merges the excerpts of a scene, and compares the map with the labelled mesh in `folder/mesh`.
+/// Aligns and merges the excerpts of a scene, and compares the map with the labelled mesh in `folder/mesh`. `progress`
+/// is called with the name of each excerpt.
 pub fn evaluate(
     scene: &Scene,
     folder: &Path,
     ranges: &[Range<usize>],
     params: &AlignParams,
-    progress: &dyn Progress,
+    progress: &dyn Fn(String) -> Box<dyn Progress>,
 ) -> Result<(HomeReport, Plan), HomeError> {
     if ranges.is_empty() {
         return Err(HomeError::TooShort);

@@ -2,18 +2,18 @@
 
 use super::oracle::Oracle;
 use super::{Case, RunError, Sample, Suite};
-use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, valetudo_json};
+use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, clip_in_memory, valetudo_json};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use viola_align as align;
 use viola_align::{AlignParams, Target};
 use viola_formats::lidar::LidarMap;
+use viola_geometry::LevelName;
 use viola_geometry::progress::Progress;
-use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::LabelParams;
 
 /// Suffix of sets whose clips get the map of another home.
-pub(super) const FOREIGN: &str = "-foreign";
+const FOREIGN: &str = "-foreign";
 
 /// Selection of homes, and recording of their clips.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,9 +41,6 @@ pub struct HomesParams {
 /// Factor of the frame rate without device poses: 10 Hz instead of 2.5 Hz. At 2.5 Hz half of the picture is
 /// new in every frame, and nobody records like that for tracking.
 pub const DENSER: usize = 4;
-
-/// The true pose of a clip in the map of another home: far from every answer.
-const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
 
 /// Returns the name of a storey.
 fn level(storey: u64) -> LevelName {
@@ -169,14 +166,17 @@ impl Suite for HomeClips {
             drift: self.params.drift,
         };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
-        let truth = recorded.truth.clone();
+        let floor_in_sight = recorded.shows_floor();
+        // Look-alikes are searched for in homes of similar rooms only.
+        let unknowable = (set == Set::Repeated && !foreign).then_some(recorded.truth.unknowable);
         let recorded = if self.params.withhold_poses { recorded.without_poses() } else { recorded };
+        let recorded = Arc::new(recorded);
         let (clip, label) = match self.params.picture_labels {
             Some(accuracy) => {
-                let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, seed);
+                let (clip, oracle) = Oracle::with_clip(recorded.clone(), accuracy, seed);
                 (clip, LabelParams { segmenter: Some(oracle), ..params.label.clone() })
             }
-            None => (recorded.into_clip(), params.label.clone()),
+            None => (clip_in_memory(recorded.clone()), params.label.clone()),
         };
         let params = &AlignParams { label, ..params.clone() };
         let targets: Vec<&Target> =
@@ -185,17 +185,55 @@ impl Suite for HomeClips {
         let (clip, scale) = unit.map_or((clip, None), |(clip, metres)| (clip, Some(metres)));
         let observation = align::observe_in(&targets, &clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
+        let first = observation.first_camera.as_ref().map_or(0, |camera| camera.index);
+        let map_from_clip = (!foreign).then(|| recorded.map_from_frame(&mapped.survey, first));
         Ok(Some(Sample {
             observation,
             lidar: map.lidar.clone(),
             target: map.target.clone(),
             level: level(storey),
             other_levels: others.into_iter().flatten().collect(),
-            map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
-            equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
+            map_from_clip,
+            unknowable,
+            floor_in_sight: Some(floor_in_sight),
             scale,
             first_frame: 0,
             last_frame: frames.saturating_sub(1) as u32,
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::record::coverage;
+    use viola_geometry::Pose2;
+    use viola_geometry::progress::Silent;
+
+    #[test]
+    fn the_map_of_another_home_has_no_true_pose() {
+        for (set, is_examined) in [(Set::Normal, false), (Set::Repeated, true)] {
+            let suite = HomeClips::new(HomesParams {
+                sets: vec![set],
+                seeds: 6..7,
+                clips_per_home: 1,
+                frames: vec![4],
+                sensor: Sensor::PhoneLidar,
+                picture_labels: None,
+                foreign: true,
+                withhold_poses: false,
+                drift: 0.0,
+                rescale: false,
+            });
+            let sample = |index| suite.sample(index, &AlignParams::default(), &Silent).unwrap().unwrap();
+            let (own, foreign) = (sample(0), sample(1));
+            let truth = own.map_from_clip.unwrap();
+            assert!(own.is_right(own.level, &truth) && coverage(&own).is_some());
+            assert_eq!(own.unknowable.is_some(), is_examined);
+            assert_eq!((foreign.map_from_clip, foreign.unknowable), (None, None));
+            assert_eq!((foreign.errors(&Pose2::IDENTITY), coverage(&foreign)), (None, None));
+            assert!(!foreign.is_right(foreign.level, &truth));
+            assert_eq!(own.floor_in_sight, foreign.floor_in_sight);
+        }
     }
 }

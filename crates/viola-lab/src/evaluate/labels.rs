@@ -9,6 +9,7 @@ mod together;
 mod truth;
 
 pub use coarse::{COARSE, coarse};
+pub(super) use floors::shows_floor;
 pub use floors::{FloorRow, floors, floors_markdown};
 pub use objects::{FoundFurniture, ObjectsRow};
 pub use simulated::simulated;
@@ -39,8 +40,9 @@ use viola_reconstruct::{Label, LabelParams, PointCloud};
 #[derive(Debug, Clone, Serialize)]
 pub struct LabelRow {
     pub variant: String,
-    /// Fraction of the pairs of a labelled vertex and a picture that sees it with the right class.
-    pub pixel_accuracy: f64,
+    /// Fraction of the pairs of a labelled vertex and a picture that sees it with the right class; none without
+    /// pictures.
+    pub pixel_accuracy: Option<f64>,
     /// Fraction of the labelled vertices with the right class; for single frames the mean over vertices of
     /// the fraction of pictures.
     pub voxel_accuracy: f64,
@@ -53,7 +55,11 @@ pub struct LabelRow {
     pub wall_or_opening_iou: f64,
     /// Expected calibration error of the points' probabilities; none for single frames.
     pub calibration_error: Option<f64>,
+    /// Number of the labelled vertices above; of simulated clips the fused points.
     pub vertices: usize,
+    /// Number of the labelled vertices that were seen, but have no fused point near them and do not count above. None if
+    /// it is unknown which vertices were seen.
+    pub without_point: Option<usize>,
     pub key_frames: usize,
     /// Time of one network pass.
     pub network_ms: Option<f64>,
@@ -65,12 +71,13 @@ pub struct LabelRow {
 const NEAR_M: f64 = 0.06;
 
 /// Returns the rows: geometry alone, and with a network single frames, voting, and voting with its additions.
+/// `progress` is called with the name of each variant.
 pub fn evaluate(
     clip: &Clip,
     truth: &Truth,
     segmenter: Option<Arc<dyn Segmenter>>,
     params: &AlignParams,
-    progress: &dyn Progress,
+    progress: &dyn Fn(String) -> Box<dyn Progress>,
 ) -> Result<Vec<LabelRow>, AlignError> {
     let mut rows = Vec::new();
     let segmenter = segmenter.map(Timed::around);
@@ -100,11 +107,13 @@ pub fn evaluate(
             surface: params.label.surface.clone().filter(|_| volume),
             ..params.label.clone()
         };
-        let watch = Stopwatch::around(progress, std::time::Instant::now);
+        let progress = progress(variant.to_owned());
+        let watch = Stopwatch::around(progress.as_ref(), std::time::Instant::now);
         let observation = align::observe(clip, None, &AlignParams { label, ..params.clone() }, &watch)?;
         let seconds = watch.stop();
         if let (None, Some(segmenter)) = (&views, &segmenter) {
-            let single = single_frames(clip, &observation.pictures, truth, segmenter.as_ref(), progress)?;
+            let single =
+                single_frames(clip, &observation.pictures, truth, segmenter.as_ref(), progress.as_ref())?;
             rows.push(single.row(truth));
             views = Some(single.views);
         }
@@ -233,8 +242,13 @@ impl Single {
                 by_vertex.add(class, said, f64::from(count) / f64::from(self.views[i]));
             }
         }
-        let pixel_accuracy = by_pixel.accuracy(|class| class);
-        LabelRow { key_frames: self.pictures, ..by_vertex.row("single frames", pixel_accuracy, vertices) }
+        let pixel_accuracy = Some(by_pixel.accuracy(|class| class));
+        // Pictures need no points.
+        LabelRow {
+            key_frames: self.pictures,
+            without_point: Some(0),
+            ..by_vertex.row("single frames", pixel_accuracy, vertices)
+        }
     }
 }
 
@@ -272,18 +286,26 @@ impl Said {
     /// Counts the vertices that a picture sees; without `views` all with a point near them.
     fn row(&self, truth: &Truth, views: Option<&[u32]>) -> LabelRow {
         let (mut by_vertex, mut by_pixel, mut answers) = (Confusion::new(), Confusion::new(), Vec::new());
+        let mut without_point = 0;
         for (i, class) in truth.classes.iter().enumerate() {
             let seen = views.map_or(1, |views| views[i]);
-            let (Some(class), Some((said, p))) = (class.filter(|_| seen > 0), self.classes[i]) else {
+            let Some(class) = class.filter(|_| seen > 0) else { continue };
+            let Some((said, p)) = self.classes[i] else {
+                without_point += 1;
                 continue;
             };
             answers.push((f64::from(p), class == said));
             by_vertex.add(class, said, 1.0);
             by_pixel.add(class, said, f64::from(seen));
         }
-        let row = by_vertex.row("", by_pixel.accuracy(|class| class), answers.len());
+        let pixel_accuracy = views.map(|_| by_pixel.accuracy(|class| class));
+        let row = by_vertex.row("", pixel_accuracy, answers.len());
         let calibration = Calibration::of_answers(answers);
-        LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row }
+        LabelRow {
+            calibration_error: calibration.map(|c| c.expected_calibration_error),
+            without_point: views.map(|_| without_point),
+            ..row
+        }
     }
 }
 
@@ -292,19 +314,21 @@ pub fn markdown(rows: &[LabelRow]) -> String {
     let names: Vec<&str> =
         COARSE.iter().copied().filter(|n| rows.iter().any(|row| row.iou.contains_key(*n))).collect();
     let mut out = format!(
-        "| variant | pixel | voxel | structure | mean IoU | {} | wall or opening | calibration error | network | rest |\n",
+        "| variant | vertices | without a point | pixel | voxel | structure | mean IoU | {} | wall or opening | calibration error | network | rest |\n",
         names.join(" | ")
     );
-    out += &format!("|{}\n", "---|".repeat(9 + names.len()));
+    out += &format!("|{}\n", "---|".repeat(11 + names.len()));
     let percent = |share: f64| format!("{:.1} %", share * 100.0);
     for row in rows {
         let classes: Vec<String> =
             names.iter().map(|n| row.iou.get(*n).map_or("-".into(), |iou| format!("{iou:.2}"))).collect();
         let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1} ms"));
         out += &format!(
-            "| {} | {} | {} | {} | {:.3} | {} | {:.2} | {} | {} | {} |\n",
+            "| {} | {} | {} | {} | {} | {} | {:.3} | {} | {:.2} | {} | {} | {} |\n",
             row.variant,
-            percent(row.pixel_accuracy),
+            row.vertices,
+            row.without_point.map_or("-".into(), |count| count.to_string()),
+            row.pixel_accuracy.map_or("-".into(), percent),
             percent(row.voxel_accuracy),
             percent(row.structure_accuracy),
             row.mean_iou,
@@ -316,4 +340,44 @@ pub fn markdown(rows: &[LabelRow]) -> String {
         );
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::Pose3;
+    use viola_reconstruct::CloudPoint;
+
+    /// Four labelled vertices, one metre apart. Points are near the first two, pictures see the first three.
+    #[test]
+    fn vertices_without_a_point_are_counted() {
+        let truth = Truth {
+            vertices_m: (0..4).map(|x| Point3::new(f64::from(x), 0.0, 0.0)).collect(),
+            classes: vec![Some(0); 4],
+        };
+        let point = |x: f32| CloudPoint {
+            position_m: [x, 0.0, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            color: [0; 3],
+            label: Label::NONE,
+            weight: 1,
+        };
+        let cloud =
+            |xs: &[f32]| PointCloud { points: xs.iter().copied().map(point).collect(), voxel_m: 0.03 };
+        let said = Said::of(&cloud(&[0.01, 1.02]), &truth, |p| *p);
+        for (views, vertices, without_point) in
+            [(Some(&[2, 1, 1, 0][..]), 2, Some(1)), (Some(&[0, 1, 0, 0]), 1, Some(0)), (None, 2, None)]
+        {
+            let row = said.row(&truth, views);
+            assert_eq!((row.vertices, row.without_point), (vertices, without_point), "{views:?}");
+            assert_eq!(row.pixel_accuracy.is_some(), views.is_some());
+        }
+
+        let clips = [(cloud(&[0.0, 2.0, 3.0]), Pose3::identity())];
+        let [single, fused] = together(&truth, &clips, &cloud(&[0.0, 1.0]), |p| *p);
+        assert_eq!((single.vertices, single.without_point), (1, Some(1)));
+        assert_eq!((fused.vertices, fused.without_point), (1, Some(2)));
+        let table = markdown(&[fused]);
+        assert!(table.contains("\n| fused | 1 | 2 | - | "), "{table}");
+    }
 }

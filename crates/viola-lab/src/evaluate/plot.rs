@@ -22,9 +22,9 @@ fn methods(results: &[ClipResult]) -> Vec<&str> {
 
 /// Plots every clip's errors against the fraction of the map that it covers (paper, "The effect of the
 /// reconstruction's coverage"): rotation above, translation below, with the bounds of success. A clip without
-/// a pose is at the upper edge.
+/// a pose is at the upper edge; clips without a true pose are left out.
 pub fn error_against_coverage(results: &[ClipResult]) -> String {
-    let most = results.iter().map(|r| 100.0 * r.coverage).fold(1.0, f64::max);
+    let most = results.iter().filter_map(|r| r.coverage).fold(0.01, f64::max) * 100.0;
     let coverage = Axis::linear("coverage of the map, %", 0.0, (most / 10.0).ceil() * 10.0, 10.0);
     let rotation = Axis::logarithmic("rotation error, deg", 0.01, 1000.0);
     let translation = Axis::logarithmic("translation error, m", 0.001, 100.0);
@@ -34,8 +34,9 @@ pub fn error_against_coverage(results: &[ClipResult]) -> String {
     lower.line(&[(0.0, 0.3), (most, 0.3)], "#0000d0");
     let names = methods(results);
     for (name, ink) in names.iter().zip(INKS.iter().cycle()) {
-        for r in results.iter().filter(|r| r.method == *name) {
-            let x = 100.0 * r.coverage;
+        let covered = results.iter().filter(|r| r.method == *name).filter_map(|r| Some((r, r.coverage?)));
+        for (r, coverage) in covered {
+            let x = 100.0 * coverage;
             upper.dot(x, r.rotation_error_deg.unwrap_or(f64::INFINITY), ink);
             lower.dot(x, r.translation_error_m.unwrap_or(f64::INFINITY), ink);
         }

@@ -22,20 +22,27 @@ pub struct ClipResult {
     /// Codes of the answer's reasons.
     pub reasons: Vec<String>,
     pub probability: Option<f64>,
+    /// True if the map is of another home, in which no pose is right.
+    #[serde(default)]
+    pub foreign: bool,
     /// Null without a pose on the true level.
     pub rotation_error_deg: Option<f64>,
     pub translation_error_m: Option<f64>,
     /// True if the answer has the true level; null without a pose, and in homes with one level.
     #[serde(default)]
     pub right_level: Option<bool>,
-    /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage).
-    pub coverage: f64,
+    /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage); null
+    /// without a true pose.
+    pub coverage: Option<f64>,
     pub inliers: Option<f64>,
-    /// True if the clip shows the floor; false if its height was assumed, or there is none.
+    /// True if the method found the floor; false if its height was assumed, or there is none.
     #[serde(default)]
     pub floor_seen: bool,
-    /// True if the clip's content fits the map equally well in several places.
-    pub unknowable: bool,
+    /// True if the clip shows the floor, by the truth; null if that is unknown.
+    #[serde(default)]
+    pub floor_in_sight: Option<bool>,
+    /// True if the clip's content fits the map equally well in several places; null if that is unknown.
+    pub unknowable: Option<bool>,
     /// Error of the scale, as a fraction of the true one; null if the clip had metres, or no answer.
     #[serde(default)]
     pub scale_error: Option<f64>,
@@ -70,7 +77,7 @@ pub struct Placement {
 impl Placement {
     fn new(sample: &Sample, alignment: &Alignment) -> Option<Placement> {
         let (pose, spread) = (alignment.map_from_clip?, alignment.spread?);
-        let truth = sample.map_from_clip;
+        let truth = sample.map_from_clip?;
         let at = pose.apply(&spread.middle_in_clip) - truth.apply(&spread.middle_in_clip);
         Some(Placement {
             error: [at.x, at.y, wrap_angle(pose.yaw_rad - truth.yaw_rad)],
@@ -116,24 +123,22 @@ impl ClipResult {
         method: &str,
         sample: &Sample,
         alignment: &Alignment,
-        coverage: f64,
+        coverage: Option<f64>,
         seconds: Seconds,
     ) -> ClipResult {
         let is_right_level = alignment.level == sample.level;
         let on_level = alignment.map_from_clip.as_ref().filter(|_| is_right_level);
-        let error = on_level.map(|pose| sample.errors(pose));
-        let may_err = alignment.map_from_clip.is_some() && !sample.other_levels.is_empty();
-        let judge = |alternative: &Alternative| {
-            let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
-            Listed {
-                right: alternative.level == sample.level && rotation_deg < 10.0 && translation_m < 0.3,
-                level: alternative.level,
-                map_from_clip: alternative.map_from_clip,
-                loss_m: alternative.loss_m,
-                evidence: alternative.evidence,
-            }
+        let error = on_level.and_then(|pose| sample.errors(pose));
+        let foreign = sample.map_from_clip.is_none();
+        let may_err = alignment.map_from_clip.is_some() && !sample.other_levels.is_empty() && !foreign;
+        let listed = |alternative: &Alternative| Listed {
+            right: sample.is_right(alternative.level, &alternative.map_from_clip),
+            level: alternative.level,
+            map_from_clip: alternative.map_from_clip,
+            loss_m: alternative.loss_m,
+            evidence: alternative.evidence,
         };
-        let alternatives: Vec<Listed> = alignment.alternatives.iter().map(judge).collect();
+        let alternatives: Vec<Listed> = alignment.alternatives.iter().map(listed).collect();
         ClipResult {
             method: method.to_owned(),
             set: case.set.clone(),
@@ -144,13 +149,15 @@ impl ClipResult {
             state: alignment.state,
             reasons: alignment.reasons.iter().map(|reason| reason.code.clone()).collect(),
             probability: alignment.probability,
+            foreign,
             rotation_error_deg: error.map(|e| e.0),
             translation_error_m: error.map(|e| e.1),
             right_level: may_err.then_some(is_right_level),
             coverage,
             inliers: alignment.inliers,
             floor_seen: sample.observation.floor.as_ref().is_some_and(|floor| !floor.assumed),
-            unknowable: sample.equivalent_poses.len() > 1,
+            floor_in_sight: sample.floor_in_sight,
+            unknowable: sample.unknowable,
             scale_error: alignment.scale.zip(sample.scale).map(|(found, truth)| found / truth - 1.0),
             truth_rank: alternatives.iter().position(|alternative| alternative.right),
             placement: Placement::new(sample, alignment).filter(|_| is_right_level),
@@ -190,13 +197,15 @@ impl ClipResult {
             state,
             reasons: Vec::new(),
             probability: None,
+            foreign: false,
             rotation_error_deg: errors.map(|e| e.0),
             translation_error_m: errors.map(|e| e.1),
             right_level: None,
-            coverage: 0.5,
+            coverage: Some(0.5),
             inliers: Some(0.9),
             floor_seen: true,
-            unknowable: false,
+            floor_in_sight: None,
+            unknowable: Some(false),
             scale_error: None,
             truth_rank: None,
             placement: None,
@@ -215,16 +224,18 @@ pub(super) struct Seconds {
     pub all: f64,
 }
 
-/// Returns the fraction of the map's points with a hit within 0.1 m when the clip is at its true pose.
-pub(super) fn coverage(sample: &Sample) -> f64 {
+/// Returns the fraction of the map's points with a hit within 0.1 m when the clip is at its true pose; none without a
+/// true pose.
+pub(super) fn coverage(sample: &Sample) -> Option<f64> {
     const NEAR_M: f64 = 0.1;
-    let place = |hit: &viola_align::Hit| sample.map_from_clip.apply(&hit.point_m);
+    let map_from_clip = sample.map_from_clip?;
+    let place = |hit: &viola_align::Hit| map_from_clip.apply(&hit.point_m);
     let hits: Vec<Point2> = sample.observation.scan.hits.iter().map(place).collect();
-    let Some(target) = &sample.target else { return 0.0 };
+    let Some(target) = &sample.target else { return Some(0.0) };
     if hits.is_empty() {
-        return 0.0;
+        return Some(0.0);
     }
     let hits = Nearest::new(&hits);
     let covered = target.points_m.iter().filter(|point| hits.distance_m(point) < NEAR_M).count();
-    covered as f64 / target.points_m.len().max(1) as f64
+    Some(covered as f64 / target.points_m.len().max(1) as f64)
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use viola_align::AlignParams;
+use viola_align::{AlignParams, AlignmentState};
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 
@@ -23,7 +23,7 @@ pub struct Run<'a> {
     pub journal: Option<&'a Journal>,
     /// Version of the program: results of other versions are ignored.
     pub program: &'a str,
-    /// Folder for a picture of every failed clip.
+    /// Folder for a picture of every failed clip. Of clips with the map of another home, the aligned ones failed.
     pub pictures: Option<&'a Path>,
 }
 
@@ -68,6 +68,12 @@ impl Run<'_> {
         Ok(done.into_values().flatten().collect())
     }
 
+    /// Returns the number of cases without a true pose, given the results of the others.
+    pub fn left_out(&self, results: &[ClipResult]) -> usize {
+        // A case has a result of every method, or none.
+        (self.total() - results.len()) / self.methods.len().max(1)
+    }
+
     fn case(
         &self,
         index: usize,
@@ -103,7 +109,7 @@ impl Run<'_> {
         case: &Case,
         method: &Method,
         sample: &Sample,
-        coverage: f64,
+        coverage: Option<f64>,
         observe_seconds: f64,
         progress: &dyn Progress,
     ) -> Result<ClipResult, RunError> {
@@ -115,7 +121,7 @@ impl Run<'_> {
         let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);
         let seconds = Seconds { register, all: observe_seconds + laps.values().sum::<f64>() };
         let result = ClipResult::new(case, &method.name, sample, &alignment, coverage, seconds);
-        if let Some(folder) = self.pictures.filter(|_| !result.is_success()) {
+        if let Some(folder) = self.pictures.filter(|_| has_failed(&result)) {
             let path = folder.join(format!("{}_{}_{}_{}.png", case.set, case.frames, case.name, method.name));
             std::fs::write(&path, failure::picture(sample, alignment))
                 .map_err(|source| RunError::Picture { path, source })?;
@@ -137,5 +143,68 @@ impl Run<'_> {
             hash.update(part);
         }
         hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+fn has_failed(result: &ClipResult) -> bool {
+    if result.foreign { result.state == AlignmentState::Aligned } else { !result.is_success() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::progress::Silent;
+
+    /// Cases without a true pose.
+    struct Untold(Vec<Case>);
+
+    impl Suite for Untold {
+        fn cases(&self) -> &[Case] {
+            &self.0
+        }
+
+        fn fingerprint(&self) -> String {
+            String::new()
+        }
+
+        fn sample(
+            &self,
+            _index: usize,
+            _params: &AlignParams,
+            _progress: &dyn Progress,
+        ) -> Result<Option<Sample>, RunError> {
+            Ok(None)
+        }
+    }
+
+    #[test]
+    fn clips_without_a_true_pose_are_counted_once_for_all_methods() {
+        let case = |name: &str| Case { name: name.into(), set: "home".into(), frames: 5 };
+        let suite = Untold(["a", "b", "c"].map(case).to_vec());
+        let methods = ["viola", "paper"].map(|name| Method::named(name, 0, None).unwrap());
+        let observe = AlignParams::default();
+        let run = Run {
+            suite: &suite,
+            methods: &methods,
+            observe: &observe,
+            workers: 1,
+            journal: None,
+            program: "",
+            pictures: None,
+        };
+        let results = run.results(&Silent, &|_| {}).unwrap();
+        assert_eq!((results.len(), run.total(), run.left_out(&results)), (0, 6, 3));
+    }
+
+    #[test]
+    fn in_the_map_of_another_home_only_an_aligned_clip_has_failed() {
+        for (foreign, state, failed) in [
+            (true, AlignmentState::Aligned, true),
+            (true, AlignmentState::Ambiguous, false),
+            (false, AlignmentState::Ambiguous, true),
+        ] {
+            let result = ClipResult { foreign, ..ClipResult::example(state, None) };
+            assert_eq!(has_failed(&result), failed, "{foreign} {state:?}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
-use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams};
+use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams, labels};
 use nalgebra::UnitQuaternion;
 use serde::Deserialize;
 use std::ops::Range;
@@ -23,6 +23,8 @@ pub struct Scene {
     /// Up in the recording's world.
     up: Vector3,
     target: Option<Arc<Target>>,
+    /// The labelled mesh in the recording's folder, if there is one.
+    labels: Option<labels::Truth>,
 }
 
 #[derive(Deserialize)]
@@ -56,7 +58,8 @@ impl Scene {
     fn new(folder: &Path, clip: Clip, up: Vector3, lidar: LidarMap, map_from_world: Pose2) -> Scene {
         let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
         let target = Target::new(&lidar).map(Arc::new);
-        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, up, target }
+        let labels = labels::Truth::open(folder).ok().filter(|_| is_z(&up));
+        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, up, target, labels }
     }
 
     /// Returns whether the recording's world has z up, as its mesh must.
@@ -64,7 +67,7 @@ impl Scene {
         is_z(&self.up)
     }
 
-    /// Returns the true pose of the clip that begins with frame `index`; none if that frame has no pose.
+    /// Returns the true pose of a clip whose frame is that of frame `index`; none if that frame has no pose.
     pub fn map_from_clip(&self, index: usize) -> Option<Pose2> {
         let world_from_camera = upright(&self.up) * self.clip.frames().get(index)?.world_from_camera?;
         let heading = viola_reconstruct::heading(&world_from_camera, &Vector3::z());
@@ -128,7 +131,6 @@ impl Suite for SceneClips {
         let Some(begin) = range.clone().find(|&i| headers[i].world_from_camera.is_some()) else {
             return Ok(None);
         };
-        let Some(map_from_clip) = self.scene.map_from_clip(begin) else { return Ok(None) };
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
         let unit = self.rescale.then(|| super::suite::without_metres(&self.scene.clip, index as u64));
         let (clip, scale) =
@@ -136,14 +138,20 @@ impl Suite for SceneClips {
         let targets: Vec<&Target> = self.scene.target.iter().map(Arc::as_ref).collect();
         let observation = align::observe_in(&targets, &clip, Some(numbers.clone()), params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
+        let first = observation.first_camera.as_ref().map_or(begin, |camera| camera.index);
+        let Some(map_from_clip) = self.scene.map_from_clip(first) else { return Ok(None) };
+        // The labels are in metres, and the excerpt is not.
+        let labels = self.scene.labels.as_ref().filter(|_| !self.rescale);
+        let floor_in_sight = labels.and_then(|truth| labels::shows_floor(&observation, truth));
         Ok(Some(Sample {
             observation,
             lidar: self.scene.lidar.clone(),
             target: self.scene.target.clone(),
             level: LevelName::MAIN,
             other_levels: Vec::new(),
-            map_from_clip,
-            equivalent_poses: vec![map_from_clip],
+            map_from_clip: Some(map_from_clip),
+            unknowable: None,
+            floor_in_sight,
             scale,
             first_frame: numbers.start,
             last_frame: numbers.end - 1,

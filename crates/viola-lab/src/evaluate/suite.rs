@@ -30,10 +30,12 @@ pub struct Sample {
     pub level: LevelName,
     /// Maps of the home's other levels.
     pub other_levels: Vec<Arc<Target>>,
-    pub map_from_clip: Pose2,
-    /// All poses that fit the clip's content as well as the true one, which is included. More than one means
-    /// that the clip is unknowable.
-    pub equivalent_poses: Vec<Pose2>,
+    /// The true pose; none if the map is of another home.
+    pub map_from_clip: Option<Pose2>,
+    /// True if the clip's content fits the map equally well in several places; none if that is unknown.
+    pub unknowable: Option<bool>,
+    /// True if the clip shows the floor, by the truth; none if that is unknown.
+    pub floor_in_sight: Option<bool>,
     /// True metres per unit of a clip whose unit was withheld.
     pub scale: Option<f64>,
     /// Numbers of the first and the last frame.
@@ -47,19 +49,21 @@ impl Sample {
         self.target.iter().chain(&self.other_levels).map(Arc::as_ref).collect()
     }
 
-    /// Returns whether an answer is the paper's success: under 10 degrees and 0.3 m.
-    pub fn is_success(&self, alignment: &Alignment) -> bool {
-        let pose = alignment.map_from_clip.filter(|_| alignment.level == self.level);
-        pose.as_ref().is_some_and(|pose| {
-            let (rotation_deg, translation_m) = self.errors(pose);
-            rotation_deg < 10.0 && translation_m < 0.3
-        })
+    /// Returns whether a pose on a level is the paper's success: under 10 degrees and 0.3 m.
+    pub fn is_right(&self, level: LevelName, pose: &Pose2) -> bool {
+        let errors = self.errors(pose).filter(|_| level == self.level);
+        errors.is_some_and(|(rotation_deg, translation_m)| rotation_deg < 10.0 && translation_m < 0.3)
     }
 
-    /// Returns the errors of a pose on the true level, in degrees and metres.
-    pub fn errors(&self, pose: &Pose2) -> (f64, f64) {
-        let truth = &self.map_from_clip;
-        (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))
+    /// Returns whether an answer is the paper's success.
+    pub fn is_success(&self, alignment: &Alignment) -> bool {
+        alignment.map_from_clip.is_some_and(|pose| self.is_right(alignment.level, &pose))
+    }
+
+    /// Returns the errors of a pose on the true level, in degrees and metres; none without a true pose.
+    pub fn errors(&self, pose: &Pose2) -> Option<(f64, f64)> {
+        let truth = self.map_from_clip.as_ref()?;
+        Some((angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth)))
     }
 }
 

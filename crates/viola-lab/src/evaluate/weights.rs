@@ -23,8 +23,11 @@ type Figures = Vector6<f64>;
 /// a network `misplaced_m` stays that of `known`. None if no clip has both a right and a wrong alternative.
 pub fn learned_loss(results: &[ClipResult], known: &LossWeights) -> Option<LearnedLoss> {
     let most_misplaced = known.most_misplaced;
-    let clips: Vec<Vec<(Figures, bool)>> =
-        results.iter().filter(|r| !r.unknowable).filter_map(|r| figures(r, most_misplaced)).collect();
+    let clips: Vec<Vec<(Figures, bool)>> = results
+        .iter()
+        .filter(|r| r.unknowable != Some(true))
+        .filter_map(|r| figures(r, most_misplaced))
+        .collect();
     let scale = spread(&clips)?;
     let has_labels = clips.iter().flatten().any(|(figures, _)| figures[5] != 0.0);
     let prior = prior(known, &scale);

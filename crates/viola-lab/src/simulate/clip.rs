@@ -12,6 +12,7 @@ use super::survey::Survey;
 use super::symmetry;
 use super::walk::{home_from_clip, walk};
 use nalgebra::{Translation3, UnitQuaternion};
+use rustc_hash::FxHashSet;
 use serde::Serialize;
 use std::sync::Arc;
 use viola_formats::clip::{Frame, FrameHeader};
@@ -96,6 +97,12 @@ fn seen_surfaces(scene: &Scene, home_from_camera: &[Pose3]) -> Vec<Point2> {
     points
 }
 
+/// Returns a pose of the clip in the home as the map has it. In a map with errors the clip lies where the map shows its
+/// surroundings.
+fn in_map(survey: &Survey, scene: &Scene, home_from_camera: &[Pose3], home_from_clip: &Pose2) -> Pose2 {
+    survey.warp.mean(home_from_clip, seen_surfaces(scene, home_from_camera).into_iter())
+}
+
 impl SimulatedClip {
     pub(super) fn record(home: &Home, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
         let mut rng = home.rng.fork("clip", index);
@@ -113,9 +120,7 @@ impl SimulatedClip {
             ),
             _ => vec![Pose2::IDENTITY],
         };
-        // In a map with errors the clip lies where the map shows its surroundings.
-        let seen = seen_surfaces(&home.clip_day.scene, &walk.home_from_camera);
-        let mapped_from_clip = survey.warp.mean(&home_from_clip, seen.into_iter());
+        let mapped_from_clip = in_map(survey, &home.clip_day.scene, &walk.home_from_camera, &home_from_clip);
         let equivalent_poses: Vec<Pose2> = equivalent
             .iter()
             .map(|home_from_home| map_from_home.compose(home_from_home).compose(&mapped_from_clip))
@@ -209,6 +214,40 @@ impl SimulatedClip {
     /// If the frame does not exist.
     pub fn true_view(&self, index: usize) -> View {
         render(&self.scene, &self.depth_camera, &self.truth.home_from_camera[index])
+    }
+
+    /// Returns the true pose of the clip in the survey's map if the clip's frame is that of frame `index`.
+    ///
+    /// # Panics
+    /// If the frame does not exist.
+    pub fn map_from_frame(&self, survey: &Survey, index: usize) -> Pose2 {
+        let home_from_camera = &self.truth.home_from_camera;
+        let home_from_clip = home_from_clip(&home_from_camera[index]);
+        survey.valetudo_from_home().compose(&in_map(survey, &self.scene, home_from_camera, &home_from_clip))
+    }
+
+    /// Returns whether the pictures show enough floor within the sensor's range to find it.
+    pub fn shows_floor(&self) -> bool {
+        /// Area that the method requires of a floor.
+        const MIN_AREA_M2: f64 = 0.15;
+        const CELL_M: f64 = 0.05;
+        let mut cells: FxHashSet<[i32; 2]> = FxHashSet::default();
+        for (index, home_from_camera) in self.truth.home_from_camera.iter().enumerate() {
+            let view = self.true_view(index);
+            for (pixel, (depth_m, solid)) in view.depth_m.iter().zip(&view.solid).enumerate() {
+                let depth_m = f64::from(*depth_m);
+                let is_floor = *solid != NOTHING && self.scene.class(*solid as usize) == Class::Floor;
+                if is_floor && depth_m <= self.params.sensor.range_m() {
+                    let (u, v) = ((pixel % view.width) as f64, (pixel / view.width) as f64);
+                    let at = home_from_camera * self.depth_camera.unproject(u, v, depth_m);
+                    cells.insert([at.x, at.y].map(|c| (c / CELL_M).floor() as i32));
+                }
+            }
+            if cells.len() as f64 * CELL_M * CELL_M >= MIN_AREA_M2 {
+                return true;
+            }
+        }
+        false
     }
 
     /// Returns the class and the instance of the surface within `reach_m` of a measured point, if there is one.
@@ -305,5 +344,37 @@ impl Home {
     /// Records clip number `index`. The survey defines the map's frame of the truth.
     pub fn clip(&self, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
         SimulatedClip::record(self, survey, index, params)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::HomeParams;
+
+    #[test]
+    fn the_true_pose_follows_the_frame_of_the_clip() {
+        for (set, near_m) in [(Set::Normal, 1e-9), (Set::Drifted, 0.3)] {
+            let home = Home::generate(&HomeParams::new(set, 4));
+            let survey = home.survey();
+            let clip = home.clip(&survey, 0, &ClipParams { frames: 30, ..ClipParams::default() });
+            let first = clip.map_from_frame(&survey, 0);
+            assert!(first.distance_m(&clip.truth.map_from_clip) < 1e-9, "{set:?}");
+            let last = clip.map_from_frame(&survey, 29);
+            let walked_m =
+                home_from_clip(&clip.truth.home_from_camera[29]).distance_m(&clip.truth.home_from_clip);
+            assert!(walked_m > 0.0 && (last.distance_m(&first) - walked_m).abs() < near_m, "{set:?}");
+        }
+    }
+
+    #[test]
+    fn the_floor_is_shown_by_cameras_that_look_down() {
+        let home = Home::generate(&HomeParams::new(Set::Normal, 4));
+        let mut clip = home.clip(&home.survey(), 0, &ClipParams { frames: 2, ..ClipParams::default() });
+        let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        for (rotation, shows_floor) in [(down, true), (UnitQuaternion::identity(), false)] {
+            clip.truth.home_from_camera.iter_mut().for_each(|pose| pose.rotation = rotation);
+            assert_eq!(clip.shows_floor(), shows_floor, "{rotation}");
+        }
     }
 }

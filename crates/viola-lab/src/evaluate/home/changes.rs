@@ -141,7 +141,9 @@ impl Map {
         let kept = std::mem::take(&mut self.tiles);
         let map = assembly.label(kept, surface);
         (self.manifest, self.tiles) = (map.manifest, map.tiles);
-        self.describe(lidar, &map.looked.get(&LevelName::MAIN).cloned().unwrap_or_default())
+        let looked = map.looked.get(&LevelName::MAIN).cloned();
+        let looked = looked.unwrap_or_else(|| LookedThrough::of(LevelName::MAIN, &self.manifest.clips));
+        self.describe(lidar, &looked)
     }
 
     fn describe(&mut self, lidar: &LidarMap, looked: &LookedThrough) -> Revision {

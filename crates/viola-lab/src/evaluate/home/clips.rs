@@ -2,7 +2,7 @@
 
 use super::member::Share;
 use crate::evaluate::{HomesParams, Oracle};
-use crate::simulate::{ClipParams, Home, Survey};
+use crate::simulate::{ClipParams, Home, Survey, clip_in_memory};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -96,17 +96,19 @@ impl Recorder<'_> {
         lidar: &LidarMap,
         number: u64,
     ) -> Result<AlignedClip, ClipsError> {
-        let recorded = home.clip(survey, number, &self.recording());
-        let map_from_clip = recorded.truth.map_from_clip;
+        let recorded = Arc::new(home.clip(survey, number, &self.recording()));
         let (clip, label) = match self.homes.picture_labels {
             Some(accuracy) => {
-                let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, home.params.seed);
+                let (clip, oracle) = Oracle::with_clip(recorded.clone(), accuracy, home.params.seed);
                 (clip, LabelParams { segmenter: Some(oracle), ..self.params.label.clone() })
             }
-            None => (recorded.into_clip(), self.params.label.clone()),
+            None => (clip_in_memory(recorded.clone()), self.params.label.clone()),
         };
         let params = AlignParams { label, ..self.params.clone() };
         let aligned = align(&clip, None, lidar, &params, self.progress)?;
+        // The frames of a simulated clip are numbered from 0.
+        let first = aligned.alignment.reference_camera.as_ref().map_or(0, |camera| camera.frame as usize);
+        let map_from_clip = recorded.map_from_frame(survey, first);
         Ok(AlignedClip {
             answer: Answer { alignment: aligned.alignment, map_from_clip },
             share: Share {

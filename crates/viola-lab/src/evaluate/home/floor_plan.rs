@@ -41,7 +41,9 @@ pub struct PlanScore {
     /// Points on drawn faces, and those on a true face.
     pub drawn_faces: usize,
     pub right_faces: usize,
-    /// Errors of the lengths of the rooms' sides, in metres.
+    /// Sides of the true rooms.
+    pub sides: usize,
+    /// Errors of the lengths of the nearest drawn sides, in metres, of the true sides that have one.
     pub length_errors_m: Vec<f64>,
     pub doors: usize,
     pub found_doors: usize,
@@ -125,8 +127,9 @@ fn score_faces(truth: &TruePlan, sides: &[Side], score: &mut PlanScore) {
             let normal = Vector2::new(-whole.direction().y, whole.direction().x);
             (side.ends[0] - a).dot(&normal).abs() <= NEAR_M
         });
-        let error = |side: &Side| (side.length_m() - whole.length_m()).abs();
-        score.length_errors_m.extend(on_line.map(error).min_by(f64::total_cmp));
+        let nearest = on_line.min_by(|a, b| a.distance_m(&middle).total_cmp(&b.distance_m(&middle)));
+        score.sides += 1;
+        score.length_errors_m.extend(nearest.map(|side| (side.length_m() - whole.length_m()).abs()));
     }
 }
 
@@ -200,10 +203,12 @@ impl PlanScore {
         format!(
             "| wall faces: recall | precision | length error, median | doors and passages | windows | drawn openings right | \
              rooms' areas within 5 % | median area error | overlaps |\n|---|---|---|---|---|---|---|---|---|\n\
-             | {:.1} % | {:.1} % | {:.1} cm | {} | {} | {} | {} | {:.1} % | {} |\n",
+             | {:.1} % | {:.1} % | {:.1} cm, {} of {} sides | {} | {} | {} | {} | {:.1} % | {} |\n",
             100.0 * self.recall(),
             100.0 * self.precision(),
             100.0 * median(&self.length_errors_m),
+            self.length_errors_m.len(),
+            self.sides,
             percent(self.found_doors, self.doors),
             percent(self.found_windows, self.windows),
             percent(self.right_openings, self.drawn_openings),
@@ -211,5 +216,32 @@ impl PlanScore {
             100.0 * median(&self.area_errors),
             self.overlaps + self.broken_rooms
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A true side of 4 m. A drawn one of 3 m covers its middle, and one of 4 m its end.
+    #[test]
+    fn the_length_is_that_of_the_nearest_side() {
+        let room = RoomShape {
+            centre: Point2::new(2.0, 1.0),
+            area_m2: 8.0,
+            sides: vec![
+                [Point2::new(0.0, 0.0), Point2::new(4.0, 0.0)],
+                [Point2::new(0.0, 2.0), Point2::new(4.0, 2.0)],
+            ],
+            faces: Vec::new(),
+        };
+        let truth = TruePlan { map_from_home: Pose2::IDENTITY, rooms: vec![room], openings: Vec::new() };
+        let side =
+            |from_m: f64, to_m: f64| Side { ends: [Point2::new(from_m, 0.02), Point2::new(to_m, 0.02)] };
+        let mut score = PlanScore::default();
+        score_faces(&truth, &[side(3.2, 7.2), side(0.5, 3.5)], &mut score);
+        assert_eq!(score.length_errors_m.len(), 1);
+        assert!((score.length_errors_m[0] - 1.0).abs() < 1e-9, "{score:?}");
+        assert!(score.markdown().contains("| 100.0 cm, 1 of 2 sides |"), "{}", score.markdown());
     }
 }

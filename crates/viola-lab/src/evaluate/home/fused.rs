@@ -69,22 +69,24 @@ pub fn consecutive(total: usize, length: usize) -> Vec<Range<usize>> {
 }
 
 /// Aligns the excerpts one by one and fuses them into one map, as the service does; ambiguous ones as well if
-/// the others decide their place.
+/// the others decide their place. `progress` is called with the name of each excerpt.
 pub fn fuse(
     scene: &Scene,
     ranges: &[Range<usize>],
     params: &AlignParams,
-    progress: &dyn Progress,
+    progress: &dyn Fn(String) -> Box<dyn Progress>,
 ) -> Result<Fused, AlignError> {
     let headers = scene.clip.frames();
     let (mut members, mut shares, mut excerpts) = (Vec::new(), Vec::new(), Vec::new());
     let mut truths = Vec::new();
     for (number, range) in ranges.iter().enumerate() {
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let aligned = align::align(&scene.clip, Some(numbers), &scene.lidar, params, progress)?;
+        let progress = progress(format!("excerpt {} of {}", number + 1, ranges.len()));
+        let aligned = align::align(&scene.clip, Some(numbers), &scene.lidar, params, progress.as_ref())?;
         let answer = &aligned.alignment;
-        let begin = range.clone().find(|i| headers[*i].world_from_camera.is_some());
-        let truth = begin.and_then(|begin| scene.map_from_clip(begin));
+        let first = answer.reference_camera.as_ref().map(|camera| camera.frame);
+        let first = range.clone().find(|i| Some(headers[*i].number) == first);
+        let truth = first.and_then(|first| scene.map_from_clip(first));
         let error = answer.map_from_clip.zip(truth).map(|(pose, truth)| errors(&pose, &truth));
         truths.push(truth);
         excerpts.push(Excerpt {

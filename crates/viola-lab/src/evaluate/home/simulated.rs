@@ -76,11 +76,13 @@ pub(in crate::evaluate) const MIN_POINTS: usize = 40;
 const EYE_M: f64 = 1.5;
 const REACH_M: f64 = 5.0;
 
-/// Samples the home of these parameters.
+/// Samples the home of these parameters. The LiDAR map has no rooms.
 pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, LidarError> {
     let home = Home::generate(home);
     let survey = home.survey();
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    let mut lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    // The robot's own segments are the truth.
+    lidar.rooms.clear();
     let map_from_home = survey.valetudo_from_home();
     let scene = home.scene();
     // Each voxel keeps its first hit.
@@ -312,17 +314,16 @@ pub struct SimulatedScore {
     pub plan: PlanScore,
 }
 
-/// Returns the scores of objects, computed rooms and floor plans over simulated homes.
+/// Returns the scores of objects, computed rooms and floor plans over simulated homes. `advance` is called after each.
 pub fn simulated(
     set: Set,
     seeds: impl Iterator<Item = u64>,
     params: &SampleParams,
+    advance: &dyn Fn(u64),
 ) -> Result<SimulatedScore, LidarError> {
     let mut score = SimulatedScore::default();
     for seed in seeds {
-        let mut map = sample(&HomeParams::new(set, seed), params)?;
-        // Drop the robot's own segments: they are the truth.
-        map.lidar.rooms.clear();
+        let map = sample(&HomeParams::new(set, seed), params)?;
         let computed = home::rooms(&map.lidar, &map.points);
         let objects = home::ObjectsParams { voxel_m: params.voxel_m };
         let found = home::objects(&map.points, &computed, &objects);
@@ -331,6 +332,7 @@ pub fn simulated(
         score.rooms += there;
         score.matched_rooms += matched;
         score_plan(&map.plan, &home::plan(&map.lidar, &map.points, &computed, &found), &mut score.plan);
+        advance(seed);
     }
     Ok(score)
 }
@@ -345,12 +347,19 @@ mod tests {
     fn furniture_and_rooms_of_simulated_homes_are_found() {
         let params = SampleParams { rays: 10_000, ..SampleParams::default() };
         let SimulatedScore { objects, rooms, matched_rooms: matched, plan } =
-            simulated(Set::Normal, 3000..3003, &params).unwrap();
+            simulated(Set::Normal, 3000..3003, &params, &|_| ()).unwrap();
         assert!(objects.total.truth > 40, "{objects:?}");
         assert!(objects.total.recall() >= 0.7, "{}", objects.markdown());
         assert!(objects.total.precision() >= 0.7, "{}", objects.markdown());
         assert!(matched * 5 >= rooms * 4, "{matched} of {rooms}");
         assert!(plan.recall() > 0.93 && plan.precision() > 0.92, "{}", plan.markdown());
         assert_eq!(plan.overlaps + plan.broken_rooms, 0);
+    }
+
+    #[test]
+    fn the_true_rooms_are_not_in_the_map() {
+        let params = SampleParams { rays: 200, ..SampleParams::default() };
+        let map = sample(&HomeParams::new(Set::Normal, 2001), &params).unwrap();
+        assert!(!map.rooms.is_empty() && map.lidar.rooms.is_empty());
     }
 }

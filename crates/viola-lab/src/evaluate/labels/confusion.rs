@@ -45,7 +45,7 @@ impl Confusion {
         (true_ones > 0.0).then(|| both / either)
     }
 
-    pub(super) fn row(&self, variant: &str, pixel_accuracy: f64, vertices: usize) -> LabelRow {
+    pub(super) fn row(&self, variant: &str, pixel_accuracy: Option<f64>, vertices: usize) -> LabelRow {
         let iou: BTreeMap<String, f64> = COARSE
             .iter()
             .enumerate()
@@ -61,6 +61,7 @@ impl Confusion {
             iou,
             calibration_error: None,
             vertices,
+            without_point: None,
             key_frames: 0,
             network_ms: None,
             rest_ms_per_key_frame: None,

@@ -49,22 +49,26 @@ const NEXT_M: f64 = 0.25;
 /// of an excerpt's floor, 5 to 20 cm high.
 const FOOT_M: f64 = 0.03;
 
-/// Evaluates the half-overlapping excerpts of a clip with the labels of `params`.
+/// Evaluates the half-overlapping excerpts of a clip with the labels of `params`. `progress` is called with the name of
+/// each excerpt.
 pub fn floors(
     variant: &str,
     clip: &Clip,
     truth: &Truth,
     frames: usize,
     params: &AlignParams,
-    progress: &dyn Progress,
+    progress: &dyn Fn(String) -> Box<dyn Progress>,
 ) -> Result<FloorRow, AlignError> {
     let headers = clip.frames();
     let (mut count, mut see_floor, mut errors) = (0, 0, Vec::new());
     let (mut within_seen, mut by_true_labels) = (0, 0);
-    for range in excerpts(headers.len(), frames) {
+    let ranges = excerpts(headers.len(), frames);
+    let total = ranges.len();
+    for range in ranges {
         count += 1;
+        let progress = progress(format!("floors by {variant}, {frames} frames, excerpt {count} of {total}"));
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let seen = align::observe(clip, Some(numbers), params, progress)?;
+        let seen = align::observe(clip, Some(numbers), params, progress.as_ref())?;
         let Some(clip_from_world) = seen.clip_from_world else { continue };
         let Some(compared) = Compared::new(&seen, truth, &clip_from_world) else { continue };
         see_floor += 1;
@@ -96,6 +100,11 @@ pub fn floors(
         worst_deg,
         worst_m,
     })
+}
+
+/// Returns whether an excerpt shows enough of the labelled floor to know the truth; none if it has no clip frame.
+pub(in crate::evaluate) fn shows_floor(seen: &Observation, truth: &Truth) -> Option<bool> {
+    seen.clip_from_world.map(|clip_from_world| Compared::new(seen, truth, &clip_from_world).is_some())
 }
 
 /// Difference of two planes.

@@ -16,11 +16,12 @@ use viola_reconstruct::LabelParams;
 type Counts = (Confusion, Vec<(f64, bool)>, ObjectsRow);
 
 /// Returns the rows of shapes alone, and with the surface network if there is one: all points of all clips with a
-/// floor, and the furniture of each clip by itself. `advance` is called after each clip.
+/// floor, and the furniture of each clip by itself. `advance` is called after each clip with
+/// its name.
 pub fn simulated(
     homes: &HomesParams,
     params: &AlignParams,
-    advance: &dyn Fn(),
+    advance: &dyn Fn(&str),
 ) -> Result<Vec<(LabelRow, ObjectsRow)>, AlignError> {
     let mut variants = vec![("geometry", LabelParams { surface: None, ..params.label.clone() })];
     if params.label.surface.is_some() {
@@ -42,13 +43,12 @@ pub fn simulated(
                     let params = AlignParams { label: label.clone(), ..params.clone() };
                     count(&clip, &recorded, &objects, &params, counts)?;
                 }
-                advance();
+                advance(&format!("{} {seed}, {frames} frames", set.name()));
             }
         }
     }
     let rows = variants.iter().zip(counts).map(|((variant, _), (confusion, answers, objects))| {
-        let accuracy = confusion.accuracy(|class| class);
-        let row = confusion.row(variant, accuracy, answers.len());
+        let row = confusion.row(variant, None, answers.len());
         let calibration = Calibration::of_answers(answers);
         let row = LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row };
         (row, ObjectsRow { variant: (*variant).to_owned(), ..objects })
@@ -83,6 +83,7 @@ fn count(
 mod tests {
     use super::*;
     use crate::simulate::Set;
+    use std::cell::RefCell;
 
     #[test]
     fn shapes_tell_structure_of_simulated_clips() {
@@ -98,7 +99,10 @@ mod tests {
             drift: 0.0,
             rescale: false,
         };
-        let rows = simulated(&homes, &AlignParams::default(), &|| ()).unwrap();
+        let names = RefCell::new(Vec::new());
+        let advance = |clip: &str| names.borrow_mut().push(clip.to_owned());
+        let rows = simulated(&homes, &AlignParams::default(), &advance).unwrap();
+        assert_eq!(names.into_inner(), ["normal 6, 8 frames"]);
         let [(row, objects)] = &rows[..] else { panic!("{rows:?}") };
         // The goal for the real apartment.
         assert!(row.variant == "geometry" && row.vertices > 1000 && row.structure_accuracy > 0.8, "{row:?}");

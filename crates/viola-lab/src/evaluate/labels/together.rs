@@ -20,10 +20,16 @@ pub fn together(
     let fused = Said::of(map, truth, &in_map);
     let (mut of_clips, mut of_map) = (Confusion::new(), Confusion::new());
     let (mut single_answers, mut fused_answers) = (Vec::new(), Vec::new());
+    let (mut without_clip, mut without_map) = (0, 0);
     for (i, class) in truth.classes.iter().enumerate() {
-        let (Some(class), Some((said, p))) = (*class, fused.classes[i]) else { continue };
+        let Some(class) = *class else { continue };
         let answers: Vec<(usize, f32)> = single.iter().filter_map(|single| single.classes[i]).collect();
+        let Some((said, p)) = fused.classes[i] else {
+            without_map += usize::from(!answers.is_empty());
+            continue;
+        };
         if answers.is_empty() {
+            without_clip += 1;
             continue;
         }
         of_map.add(class, said, 1.0);
@@ -34,10 +40,16 @@ pub fn together(
         }
     }
     let vertices = fused_answers.len();
-    let row = |variant: &str, confusion: Confusion, answers: Vec<(f64, bool)>| {
-        let row = confusion.row(variant, confusion.accuracy(|class| class), vertices);
+    let row = |variant: &str, confusion: Confusion, answers: Vec<(f64, bool)>, without_point: usize| {
         let calibration = Calibration::of_answers(answers);
-        LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row }
+        LabelRow {
+            calibration_error: calibration.map(|c| c.expected_calibration_error),
+            without_point: Some(without_point),
+            ..confusion.row(variant, None, vertices)
+        }
     };
-    [row("single clips", of_clips, single_answers), row("fused", of_map, fused_answers)]
+    [
+        row("single clips", of_clips, single_answers, without_clip),
+        row("fused", of_map, fused_answers, without_map),
+    ]
 }
