@@ -3,7 +3,8 @@
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
 import type {
-  Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Thing, ThingPatch,
+  Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Session, Thing, ThingPatch,
+  Upload,
 } from "./types.ts";
 
 /** The service said no; the message is its own explanation. */
@@ -11,6 +12,8 @@ export class Refusal extends Error {
   constructor(
     readonly status: number,
     message: string,
+    /** The service's own delay until the next attempt, if it gave one. */
+    readonly retryAfter_s: number | null = null,
   ) {
     super(message);
   }
@@ -82,10 +85,9 @@ export async function signOut(): Promise<void> {
   await send("DELETE", "/v1/session");
 }
 
-/** True if this browser signed in with a key. */
-export async function isSignedIn(signal: AbortSignal): Promise<boolean> {
-  const session: { with_key: boolean } = await get("/v1/session", signal);
-  return session.with_key;
+/** The tenant and the role of this browser's key. */
+export function session(signal: AbortSignal): Promise<Session> {
+  return get("/v1/session", signal);
 }
 
 /** The path of a home, or of something below it. */
@@ -129,6 +131,16 @@ export async function lidarMaps(id: string, signal: AbortSignal): Promise<LidarM
 /** The path of the picture of a level's LiDAR map. */
 export function lidarPicture(id: string, level: string): string {
   return homePath(id, "lidar-maps", encodeURIComponent(level), "image.png");
+}
+
+/** Makes an earlier LiDAR map of a level the current one again. */
+export async function restoreLidarMap(id: string, level: string, revision: number): Promise<void> {
+  await send("POST", homePath(id, "lidar-maps", encodeURIComponent(level), "revisions", String(revision), "restore"));
+}
+
+/** An upload in parts, by its path; null if the service does not have it any more. */
+export function upload(path: string, signal: AbortSignal): Promise<Upload | null> {
+  return getIfThere(path, signal);
 }
 
 /** All clips of a home, the oldest first. */

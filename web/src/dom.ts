@@ -46,6 +46,20 @@ export function s<K extends keyof SVGElementTagNameMap>(
   return element;
 }
 
+/** Replaces the content of an element. The focus stays with the element of the same `data-key`. */
+export function putAgain(element: Element, ...children: Child[]): void {
+  keepFocus(element, () => put(element, ...children));
+}
+
+/** Runs a change of an element's content, and gives the focus back to the element of the same `data-key`. */
+export function keepFocus(element: Element, change: () => void): void {
+  const focused = document.activeElement;
+  const key = focused instanceof HTMLElement && element.contains(focused) ? focused.dataset.key : undefined;
+  change();
+  if (!key || element.contains(document.activeElement)) return;
+  element.querySelector<HTMLElement>(`[data-key="${CSS.escape(key)}"]`)?.focus({ preventScroll: true });
+}
+
 /** Replaces what an element holds. */
 export function put(element: Element, ...children: Child[]): void {
   element.replaceChildren();

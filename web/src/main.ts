@@ -1,13 +1,15 @@
 // The page: a bar that stays, and below it what the address names.
 
-import { isSignedIn, Refusal, signOut } from "./api.ts";
+import { Refusal, signOut } from "./api.ts";
 import { h, put } from "./dom.ts";
 import { showClip } from "./pages/clip.ts";
 import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
+import { showUploader } from "./pages/uploader.ts";
 import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
+import { readSession } from "./session.ts";
 import { themeButton } from "./theme.ts";
 import { stopUploads } from "./upload/queue.ts";
 import "./styles/main.css";
@@ -39,18 +41,20 @@ async function show(): Promise<void> {
   clearNotices();
   main.className = "";
   put(main, h("p", { class: "loading", role: "status" }, "Loading …"));
-  // Errors are told by the page itself.
-  void isSignedIn(signal).then((signedIn) => leave.hidden = !signedIn, () => leave.hidden = true);
   const route = parse(location.hash);
   const place = { main, crumbs, signal, again: () => void show() };
   try {
-    if (route.page === "homes") await showHomes(place, route.asked);
+    const { role, with_key } = await readSession(signal);
+    leave.hidden = !with_key;
+    if (role === "uploader") showUploader(place);
+    else if (route.page === "homes") await showHomes(place, route.asked);
     else if (route.page === "home") await showHome(place, route.home, route.view);
     else if (route.page === "clip") await showClip(place, route.home, route.clip);
     else throw new Error("There is nothing at this address.");
   } catch (error) {
     if (signal.aborted) return;
     if (error instanceof Refusal && error.status === 401) {
+      leave.hidden = true;
       showSignIn(place, place.again);
       return;
     }

@@ -22,9 +22,19 @@ export type Home = Sent<Schemas["Home"]>;
 export type Job = Sent<Schemas["Job"]>;
 export type Pose2 = Schemas["Pose2"];
 export type PictureFrame = With<"PictureFrame", { corner_m: Point2 }>;
+export type Session = Schemas["Session"];
+export type Upload = Sent<Schemas["Upload"]>;
 export type Room = With<"Room", { polygon_m: Point2[]; holes_m: Point2[][]; label_at_m: Point2 }>;
 export type Thing = With<"MapObject", { centre_m: Point3; size_m: Point3 }>;
-export type ThingPatch = Partial<{ class: string | null; name: string | null; pinned: boolean | null; hidden: boolean | null }>;
+export type ThingPatch = Partial<{
+  class: string | null;
+  name: string | null;
+  centre_m: null;
+  size_m: null;
+  yaw_rad: null;
+  pinned: boolean | null;
+  hidden: boolean | null;
+}>;
 export type RoomPatch = Partial<{
   name: string | null;
   merge_with: string[] | null;

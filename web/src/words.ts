@@ -73,6 +73,11 @@ export function idOf(name: string): string {
   return letters.replace(/[^a-z0-9]+/g, "-").slice(0, MOST_LETTERS).replace(/^-+|-+$/g, "") || "home";
 }
 
+/** The name of a clip among the clips of its home; `number` counts from 1. */
+export function clipName({ title, file_name }: Pick<Clip, "title" | "file_name">, number: number): string {
+  return title ?? file_name ?? (number > 0 ? `Clip ${number}` : "Clip");
+}
+
 export function isUnderWay(clip: Clip): boolean {
   return clip.state === "queued" || clip.state === "aligning";
 }

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { chromium } from "playwright-core";
 
-const { VIOLA_BASE: base, VIOLA_KEY: key } = process.env;
+const { VIOLA_BASE: base, VIOLA_KEY: key, VIOLA_READER: reader, VIOLA_OF_HOME: ofHome, VIOLA_UPLOADER: uploader } = process.env;
 const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
 const context = await browser.newContext();
 const page = await context.newPage();
@@ -35,4 +35,47 @@ assert.deepEqual(await context.cookies(), []);
 const copied = await page.request.get(`${base}/v1/homes`, { headers: { cookie: `${cookie.name}=${cookie.value}` } });
 assert.equal(copied.status(), 401);
 assert.equal((await copied.json()).type, "urn:viola:problem:session-ended");
+
+async function signIn(key) {
+  await page.getByLabel("Key").fill(key);
+  await page.getByRole("button", { name: "Sign in" }).click();
+}
+
+async function signOut() {
+  await leave.click();
+  await form.waitFor();
+}
+
+// As without TLS: the browser drops the cookie.
+await page.route("**/v1/session", (route) => (route.request().method() === "PUT" ? route.fulfill({ status: 204 }) : route.continue()));
+await signIn(key);
+await page.getByText("the browser kept no session cookie").waitFor();
+await page.unroute("**/v1/session");
+
+// An admin makes the home; a reader sees it and is offered nothing that changes it.
+await signIn(key);
+await page.getByLabel("Name of the new home").fill("Flat");
+await page.keyboard.press("Enter");
+await page.getByText("Add clips").waitFor();
+await page.getByRole("button", { name: "Delete home" }).waitFor();
+await signOut();
+await signIn(reader);
+await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
+assert.equal(await page.getByText("Add clips").count(), 0);
+assert.equal(await page.getByRole("button", { name: "Delete home" }).count(), 0);
+await page.goto(`${base}/#/`);
+await page.getByRole("link", { name: "Flat" }).waitFor();
+assert.equal(await page.getByRole("button", { name: "New home" }).count(), 0);
+await signOut();
+
+// A key of one home cannot list them; its page asks for the home.
+await signIn(ofHome);
+await page.getByRole("heading", { name: "This key is for one home" }).waitFor();
+await page.getByLabel("Id of the home").fill("flat");
+await page.keyboard.press("Enter");
+await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
+await signOut();
+await signIn(uploader);
+await page.getByRole("heading", { name: "This key only uploads" }).waitFor();
+await signOut();
 await browser.close();

@@ -40,9 +40,16 @@ const ADVICE: Record<string, string> = {
 const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Put a newer LiDAR map, or film " +
   "again with more walls and floor in sight.";
 
-/** What a person can do about the clip; empty if it has its place, or will have. */
+/** Advice about a choice that another LiDAR map may have made wrong. */
+const ADVICE_ON_CHOICE: Record<string, string> = {
+  choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
+  choice_carried_over: "Check its place once: it moved with the LiDAR map.",
+};
+
+/** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
-  if (clip.choice || clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
+  if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
+  if ( clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set(clip.reasons.map(({ code }) => code));
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;

@@ -7,6 +7,7 @@ import { dots, line, wedge } from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
 import { degrees, many, metres, percent } from "../words.ts";
+import { chosenOf } from "./pose.ts";
 
 /** Places less probable than this are folded away. */
 const UNLIKELY = 0.01;
@@ -46,7 +47,7 @@ export function alternatives(
 ): HTMLElement {
   const list = clip.alignment?.alternatives ?? [];
   const chosen = chosenOf(clip);
-  const isOffered = !isForeign(clip) && clip.state !== "failed";
+  const isOffered = chosen === null && !isForeign(clip) && clip.state !== "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
     const isLikely = i < 2 || i === chosen || (one.probability ?? 1) >= UNLIKELY;
@@ -63,12 +64,6 @@ export function isForeign(clip: Clip): boolean {
   return !clip.choice && !clip.placement && clip.reasons.some(({ code }) => code === "not_this_home");
 }
 
-/** Which alternative holds: a person's choice, or the first one where the clip is aligned. */
-export function chosenOf(clip: Clip): number | null {
-  if (clip.choice) return clip.choice.alternative;
-  return clip.state === "aligned" ? 0 : null;
-}
-
 function card(
   one: Alternative,
   index: number,
@@ -81,7 +76,8 @@ function card(
   const plan = planAt(ground, one.level, one.map_from_clip, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
   const kind = isOffered && index === 0 && (one.probability ?? 0) >= PLAUSIBLE ? "primary" : "";
-  const button = h("button", { type: "button", class: kind, disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
+  const word = isChosen ? "Chosen" : "Choose this";
+  const button = h("button", { type: "button", class: kind, disabled: isChosen, "data-key": name }, word);
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },

@@ -1,13 +1,13 @@
 // A clip's own points, shown when one asks for them: they are megabytes.
 
-import { clipPath } from "../api.ts";
-import { classes } from "../api.ts";
+import { classes, clipPath, Refusal } from "../api.ts";
 import { COLOURING_WORDS, type Colouring } from "../cloud/colours.ts";
 import { load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
-import { h, put } from "../dom.ts";
+import { h, put, putAgain } from "../dom.ts";
 import { around } from "../frames.ts";
-import { alarm } from "../parts/notices.ts";
+import { messageOf } from "../parts/notices.ts";
+import { StatusLine } from "../parts/status.ts";
 import { oneOf } from "../parts/switches.ts";
 import type { Clip } from "../types.ts";
 import { count, percent } from "../words.ts";
@@ -21,7 +21,10 @@ export class ClipCloud {
   private opened = new AbortController();
   private job = "";
 
-  constructor(private readonly signal: AbortSignal) {
+  constructor(
+    private readonly signal: AbortSignal,
+    private readonly onSessionEnded: () => void,
+  ) {
     signal.addEventListener("abort", () => this.opened.abort());
   }
 
@@ -30,31 +33,57 @@ export class ClipCloud {
     const job = clip.alignment ? (clip.job?.id ?? "answer") : "";
     if (job === this.job) return;
     this.job = job;
+    this.stop();
+    if (job) this.offer(clip, "Show the clip's points");
+    else put(this.element);
+  }
+
+  private stop(): void {
     this.opened.abort();
     this.opened = new AbortController();
-    if (!job) return put(this.element);
-    const button = h("button", { type: "button" }, "Show the clip's points");
+    if (this.signal.aborted) this.opened.abort();
+  }
+
+  private offer(clip: Clip, word: string, reason = ""): void {
+    const button = h("button", { type: "button", "data-key": "points" }, word);
     button.addEventListener("click", () => void this.open(clip));
-    put(this.element, h("h2", {}, "Points"), button);
+    const why = reason ? h("p", { class: "reason failed", role: "alert" }, reason) : null;
+    putAgain(this.element, h("h2", {}, "Points"), h("div", { class: "row" }, why, button));
   }
 
   private async open(clip: Clip): Promise<void> {
     const { signal } = this.opened;
-    const view = this.viewOrNot(signal);
-    if (!view) return;
-    const status = h("p", { class: "stage-facts", role: "status" });
+    try {
+      await this.read(clip, signal);
+    } catch (error) {
+      if (!signal.aborted) this.fail(clip, messageOf(error), error instanceof Refusal ? error.status : 0);
+    }
+  }
+
+  private fail(clip: Clip, message: string, status: number): void {
+    if (status === 401) return this.onSessionEnded();
+    this.stop();
+    this.offer(clip, "Try again", message);
+  }
+
+  private async read(clip: Clip, signal: AbortSignal): Promise<void> {
+    const known = await classes();
+    if (signal.aborted) return;
+    const view = viewOf(signal);
+    const status = new StatusLine("stage-facts");
     const toolbar = h("div", { class: "toolbar" },
       oneOf("cloud-colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), "colour",
         (colouring) => view.setColouring(colouring)),
       h("button", { type: "button", class: "tool", onclick: () => view.fit() }, "Fit"));
     put(this.element, h("h2", {}, "Points"),
-      h("div", { class: "stage small" }, h("div", { class: "views" }, view.element), toolbar, status));
-    for (const { id, name, color } of await classes()) view.setClass(id, color, name !== "ceiling");
+      h("div", { class: "stage small" }, h("div", { class: "views" }, view.element), toolbar, status.shown, status.said));
+    view.element.querySelector("canvas")?.focus({ preventScroll: true });
+    for (const { id, name, color } of known) view.setClass(id, color, name !== "ceiling");
     load([clipPath(clip, "cloud.ply")], {
       begun: (cloud) => view.setCloud(cloud, VOXEL_M),
       grown: (cloud) => {
         const isWhole = cloud.shown >= cloud.count;
-        status.textContent = isWhole ? `${count(cloud.count)} points` : percent(cloud.shown / cloud.count);
+        status.show(isWhole ? `${count(cloud.count)} points` : percent(cloud.shown / cloud.count));
         view.draw();
       },
       ended: (cloud) => {
@@ -65,17 +94,16 @@ export class ClipCloud {
         const box = around(places());
         if (box) view.setBounds([...box.min, 0], [...box.max, 2]);
       },
-      nothing: () => put(this.element),
-      failed: alarm,
-    }, this.signal.aborted ? this.signal : signal);
+      nothing: () => this.fail(clip, "The clip has no points yet.", 404),
+      failed: (message, status) => this.fail(clip, message, status),
+    }, signal);
   }
+}
 
-  private viewOrNot(signal: AbortSignal): CloudView | null {
-    try {
-      return new CloudView("The clip's points. Arrow keys turn, plus and minus go nearer and away.", signal);
-    } catch {
-      alarm("This browser gives no WebGL, which points need.");
-      return null;
-    }
+function viewOf(signal: AbortSignal): CloudView {
+  try {
+    return new CloudView("The clip's points. Arrow keys turn, plus and minus go nearer and away.", signal);
+  } catch {
+    throw new Error("This browser gives no WebGL, which points need.");
   }
 }

@@ -3,6 +3,7 @@
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";
 import { bytes, count, metres, percent, plain, pose, seconds, STAGES, stageWord, time } from "../words.ts";
+import { chosenOf, poseInForce } from "./pose.ts";
 
 type Fact = [string, string | null | undefined];
 
@@ -31,21 +32,32 @@ export function recording(clip: Clip): HTMLElement {
 export function answer(clip: Clip): HTMLElement | null {
   const { alignment, choice } = clip;
   if (!alignment) return null;
-  const { level } = choice ?? alignment;
-  const at = choice?.map_from_clip ?? alignment.map_from_clip;
   const { floor } = alignment;
+  const { level, map_from_clip: at } = poseInForce(clip) ?? alignment;
+  const figures = figuresOf(clip, alignment);
   const camera = floor && `${metres(floor.camera_height_m)} above the floor${floor.assumed ? " (assumed)" : ""}`;
   return facts([
     ["Level", level === "main" ? null : level],
     ["Place", at && pose(at)],
     ["Probability", choice ? "chosen by a person" : percent(alignment.probability)],
-    ["Loss", alignment.loss_m === null ? null : metres(alignment.loss_m)],
-    ["Hits on walls", alignment.inliers === null ? null : `${percent(alignment.inliers)} of ${count(alignment.hits)}`],
-    ["Map explained", alignment.coverage === null ? null : percent(alignment.coverage)],
+    ["Loss", figures.loss_m === null ? null : metres(figures.loss_m)],
+    ["Hits on walls", figures.inliers === null ? null : `${percent(figures.inliers)} of ${count(alignment.hits)}`],
+    ["Map explained", figures.coverage === null ? null : percent(figures.coverage)],
     ["Key frames", count(alignment.key_frames)],
     ["First camera", camera],
     ["Classes by", alignment.labels?.by],
   ]);
+}
+
+type Answer = NonNullable<Clip["alignment"]>;
+type Figures = Pick<Answer, "loss_m" | "inliers" | "coverage">;
+
+/** The figures of the pose in force. The answer's own figures are those of its first alternative. */
+function figuresOf(clip: Clip, { loss_m, inliers, coverage, alternatives }: Answer): Figures {
+  const chosen = chosenOf(clip);
+  if (chosen === 0 || !poseInForce(clip)) return { loss_m, inliers, coverage };
+  const one = chosen === null ? null : alternatives[chosen];
+  return { loss_m: one?.loss_m ?? null, inliers: one?.inliers ?? null, coverage: null };
 }
 
 /** The time of each stage as bars that share one scale. */

@@ -13,4 +13,5 @@ export type Told =
   | { what: "end" }
   /** Nothing at any of the addresses. */
   | { what: "nothing" }
-  | { what: "failed"; message: string };
+  /** With the service's status; 0 if it did not refuse. */
+  | { what: "failed"; status: number; message: string };

@@ -12,7 +12,8 @@ export interface Arrival {
   ended(cloud: Cloud): void;
   /** There are no points yet. */
   nothing(): void;
-  failed(message: string): void;
+  /** The status is 0 if the service did not refuse. */
+  failed(message: string, status: number): void;
 }
 
 /** A cloud that knows how much of itself is there. */
@@ -85,14 +86,14 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal): voi
     } else if (data.what === "nothing") {
       arrival.nothing();
     } else if (data.what === "failed") {
-      arrival.failed(data.message);
+      arrival.failed(data.message, data.status);
     } else if (data.what === "end" && cloud) {
       arrival.ended(cloud);
     }
     if (data.what === "end" || data.what === "nothing" || data.what === "failed") stop();
   };
   worker.onerror = () => {
-    arrival.failed("The points could not be read in this browser.");
+    arrival.failed("The points could not be read in this browser.", 0);
     stop();
   };
   const ask: Ask = { urls };

@@ -59,6 +59,8 @@ export class Stage {
   onDrawn: (moment: Moment) => void = () => {};
   /** Told when the view has come to rest. */
   onRest: (eye: THREE.Vector3) => void = () => {};
+  /** Told when a person has moved the view. */
+  onMoved: () => void = () => {};
   /** Told about a click: the ray through its pixel, and the angle that a few pixels are there. */
   onClick: (ray: Ray, reach_rad: number) => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
@@ -97,6 +99,7 @@ export class Stage {
     this.controls.minDistance = 0.3;
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("end", () => this.onMoved());
     canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
     this.listenForClicks(canvas, signal);
     // A phone takes the context from a tab in the background.
@@ -147,18 +150,24 @@ export class Stage {
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     const direction =
       from === "above" ? new THREE.Vector3(0, -0.001, 1) : new THREE.Vector3(-0.55, -0.85, 0.95);
-    // The narrower side of the stage decides how far away everything fits.
+    const distance = this.reach(sphere);
+    this.controls.target.copy(sphere.center);
+    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Fits the depth range and the zoom to a sphere. Returns the distance from which all of it is in the picture. */
+  private reach(sphere: THREE.Sphere): number {
+    // The narrower side of the stage decides the distance.
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
     const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
     const distance = (Math.max(0.5, sphere.radius) / Math.sin(narrow)) * 0.86;
-    this.controls.target.copy(sphere.center);
-    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
     this.camera.near = distance / 500;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.maxDistance = distance * 6;
-    this.controls.update();
-    this.draw();
+    return distance;
   }
 
   /** Flies to a box without turning the view. */
@@ -177,7 +186,11 @@ export class Stage {
     return { eye_m: this.camera.position.toArray(), target_m: this.controls.target.toArray() };
   }
 
-  set viewpoint({ eye_m, target_m }: Viewpoint) {
+  /** Looks from a viewpoint at a scene that lies in a box. */
+  lookFrom({ eye_m, target_m }: Viewpoint, box: THREE.Box3): void {
+    // A stage without a size would look at the whole box once it gets one.
+    this.pending = null;
+    if (!box.isEmpty()) this.reach(box.getBoundingSphere(new THREE.Sphere()));
     this.controls.target.fromArray(target_m);
     this.camera.position.fromArray(eye_m);
     this.controls.update();
@@ -197,6 +210,7 @@ export class Stage {
       this.controls.update();
       this.draw();
       if (part < 1) this.flight = requestAnimationFrame(step);
+      else this.onMoved();
     };
     step();
   }
@@ -212,13 +226,20 @@ export class Stage {
       press = null;
       if (!isClick) return;
       const box = canvas.getBoundingClientRect();
-      const caster = new THREE.Raycaster();
-      caster.setFromCamera(new THREE.Vector2(
-        (2 * (event.clientX - box.x)) / box.width - 1, 1 - (2 * (event.clientY - box.y)) / box.height), this.camera);
-      const pixel_rad = (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2))) / box.height;
-      const { origin, direction } = caster.ray;
-      this.onClick({ origin: origin.toArray(), direction: direction.toArray() }, CLICK_PX * pixel_rad);
+      const [x, y] = [(event.clientX - box.x) / box.width, (event.clientY - box.y) / box.height];
+      this.onClick(...this.rayAt(2 * x - 1, 1 - 2 * y));
     }, { signal });
+  }
+
+  /** The ray through a place of the picture, whose sides are at -1 and 1, and the angle that a few pixels are there. */
+  rayAt(x: number, y: number): [ray: Ray, reach_rad: number] {
+    const caster = new THREE.Raycaster();
+    // The view may have moved since the last frame.
+    this.camera.updateMatrixWorld();
+    caster.setFromCamera(new THREE.Vector2(x, y), this.camera);
+    const pixel_rad = (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2))) / this.size().height;
+    const { origin, direction } = caster.ray;
+    return [{ origin: origin.toArray(), direction: direction.toArray() }, CLICK_PX * pixel_rad];
   }
 
   /** Draws as much as fits into a frame, and asks for the next one while something is left. */
@@ -336,5 +357,6 @@ export class Stage {
     this.camera.position.copy(this.controls.target).add(arm);
     this.controls.update();
     this.draw();
+    this.onMoved();
   }
 }

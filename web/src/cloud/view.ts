@@ -196,6 +196,16 @@ export class CloudView {
     this.stage.onClick = told;
   }
 
+  /** Told when a person has moved the view. */
+  set onMoved(told: () => void) {
+    this.stage.onMoved = told;
+  }
+
+  /** The ray through the middle of the picture, and the angle that a few pixels are there. */
+  get middle(): [ray: Ray, reach_rad: number] {
+    return this.stage.rayAt(0, 0);
+  }
+
   fly({ min, max }: { min: Point3; max: Point3 }): void {
     this.stage.fly(new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max)));
   }
@@ -207,7 +217,7 @@ export class CloudView {
   /** Looks from a place that a person chose; nothing else moves the view any more. */
   set viewpoint(viewpoint: Viewpoint) {
     this.isFramed = true;
-    this.stage.viewpoint = viewpoint;
+    this.stage.lookFrom(viewpoint, this.bounds);
   }
 
   setNames(names: Name[]): void {

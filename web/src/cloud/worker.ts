@@ -20,7 +20,9 @@ function tellPoints(at: number, points: Points): number {
 
 async function open(urls: string[]): Promise<Response | null> {
   for (const url of urls) {
-    const answer = await fetch(url);
+    const answer = await fetch(url).catch(() => {
+      throw new Refusal(0, explanation(0, ""));
+    });
     if (answer.ok) return answer;
     if (answer.status !== 404) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
   }
@@ -67,6 +69,7 @@ async function load(urls: string[]): Promise<void> {
 
 self.onmessage = (event: MessageEvent<Ask>) => {
   load(event.data.urls).catch((error: unknown) => {
-    tell({ what: "failed", message: error instanceof Error ? error.message : String(error) });
+    const status = error instanceof Refusal ? error.status : 0;
+    tell({ what: "failed", status, message: error instanceof Error ? error.message : String(error) });
   });
 };

@@ -2,13 +2,15 @@
 
 import { deleteClip } from "../api.ts";
 import { adviceOf } from "../clip/advice.ts";
+import { reasonsOf } from "../clip/reasons.ts";
 import { css } from "../cloud/colours.ts";
-import { h, put as fill } from "../dom.ts";
+import { h, keepFocus, put as fill, putAgain } from "../dom.ts";
 import { confirm } from "../parts/dialog.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip } from "../route.ts";
+import { mayChange } from "../session.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
 import { isUnderWay, jobWord, percent, STATES, stateMeaning, stateWord, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
@@ -28,7 +30,6 @@ export class ClipsPanel {
   private readonly said = h("p", { class: "hidden-text", role: "status", "aria-live": "polite" });
   private readonly rows = new Map<string, Row>();
   private readonly states = new Map<string, ClipState>();
-  private filter: ClipState | null = null;
 
   constructor(
     private readonly data: HomeData,
@@ -44,14 +45,15 @@ export class ClipsPanel {
     this.tellChanges(clips);
     const counts = STATES.map((state) => [state, clips.filter((clip) => clip.state === state).length] as const);
     const present = counts.filter(([, count]) => count > 0);
-    if (this.filter && !present.some(([state]) => state === this.filter)) this.filter = null;
-    this.drawFilters(present, clips.length);
-    const shown = clips.filter((clip) => !this.filter || clip.state === this.filter).reverse();
+    // The last clip of a state may have got another one.
+    const filter = present.some(([state]) => state === this.looks.clips) ? this.looks.clips : null;
+    this.drawFilters(present, clips.length, filter);
+    const shown = clips.filter((clip) => !filter || clip.state === filter).reverse();
     const rows = shown.map((clip) => this.row(clip));
     if (clips.length === 0) {
-      fill(this.list, h("li", { class: "hint" }, "No clips yet. Drop zips of RGB-D recordings anywhere on this page."));
+      fill(this.list, h("li", { class: "hint" }, mayChange() ? "No clips yet. Drop zips of RGB-D recordings anywhere on this page." : "No clips yet."));
     } else if (!sameChildren(this.list, rows)) {
-      this.list.replaceChildren(...rows);
+      keepFocus(this.list, () => this.list.replaceChildren(...rows));
     }
     for (const id of this.rows.keys()) if (!clips.some((clip) => clip.id === id)) this.rows.delete(id);
   }
@@ -65,79 +67,83 @@ export class ClipsPanel {
   }
 
   private tellChanges(clips: Clip[]): void {
-    clips.forEach((clip, i) => {
+    clips.forEach((clip) => {
       const before = this.states.get(clip.id);
-      if (before && before !== clip.state) this.said.textContent = `Clip ${i + 1}: ${stateWord(clip.state)}`;
+      if (before && before !== clip.state) this.said.textContent = `${this.data.nameOf(clip)}: ${stateWord(clip.state)}`;
       this.states.set(clip.id, clip.state);
     });
   }
 
-  private drawFilters(present: (readonly [ClipState, number])[], all: number): void {
+  private drawFilters(present: (readonly [ClipState, number])[], all: number, filter: ClipState | null): void {
     if (present.length < 2) return this.filters.replaceChildren();
     const chip = (state: ClipState | null, word: string, count: number) => {
-      const button = h("button", { type: "button", class: "chip", "data-state": state ?? "all" },
+      const button = h("button", { type: "button", class: "chip", "data-key": state ?? "all" },
         word, h("span", { class: "hint" }, count));
-      button.setAttribute("aria-pressed", String(this.filter === state));
+      button.setAttribute("aria-pressed", String(filter === state));
       button.addEventListener("click", () => {
-        this.filter = state;
+        this.looks.change((looks) => (looks.clips = state));
         this.draw();
-        this.filters.querySelector<HTMLElement>(`[data-state=${state ?? "all"}]`)?.focus();
       });
       return button;
     };
     const chips = present.map(([state, count]) => chip(state, stateWord(state), count));
-    fill(this.filters, chip(null, "All", all), ...chips);
+    putAgain(this.filters, chip(null, "All", all), ...chips);
   }
 
   private row(clip: Clip): HTMLElement {
-    const index = this.data.indexOf(clip.id);
     const inMap = this.data.map?.clips.some((other) => other.clip === clip.id) ?? false;
     const { job: _, updated_at: __, ...lasting } = clip;
-    const drawn = JSON.stringify([lasting, index, inMap, this.data.hasLevels]);
+    const drawn = JSON.stringify([lasting, this.data.indexOf(clip.id), inMap, this.data.hasLevels]);
     const old = this.rows.get(clip.id);
     if (old && old.drawn === drawn) {
       if (clip.job) this.progress(clip.id, clip.job);
       return old.element;
     }
-    const row = this.make(clip, index, inMap, drawn);
+    const row = this.make(clip, inMap, drawn);
     this.rows.set(clip.id, row);
     if (clip.job) this.progress(clip.id, clip.job);
     return row.element;
   }
 
-  private make(clip: Clip, index: number, inMap: boolean, drawn: string): Row {
-    const name = `Clip ${index + 1}`;
+  private make(clip: Clip, inMap: boolean, drawn: string): Row {
+    const name = this.data.nameOf(clip);
+    const twin = this.data.clips.find(({ id }) => id === clip.duplicate_of);
     const bar = h("progress", { max: 1, value: 0, "aria-label": `Progress of ${name}` });
     const stage = h("span", { class: "hint" });
     const show = h("input", {
-      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), disabled: !inMap,
+      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), disabled: !inMap, "data-key": `show ${clip.id}`,
       "aria-label": `Show ${name} in the map`, title: inMap ? "Show in the map" : "Not in the map",
     });
     show.style.accentColor = css(this.data.colourOf(clip.id));
     show.addEventListener("change", () => this.looks.change((looks) => put(looks.hiddenClips, clip.id, !show.checked)));
-    const remove = h("button", { type: "button", class: "quiet icon", title: "Delete" }, "✕");
+    const remove = h("button", { type: "button", class: "quiet icon", title: "Delete", "data-key": `delete ${clip.id}` }, "✕");
     remove.setAttribute("aria-label", `Delete ${name}`);
     remove.addEventListener("click", () => void this.remove(clip, name, remove));
-    const reason = clip.reasons[0]?.detail ?? (clip.state === "aligned" ? null : stateMeaning(clip.state));
+    const [reason] = reasonsOf(clip);
+    const isKnown = clip.state === "aligned" || isUnderWay(clip);
+    // A queued clip has a reason if a fault of the service holds it up.
+    const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : stateMeaning(clip.state)));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const level = this.data.hasLevels ? this.data.levelOf(clip) : null;
-    const when = [sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
+    const when = [twin ? `Same file as ${this.data.nameOf(twin)}` : null, sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
     const [advice] = adviceOf(clip);
+    const title = h("a", { class: "title", title: name, href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
       // The title is the same link.
       h("a", { href: toClip(clip.home, clip.id), tabindex: -1, "aria-hidden": "true" }, thumbnail(clip, name)),
       h("div", { class: "clip-head" },
-        show, h("a", { class: "title", href: toClip(clip.home, clip.id) }, name), stateBadge(clip.state), remove),
+        show, title, stateBadge(clip.state),
+        mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
       isUnderWay(clip) ? h("p", { class: "progress" }, bar, stage) : null,
-      reason && !isUnderWay(clip) ? h("p", { class: "reason" }, reason) : null,
+      why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
       advice ? h("p", { class: "advice" }, advice) : null);
     return { drawn, element, bar, stage };
   }
 
   private async remove(clip: Clip, name: string, button: HTMLButtonElement): Promise<void> {
     const text = "Its recording, its place and its points are removed for good, and the map is made again without it.";
-    if (!(await confirm(`Delete ${name.toLowerCase()}?`, text, "Delete clip"))) return;
+    if (!(await confirm(`Delete ${name}?`, text, "Delete clip"))) return;
     await attempt(button, async () => {
       await deleteClip(clip);
       say(`${name} is deleted.`);

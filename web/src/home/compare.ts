@@ -6,7 +6,7 @@ import { messageOf } from "../parts/notices.ts";
 import type { HomeMap, MapChanges, Thing } from "../types.ts";
 import { many, metres, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
-import { type Selection, thingName } from "./selection.ts";
+import { roomName, type Selection, thingName } from "./selection.ts";
 
 const REASON_WORDS: Record<string, string> = {
   seen_again: "a later clip shows the place without it",
@@ -74,14 +74,19 @@ export class Compare {
     const missing = ({ reason, object }: { reason: string; object: Thing }) =>
       h("li", { class: "gone" }, thingName(object), h("span", { class: "hint" }, REASON_WORDS[reason] ?? reason));
     return [
-      ...list(`${many(added.length, "object")} added`, added.map((thing) => this.row(thing, thing.room ?? ""))),
+      ...list(`${many(added.length, "object")} added`, added.map((thing) => this.row(thing, this.roomOf(thing)))),
       ...list(`${many(moved.length, "object")} moved`, moved.map(({ from, to }) =>
         this.row(to, `by ${metres(distance(from, to))}`))),
       ...list(`${many(gone.length, "object")} gone`, gone.map(missing)),
       ...list(`${many(discovered.length, "object")} seen for the first time`, discovered.map((thing) =>
-        this.row(thing, thing.room ?? ""))),
+        this.row(thing, this.roomOf(thing)))),
       ...list(`${many(lost.length, "object")} no longer known`, lost.map(missing)),
     ];
+  }
+
+  /** The name of the room of an object. Names of rooms on other levels are not read. */
+  private roomOf({ room: id }: Thing): string {
+    return id ? roomName(this.data.rooms.find((room) => room.id === id) ?? { name: null, id }) : "";
   }
 
   private row(thing: Thing, note: string): HTMLElement {

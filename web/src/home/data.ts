@@ -4,6 +4,7 @@ import * as api from "../api.ts";
 import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { place } from "../frames.ts";
 import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
+import { clipName } from "../words.ts";
 
 /** The level that is shown first, as in the service. */
 const MAIN = "main";
@@ -104,6 +105,10 @@ export class HomeData {
   /** The place of a clip among all of its home, from 0. */
   indexOf(clip: string): number {
     return this.clips.findIndex((other) => other.id === clip);
+  }
+
+  nameOf(clip: Clip): string {
+    return clipName(clip, this.indexOf(clip.id) + 1);
   }
 
   colourOf(clip: string): Rgb {

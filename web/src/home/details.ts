@@ -1,10 +1,11 @@
 // The card of the selected object or room: its properties, and buttons that correct them.
 
 import * as api from "../api.ts";
-import { h, put } from "../dom.ts";
+import { h, put, putAgain } from "../dom.ts";
 import { ask, askText } from "../parts/dialog.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { toClip } from "../route.ts";
+import { mayChange } from "../session.ts";
 import type { Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
 import { percent, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
@@ -18,6 +19,8 @@ const NEIGHBOURS_M = 0.6;
 export class Details {
   readonly element = h("section", { class: "details", "aria-live": "polite", hidden: true });
   private drawn = "";
+  /** The id of the room that a line was asked for. */
+  private divided = "";
 
   constructor(
     private readonly data: HomeData,
@@ -26,22 +29,32 @@ export class Details {
     private readonly onCorrected: () => void,
   ) {
     looks.onChange(() => this.draw());
+    measure.onChange(() => this.show());
   }
 
   draw(): void {
     const { data, looks } = this;
     const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
+    // A line that was asked for is of no use for another room.
+    if (this.measure.isAsked && room?.id !== this.divided) this.measure.end();
     const drawn = JSON.stringify([thing, room, data.rooms.length, data.clips.length]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    this.element.hidden = !thing && !room;
-    if (thing) put(this.element, ...this.ofThing(thing));
-    else if (room) put(this.element, ...this.ofRoom(room));
+    this.show();
+    if (thing) putAgain(this.element, ...this.ofThing(thing));
+    else if (room) putAgain(this.element, ...this.ofRoom(room));
     else put(this.element);
   }
 
+  /** The card would hide the room that a person divides. */
+  private show(): void {
+    const { data, looks, measure } = this;
+    const isChosen = (thingOf(data, looks.selected) ?? roomOf(data, looks.selected)) !== null;
+    this.element.hidden = !isChosen || measure.isAsked;
+  }
+
   private head(name: string): HTMLElement {
-    const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close" }, "✕");
+    const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close", "data-key": "Close" }, "✕");
     close.addEventListener("click", () => this.looks.select(null));
     return h("div", { class: "row between" }, h("h2", {}, name), close);
   }
@@ -50,8 +63,8 @@ export class Details {
     const { data } = this;
     const room = data.rooms.find(({ id }) => id === thing.room);
     const clips = thing.clips.flatMap((id, i) => {
-      const index = data.indexOf(id);
-      const link = h("a", { href: toClip(data.home.id, id) }, index < 0 ? "a clip" : `Clip ${index + 1}`);
+      const clip = data.clips.find((clip) => clip.id === id);
+      const link = h("a", { href: toClip(data.home.id, id), "data-key": id }, clip ? data.nameOf(clip) : "a clip");
       return i > 0 ? [", ", link] : [link];
     });
     const facts: [string, Node | string][] = [
@@ -74,8 +87,11 @@ export class Details {
           if (chosen) await this.correctThing(thing, { class: chosen }, `It is a ${plain(chosen).toLowerCase()} now.`);
         }),
         thing.corrected.includes("pinned")
-          ? this.action("Unpin", () => this.correctThing(thing, { pinned: null }, "Later clips can change it again."))
+          ? this.action("Unpin", () => this.correctThing(thing, { pinned: null }, "Later clips can change it again."), "", "Pin")
           : this.action("Pin", () => this.correctThing(thing, { pinned: true }, "It stays, whatever later clips show.")),
+        thing.corrected.length > 0 && this.action("Withdraw corrections", () => this.correctThing(
+          thing, { class: null, name: null, centre_m: null, size_m: null, yaw_rad: null, pinned: null },
+          "The object is as the map has it.")),
         this.action("Remove", () => this.remove(thing), "danger")),
     ];
   }
@@ -104,25 +120,33 @@ export class Details {
             [...neighbours.map((near) => ({ word: roomName(near), value: near.id })), { word: "Cancel", value: null }]);
           if (other) await this.correctRoom(room, { merge_with: [other] }, "The rooms are one.");
         }),
-        this.action("Split", async () => {
-          const line = await this.measure.line("Click two points: the line through them divides the room.");
-          if (!line) return;
-          const [from, to] = line.map(([x, y]): [number, number] => [x, y]);
-          if (from && to) await this.correctRoom(room, { split_by: { from_m: from, to_m: to } }, "The room is divided.");
-        }),
+        this.action("Split", () => this.split(room)),
         room.corrected.length > 0 && this.action("Withdraw corrections", () =>
           this.correctRoom(room, { name: null, merge_with: null, split_by: null }, "The room is as the map has it."))),
     ];
   }
 
+  private async split(room: Room): Promise<void> {
+    this.divided = room.id;
+    const line = await this.measure.line("Click two points: the line through them divides the room.");
+    if (roomOf(this.data, this.looks.selected)?.id === room.id) {
+      this.element.querySelector<HTMLElement>("[data-key=Split]")?.focus({ preventScroll: true });
+    }
+    if (!line) return;
+    const [from, to] = line.map(([x, y]): [number, number] => [x, y]);
+    if (from && to) await this.correctRoom(room, { split_by: { from_m: from, to_m: to } }, "The room is divided.");
+  }
+
   private linkTo(room: Room): HTMLElement {
-    const button = h("button", { type: "button", class: "link" }, roomName(room));
+    const button = h("button", { type: "button", class: "link", "data-key": room.id }, roomName(room));
     button.addEventListener("click", () => this.looks.select({ kind: "room", id: room.id }));
     return button;
   }
 
-  private action(word: string, act: () => Promise<void>, kind = ""): HTMLElement {
-    const button = h("button", { type: "button", class: `small ${kind}` }, word);
+  /** A button of the card. Buttons that replace each other have the same key. */
+  private action(word: string, act: () => Promise<void>, kind = "", key = word): HTMLElement | null {
+    if (!mayChange()) return null;
+    const button = h("button", { type: "button", class: `small ${kind}`, "data-key": key }, word);
     button.addEventListener("click", () => void attempt(button, act));
     return button;
   }

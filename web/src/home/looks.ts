@@ -1,6 +1,7 @@
 // The visible parts of a home and their colouring.
 
 import { COLOURINGS, type Colouring } from "../cloud/colours.ts";
+import type { ClipState } from "../types.ts";
 import { isSame, type Selection } from "./selection.ts";
 
 export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths"] as const;
@@ -34,6 +35,8 @@ export class Looks {
   /** Nothing higher is shown; null for no limit. */
   cut_m: number | null = null;
   selected: Selection | null = null;
+  /** The list shows only clips of this state; null for all. */
+  clips: ClipState | null = null;
   private readonly listeners: (() => void)[] = [];
 
   /** Whether the surface is asked for. */

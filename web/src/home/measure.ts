@@ -1,40 +1,62 @@
-// Measures between two points of the home, and lends its clicks to whoever asks for a line.
+// Measures between two points of the home, and asks for lines.
 
 import type { Point3 } from "../cloud/pick.ts";
 import { h } from "../dom.ts";
 import { metres } from "../words.ts";
 
 export class Measure {
-  readonly element = h("p", { class: "measure", role: "status", hidden: true });
+  readonly element = h("div", { class: "measure", hidden: true });
   readonly button = h("button", { type: "button", class: "tool", "aria-pressed": "false" }, "Measure");
-  /** The ends that were clicked: none, one or two. */
+  /** The ends that were taken: none, one or two. */
   ends: Point3[] = [];
-  private isOn = false;
+  private readonly text = h("span", { role: "status" });
+  private readonly cancel = h("button", { type: "button", class: "small" }, "Cancel");
+  private isBegun = false;
+  /** The point under the crosshair; null if no key moves the view. */
+  private aim: Point3 | null = null;
+  private readonly listeners: (() => void)[] = [];
   private asked: { text: string; answer: (line: [Point3, Point3] | null) => void } | null = null;
 
-  constructor(
-    private readonly onChange: () => void,
-    signal: AbortSignal,
-  ) {
-    this.button.addEventListener("click", () => this.set(!this.isOn));
+  constructor(signal: AbortSignal) {
+    this.element.append(this.text, this.cancel);
+    this.button.addEventListener("click", () => this.set(!this.isBegun));
+    this.cancel.addEventListener("click", () => this.end());
     addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && this.isOn) this.set(false);
+      if (event.key === "Escape") this.end();
     }, { signal });
     signal.addEventListener("abort", () => this.asked?.answer(null));
   }
 
+  /** Calls back when the measurement begins or ends, and after each point. */
+  onChange(listen: () => void): void {
+    this.listeners.push(listen);
+  }
+
+  get isOn(): boolean {
+    return this.isBegun;
+  }
+
+  /** Whether the points are for a line that the page asked for. */
+  get isAsked(): boolean {
+    return this.asked !== null;
+  }
+
   /** Asks for a line of two points; null if the person gives up. */
   line(text: string): Promise<[Point3, Point3] | null> {
-    this.set(false);
+    this.end();
     return new Promise((answer) => {
       this.asked = { text, answer };
       this.set(true);
     });
   }
 
-  /** Takes a click, if it is for a measurement. */
+  end(): void {
+    if (this.isBegun) this.set(false);
+  }
+
+  /** Takes a point, if one is measured. */
   take(point: Point3 | null): boolean {
-    if (!this.isOn) return false;
+    if (!this.isBegun) return false;
     if (point) this.ends = this.ends.length === 1 ? [...this.ends, point] : [point];
     const [from, to] = this.ends;
     if (from && to && this.asked) {
@@ -47,9 +69,22 @@ export class Measure {
     return true;
   }
 
+  /** Drops the point that was taken last. */
+  back(): void {
+    this.ends = this.ends.slice(0, -1);
+    this.draw();
+  }
+
+  /** Tells the point that the next Enter takes. */
+  aimAt(point: Point3 | null): void {
+    this.aim = point;
+    if (this.isBegun) this.tell();
+  }
+
   private set(isOn: boolean): void {
-    this.isOn = isOn;
+    this.isBegun = isOn;
     this.ends = [];
+    this.aim = null;
     if (!isOn) {
       this.asked?.answer(null);
       this.asked = null;
@@ -59,12 +94,30 @@ export class Measure {
   }
 
   private draw(): void {
-    const [from, to] = this.ends;
-    this.element.hidden = !this.isOn;
-    this.element.textContent = from && to ? between(from, to)
-      : from ? "Click the second point." : (this.asked?.text ?? "Click two points. Escape ends.");
-    this.onChange();
+    this.element.hidden = !this.isBegun;
+    this.cancel.hidden = !this.asked;
+    this.tell();
+    for (const listen of this.listeners) listen();
   }
+
+  private tell(): void {
+    const text = progress(this.ends, this.aim, this.asked?.text ?? "Click two points. Escape ends.");
+    if (this.text.textContent !== text) this.text.textContent = text;
+  }
+}
+
+/** The state of a measurement in words; `prompt` asks for the first point. */
+export function progress([from, to]: readonly Point3[], aim: Point3 | null, prompt: string): string {
+  if (from && to) return between(from, to);
+  if (!from) return aim ? `${prompt} Enter takes ${place(aim)}.` : prompt;
+  return aim
+    ? `${between(from, aim)} to ${place(aim)}. Enter takes the point, Backspace drops the first one.`
+    : "Click the second point.";
+}
+
+function place([x, y, z]: Point3): string {
+  const height = Math.abs(z) < 0.02 ? "" : `, z ${z.toFixed(2)} m`;
+  return `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m${height}`;
 }
 
 /** `2.43 m (2.40 m along the floor, 38.0 cm up)` */

@@ -25,9 +25,12 @@ export class Pointing {
 
   clickInCloud(ray: Ray, reach_rad: number): void {
     const surface_m = this.surfaceOn(ray, reach_rad);
-    const floor_m = ray.direction[2] < 0 ? -ray.origin[2] / ray.direction[2] : null;
-    const at_m = surface_m ?? floor_m;
-    this.click(at_m === null ? null : along(ray, at_m), thingOn(ray, this.things(), surface_m));
+    this.click(onRay(ray, surface_m), thingOn(ray, this.things(), surface_m));
+  }
+
+  /** The point that a click on a ray would measure. */
+  pointOn(ray: Ray, reach_rad: number): Point3 | null {
+    return onRay(ray, this.surfaceOn(ray, reach_rad));
   }
 
   /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
@@ -56,4 +59,11 @@ export class Pointing {
     const room = point && this.looks.layers.has("rooms") ? roomAt(this.data.rooms, [point[0], point[1]]) : null;
     this.looks.select(thing ? { kind: "object", id: thing.id } : room ? { kind: "room", id: room.id } : null);
   }
+}
+
+/** The point of a surface that is so far away, else that of the floor. */
+function onRay(ray: Ray, surface_m: number | null): Point3 | null {
+  const floor_m = ray.direction[2] < 0 ? -ray.origin[2] / ray.direction[2] : null;
+  const at_m = surface_m ?? floor_m;
+  return at_m === null ? null : along(ray, at_m);
 }

@@ -4,6 +4,7 @@ import { homePath, lidarPicture } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
 import { type Cloud, load } from "../cloud/points.ts";
 import type { Name } from "../cloud/names.ts";
+import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
@@ -17,6 +18,7 @@ import { ramped } from "../plan/raster.ts";
 import type { Room, Thing } from "../types.ts";
 import { percent } from "../words.ts";
 import { filmedRooms, WANTED, wantedRooms } from "./coverage.ts";
+import { Aim } from "./aim.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
@@ -47,6 +49,8 @@ export class HomeScene {
   private drawing = 0;
   private loading = new AbortController();
   readonly measure: Measure;
+  /** Told when a person has moved the view. */
+  onMoved: () => void = () => {};
 
   constructor(
     private readonly data: HomeData,
@@ -61,17 +65,38 @@ export class HomeScene {
     this.top = new TopView(this.plan, signal);
     this.surface = new HomeSurface(() => this.apply(), onStatus, alarm, signal);
     this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
-    this.measure = new Measure(() => this.drawRule(), signal);
+    this.measure = new Measure(signal);
     const pointing = new Pointing(data, looks, this.measure, () => this.cloud, () => this.things());
     this.plan.onClick = (point) => pointing.clickInPlan(point);
     if (this.cloudView) {
       this.cloudView.onClick = (ray, reach_rad) => pointing.clickInCloud(ray, reach_rad);
       this.cloudView.surfaceOn = (ray, reach_rad, stride) => pointing.surfaceOn(ray, reach_rad, stride);
     }
+    this.aimWith(pointing, signal);
     looks.onChange(() => this.apply());
     onTheme(() => void this.drawPicture(), signal);
     signal.addEventListener("abort", () => this.loading.abort());
     this.update();
+  }
+
+  /** Measures by keys also. */
+  private aimWith(pointing: Pointing, signal: AbortSignal): void {
+    const { cloudView, plan, looks } = this;
+    const shown = () =>
+      looks.view === "3d" && cloudView ? cloudView.element.querySelector("canvas") : plan.element;
+    const middle = (): Point3 | null =>
+      looks.view === "3d" && cloudView ? pointing.pointOn(...cloudView.middle) : [...plan.middle, 0];
+    const aim = new Aim(this.element, this.measure, shown, middle, signal);
+    this.measure.onChange(() => {
+      this.drawRule();
+      aim.draw();
+    });
+    plan.onMoved = () => aim.note();
+    if (!cloudView) return;
+    cloudView.onMoved = () => {
+      aim.note();
+      this.onMoved();
+    };
   }
 
   get is3dThere(): boolean {
@@ -81,6 +106,7 @@ export class HomeScene {
   fit(from: "corner" | "above" = "corner"): void {
     if (this.looks.view === "3d") this.cloudView?.fit(from);
     else this.plan.fit();
+    this.onMoved();
   }
 
   /** Flies to what is selected. */
@@ -219,6 +245,7 @@ export class HomeScene {
     this.plan.element.style.display = is3d ? "none" : "";
     this.element.dataset.colouring = looks.colouring;
     this.element.dataset.level = data.level;
+    this.element.dataset.view = looks.view;
     if (looks.layers.has("paths")) this.readWays();
     if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
     else this.applyTo2d();
@@ -319,7 +346,7 @@ export class HomeScene {
     plan.setLayer("paths", ...this.ways().flatMap(({ clip, places_m, colour }) => {
       const pose = data.poseOf(clip);
       const way = places_m.length > 1 ? [shapes.line(places_m.map(([x, y]) => [x, y]), colour)] : [];
-      const name = `Clip ${data.indexOf(clip.id) + 1}`;
+      const name = data.nameOf(clip);
       return pose ? [...way, shapes.wedge(pose, colour, name)] : way;
     }));
     plan.setNames([

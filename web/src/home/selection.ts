@@ -20,8 +20,13 @@ export function thingName(thing: Thing): string {
   return thing.name ?? plain(thing.class);
 }
 
+/** An id without its level: `sofa-1` of `upper~sofa-1`. */
+export function withoutLevel(id: string): string {
+  return id.replace(/^.*~/, "");
+}
+
 export function roomName(room: { name: string | null; id?: string }): string {
-  return room.name ?? (room.id ? `Room ${room.id.replace(/^room-/, "")}` : "Room");
+  return room.name ?? (room.id ? `Room ${withoutLevel(room.id).replace(/^room-/, "")}` : "Room");
 }
 
 export function thingOf(data: HomeData, selected: Selection | null): Thing | null {

@@ -3,6 +3,7 @@
 import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
+import { STATES } from "../words.ts";
 import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
 
 const CENTIMETRES = 2;
@@ -15,6 +16,7 @@ export function written(looks: Looks, level: string | null, viewpoint: Viewpoint
   if (level !== null) query.set("level", level);
   if (looks.cut_m !== null) query.set("cut", looks.cut_m.toFixed(CENTIMETRES));
   if (looks.hiddenClasses.size > 0) query.set("without", [...looks.hiddenClasses].join("."));
+  if (looks.clips) query.set("clips", looks.clips);
   if (looks.selected) query.set("at", `${looks.selected.kind}.${looks.selected.id}`);
   if (viewpoint) {
     const numbers = [...viewpoint.eye_m, ...viewpoint.target_m].map((value) => value.toFixed(CENTIMETRES));
@@ -40,6 +42,7 @@ export function read(query: URLSearchParams, looks: Looks): Viewpoint | null {
     looks.hiddenClasses.clear();
     for (const name of query.get("without")?.split(".") ?? []) looks.hiddenClasses.add(name);
   }
+  looks.clips = STATES.find((state) => state === query.get("clips")) ?? looks.clips;
   const [, kind, id] = /^(object|room)\.(.+)$/.exec(query.get("at") ?? "") ?? [];
   if ((kind === "object" || kind === "room") && id) looks.selected = { kind, id };
   const numbers = (query.get("from") ?? "").split("_").map(Number);

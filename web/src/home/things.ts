@@ -1,6 +1,6 @@
 // Lists the rooms and objects of a home. A person searches in it and selects.
 
-import { h, put } from "../dom.ts";
+import { h, put, putAgain } from "../dom.ts";
 import { percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
@@ -47,11 +47,9 @@ export class ThingsPanel {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.search.hidden = all.length === 0;
-    const focused = document.activeElement instanceof HTMLElement ? document.activeElement.dataset.key : undefined;
     if (all.length === 0) put(this.list, h("li", { class: "hint" }, "They come with the first map."));
     else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name."));
-    else put(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
-    if (focused) this.list.querySelector<HTMLElement>(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+    else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
   }
 
   private entries(): Entry[] {

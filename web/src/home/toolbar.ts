@@ -4,11 +4,9 @@ import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { oneOf } from "../parts/switches.ts";
-import { toHome } from "../route.ts";
 import type { HomeData } from "./data.ts";
 import type { Body, Looks } from "./looks.ts";
 import type { HomeScene } from "./scene.ts";
-import { written } from "./share.ts";
 
 const BODY_WORDS: [Body, string][] = [["points", "Points"], ["surface", "Surface"]];
 
@@ -23,7 +21,8 @@ export class Toolbar {
   constructor(
     private readonly data: HomeData,
     private readonly looks: Looks,
-    private readonly scene: HomeScene,
+    scene: HomeScene,
+    private readonly writeAddress: () => void,
     onLevel: (level: string) => void,
   ) {
     const views: ["2d" | "3d", string][] = scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]];
@@ -61,9 +60,7 @@ export class Toolbar {
   private share(): HTMLElement {
     const button = h("button", { type: "button", class: "tool", title: "Copy a link to this view" }, "Share");
     button.addEventListener("click", () => void attempt(button, async () => {
-      const { data, looks, scene } = this;
-      const query = written(looks, data.hasLevels ? data.level : null, scene.viewpoint);
-      history.replaceState(null, "", toHome(data.home.id, query));
+      this.writeAddress();
       await navigator.clipboard.writeText(location.href);
       say("The link to this view is copied.");
     }));

@@ -5,17 +5,19 @@ import { adviceOf } from "../clip/advice.ts";
 import { alternatives, type Ground, isForeign } from "../clip/alternatives.ts";
 import { answer, recording, stages } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
-import { h, put } from "../dom.ts";
+import { reasonsOf } from "../clip/reasons.ts";
+import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
 import { thumbnail } from "../parts/thumbnail.ts";
-import { toHome, toHomes } from "../route.ts";
+import { toClip, toHome, toHomes } from "../route.ts";
+import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
-import type { Clip } from "../types.ts";
-import { isUnderWay, jobWord, stateMeaning } from "../words.ts";
+import type { Clip, ClipState } from "../types.ts";
+import { clipName, isUnderWay, jobWord, stateMeaning, stateWord } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
@@ -25,9 +27,9 @@ export async function showClip(place: Place, home: string, id: string): Promise<
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
   const [first, all] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal)]);
-  const number = all.findIndex((clip) => clip.id === first.id) + 1;
-  const name = number > 0 ? `Clip ${number}` : "Clip";
-  const page = new ClipPage(place, first, name);
+  const nameOf = (clip: Clip) => clipName(clip, all.findIndex(({ id }) => id === clip.id) + 1);
+  const twin = all.find(({ id }) => id === first.duplicate_of);
+  const page = new ClipPage(place, first, nameOf(first), twin ? nameOf(twin) : null);
   await page.show();
 }
 
@@ -35,6 +37,7 @@ class ClipPage {
   private ground: Ground = { lidars: [], pictures: new Map(), scan: null };
   private drawn = "";
   private job: string | undefined;
+  private state: ClipState | null = null;
   private readonly head = h("div", {});
   private readonly verdict = h("section", { class: "verdict" });
   private readonly places = h("section", {});
@@ -42,7 +45,9 @@ class ClipPage {
   private readonly pictures = h("section", {});
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
-  private readonly stage = h("span", { class: "hint", role: "status" });
+  private readonly stage = h("span", { class: "hint" });
+  /** Tells each new state to screen readers; the figures of the progress would be too many. */
+  private readonly said = h("p", { class: "hidden-text", role: "status" });
   /** The reason that the page is not up to date. */
   private readonly lost = h("p", { class: "reason", role: "status" });
   private readonly repeated: Repeated;
@@ -51,9 +56,11 @@ class ClipPage {
     private readonly place: Place,
     private clip: Clip,
     private readonly name: string,
+    /** The name of the oldest clip with the same file; null if this is it. */
+    private readonly twin: string | null,
   ) {
     const { signal } = place;
-    this.cloud = new ClipCloud(signal);
+    this.cloud = new ClipCloud(signal, place.again);
     const followed = new Followed(
       (job) => {
         this.bar.value = job.progress;
@@ -83,7 +90,7 @@ class ClipPage {
     const { place, clip, name } = this;
     setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
     put(place.main, h("div", { class: "page clip-page" },
-      this.lost, this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
+      this.lost, this.said, this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
     onTheme(() => {
       this.ground.pictures.clear();
       this.drawn = "";
@@ -95,7 +102,12 @@ class ClipPage {
 
   private async draw(): Promise<void> {
     const { job, updated_at: _, ...lasting } = this.clip;
-    if (job) this.bar.value = job.progress;
+    if (job) {
+      this.bar.value = job.progress;
+      this.stage.textContent = jobWord(job);
+    }
+    if (this.state && this.state !== this.clip.state) this.said.textContent = stateWord(this.clip.state);
+    this.state = this.clip.state;
     const drawn = JSON.stringify([lasting, job?.id]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
@@ -103,8 +115,9 @@ class ClipPage {
     // Another job may have aligned it to another LiDAR map.
     if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
     this.job = job?.id;
-    put(this.head, h("div", { class: "head" },
-      h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), this.actions()));
+    putAgain(this.head, h("div", { class: "head" },
+      h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), mayChange() && this.actions(),
+      clip.duplicate_of && h("p", { class: "hint" }, "Same file as ", h("a", { href: toClip(clip.home, clip.duplicate_of) }, this.twin ?? "another clip"))));
     this.drawVerdict();
     put(this.rest,
       clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Answer"), answer(clip)),
@@ -118,8 +131,8 @@ class ClipPage {
 
   private drawVerdict(): void {
     const { clip } = this;
-    const reasons = clip.reasons.map(({ code, detail }) =>
-      h("li", {}, detail, " ", h("code", { class: "hint" }, code)));
+    const reasons = reasonsOf(clip).map(({ code, text, isWarning }) =>
+      h("li", { class: isWarning ? "warning" : "" }, text, " ", h("code", { class: "hint" }, code)));
     const advice = adviceOf(clip).map((text) => h("p", { class: "advice" }, text));
     put(this.verdict,
       thumbnail(clip, this.name),
@@ -133,7 +146,7 @@ class ClipPage {
   private actions(): HTMLElement {
     const { clip } = this;
     const act = (word: string, kind: string, run: () => Promise<void>) => {
-      const button = h("button", { type: "button", class: kind }, word);
+      const button = h("button", { type: "button", class: kind, "data-key": word }, word);
       button.addEventListener("click", () => void attempt(button, run));
       return button;
     };
@@ -148,7 +161,7 @@ class ClipPage {
     };
     const remove = async () => {
       const text = "Its recording, its place and its points are removed for good.";
-      if (!(await confirm(`Delete ${this.name.toLowerCase()}?`, text, "Delete clip"))) return;
+      if (!(await confirm(`Delete ${this.name}?`, text, "Delete clip"))) return;
       await api.deleteClip(clip);
       say(`${this.name} is deleted.`);
       location.hash = toHome(clip.home);
@@ -188,7 +201,7 @@ class ClipPage {
       });
     const isDoubtful = clip.state === "failed" || isForeign(clip);
     const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;
-    put(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) ? null : choose));
+    putAgain(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) || !mayChange() ? null : choose));
   }
 
   private drawPictures(): void {
@@ -205,8 +218,9 @@ class ClipPage {
     };
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
-      picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
-        "The clip's hit points over the LiDAR map"),
+      picture("overlay.png",
+        "The method's own answer over the LiDAR map: green hits on walls, red hits off them, orange the other places",
+        "The clip's hit points over the LiDAR map, at the method's own answer"),
       clip.alignment.completion
         ? picture("completion.png", "Completed views, for a clip in doubt",
             "The completed views, and the plan before and after")

@@ -1,26 +1,54 @@
 // All homes.
 
-import { homePath, homes, makeHome } from "../api.ts";
+import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, put } from "../dom.ts";
 import { stateMark } from "../parts/marks.ts";
 import { attempt } from "../parts/notices.ts";
 import { type Asked, toHome, toHomes } from "../route.ts";
-import type { Home } from "../types.ts";
+import { mayChange } from "../session.ts";
+import type { Home, List } from "../types.ts";
 import { many, STATES, stateWord, time } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 export async function showHomes(place: Place, asked: Asked): Promise<void> {
   setCrumbs(place, [], "Homes");
-  const page = await homes(asked, place.signal);
+  const page = await homesOrNone(asked, place.signal);
+  if (!page) return put(place.main, oneHome());
   const isPart = Boolean(asked.text || asked.attention || asked.after);
   const list = page.items.length === 0
     ? nothing(isPart)
     : h("ul", { class: "homes" }, ...page.items.map(card));
   const more = page.next && h("a", { class: "button", href: toHomes({ ...asked, after: page.next }) }, "More homes");
   put(place.main, h("div", { class: "page" },
-    h("div", { class: "head" }, h("h1", {}, "Homes"), newHome()),
+    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome()),
     page.items.length > 0 || isPart ? search(asked) : null,
     list, h("p", { class: "row" }, more)));
+}
+
+/** Null for a key of one home, which the service does not name. */
+async function homesOrNone(asked: Asked, signal: AbortSignal): Promise<List<Home> | null> {
+  try {
+    return await homes(asked, signal);
+  } catch (error) {
+    if (error instanceof Refusal && error.status === 403) return null;
+    throw error;
+  }
+}
+
+function oneHome(): HTMLElement {
+  const id = h("input", {
+    type: "text", required: true, placeholder: "flat-3-elm-street", autocomplete: "off", spellcheck: "false", maxlength: 64,
+    "aria-label": "Id of the home",
+  });
+  const form = h("form", { class: "row" }, id, h("button", { class: "primary" }, "Open"));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    location.hash = toHome(id.value.trim());
+  });
+  return h("section", { class: "empty" },
+    h("h1", {}, "This key is for one home"),
+    h("p", {}, "It opens this home only, and not the list of all homes. Enter the id of the home: the operator of the service knows it."),
+    form);
 }
 
 function nothing(isPart: boolean): HTMLElement {
@@ -30,8 +58,8 @@ function nothing(isPart: boolean): HTMLElement {
   }
   return h("section", { class: "empty" },
     h("h2", {}, "No home yet"),
-    h("p", {}, "A home holds the LiDAR map of its robot vacuum and the clips filmed in it. Make one above, or let ",
-      h("code", {}, "viola demo"), " fill a server with a simulated one."));
+    h("p", {}, "A home holds the LiDAR map of its robot vacuum and the clips filmed in it."),
+    mayChange() && h("p", {}, "Make one above, or let ", h("code", {}, "viola demo"), " fill a server with a simulated one."));
 }
 
 function search(asked: Asked): HTMLElement {

@@ -7,15 +7,18 @@ export interface Option<T> {
   word: string;
   value: T;
   kind?: "primary" | "danger";
+  /** True if it needs the fields of the question; the browser checks them first. */
+  needsFields?: boolean;
 }
 
 /** The chosen value; null when the question was closed. The first option has the focus. */
 export function ask<T>(title: string, text: Child, options: Option<T>[]): Promise<T | null> {
   return new Promise((resolve) => {
     const heading = h("h2", { id: "question" }, title);
-    const buttons = options.map(({ word, kind }, i) =>
-      h("button", { type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 && typeof text === "string" }, word),
-    );
+    const buttons = options.map(({ word, kind, needsFields }, i) => h("button", {
+      type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 && typeof text === "string",
+      formnovalidate: !needsFields,
+    }, word));
     const form = h("form", { method: "dialog" }, heading, h("p", {}, text), h("div", { class: "row end" }, ...buttons));
     const dialog = h("dialog", { "aria-labelledby": "question" }, form);
     dialog.addEventListener("close", () => {

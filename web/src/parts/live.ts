@@ -3,52 +3,52 @@
 import { homePath } from "../api.ts";
 import type { Job } from "../types.ts";
 
-/** A browser opens six connections to a host at most, and each followed job holds one. */
-const MAX_FOLLOWED = 2;
-
-/** Follows jobs by their server-sent events, a few at a time. */
+/**
+ * Follows one running job by its server-sent events. A browser opens six connections to a host at most, and each
+ * stream holds one; the stream of the home tells when a queued job starts.
+ */
 export class Followed {
-  private readonly streams = new Map<string, EventSource>();
+  private stream: EventSource | null = null;
+  private id = "";
 
   constructor(
     private readonly onJob: (job: Job) => void,
     private readonly onEnd: () => void,
     signal: AbortSignal,
   ) {
-    signal.addEventListener("abort", () => this.stopAll());
-    // The page asks again when it is looked at, and then follows its jobs.
-    document.addEventListener("visibilitychange", () => document.hidden && this.stopAll(), { signal });
+    signal.addEventListener("abort", () => this.stop());
+    // The page asks again when it is looked at, and then follows its job.
+    document.addEventListener("visibilitychange", () => document.hidden && this.stop(), { signal });
   }
 
-  /** Follows these jobs, the first ones first, and no others. */
+  /** Follows the first running one of these jobs; one that is followed already stays. */
   follow(jobs: Job[]): void {
     if (document.hidden) return;
-    const wanted = new Set(jobs.slice(0, MAX_FOLLOWED).map((job) => job.id));
-    for (const id of this.streams.keys()) if (!wanted.has(id)) this.stop(id);
-    for (const id of wanted) if (!this.streams.has(id)) this.start(id);
+    const running = jobs.filter(({ state }) => state === "running");
+    if (running.some(({ id }) => id === this.id)) return;
+    this.stop();
+    if (running[0]) this.start(running[0].id);
   }
 
   private start(id: string): void {
     const stream = new EventSource(`/v1/jobs/${encodeURIComponent(id)}/events`);
-    this.streams.set(id, stream);
+    this.stream = stream;
+    this.id = id;
     stream.addEventListener("job", (event: MessageEvent<string>) => this.onJob(JSON.parse(event.data) as Job));
     stream.addEventListener("end", () => {
-      this.stop(id);
+      this.stop();
       this.onEnd();
     });
     // The browser does not try a refused stream again; the home's own stream tells when to follow the job again.
     stream.addEventListener("error", () => {
-      if (stream.readyState === EventSource.CLOSED) this.stop(id);
+      if (stream.readyState === EventSource.CLOSED && stream === this.stream) this.stop();
     });
   }
 
-  private stop(id: string): void {
-    this.streams.get(id)?.close();
-    this.streams.delete(id);
-  }
-
-  private stopAll(): void {
-    for (const id of [...this.streams.keys()]) this.stop(id);
+  private stop(): void {
+    this.stream?.close();
+    this.stream = null;
+    this.id = "";
   }
 }
 

@@ -23,8 +23,9 @@ export function say(text: string, offer?: { word: string; act: () => unknown }):
   setTimeout(() => note.remove(), offer ? 2 * SHOWN_MS : SHOWN_MS);
 }
 
-/** Something failed; it stays until it is closed. */
+/** Something failed; it stays until it is closed. A failure that repeats is shown once. */
 export function alarm(text: string): void {
+  if ([...alarms.children].some((note) => note.firstChild?.textContent === text)) return;
   const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Dismiss" }, "✕");
   const note = h("p", { class: "toast bad" }, h("span", {}, text), close);
   close.addEventListener("click", () => note.remove());
@@ -39,14 +40,15 @@ export function messageOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-/** Runs what a button does: the button rests meanwhile, and a failure is told. */
+/** Runs the action of a button, which rests meanwhile, and tells a failure. A disabled button would lose the focus. */
 export async function attempt(button: HTMLButtonElement | null, act: () => Promise<void>): Promise<void> {
-  if (button) button.disabled = true;
+  if (button?.getAttribute("aria-disabled") === "true") return;
+  button?.setAttribute("aria-disabled", "true");
   try {
     await act();
   } catch (error) {
     alarm(messageOf(error));
   } finally {
-    if (button) button.disabled = false;
+    button?.removeAttribute("aria-disabled");
   }
 }

@@ -39,6 +39,8 @@ export class PlanView {
   private press: { x: number; y: number } | null = null;
   /** Told about a click: its point in the map's frame. */
   onClick: (point: Point2) => void = () => {};
+  /** Told when another part is shown. */
+  onMoved: () => void = () => {};
 
   /** A drawing that stays as it is when `signal` is null. */
   constructor(label: string, signal: AbortSignal | null) {
@@ -136,6 +138,12 @@ export class PlanView {
     this.apply();
   }
 
+  /** The point in the middle. */
+  get middle(): Point2 {
+    const { x, y, width, height } = this.window;
+    return [(x + width / 2) / UNITS, -(y + height / 2) / UNITS];
+  }
+
   private pointAt(clientX: number, clientY: number): Point2 {
     const { x, y, width, height } = this.window;
     const box = this.element.getBoundingClientRect();
@@ -152,6 +160,7 @@ export class PlanView {
     // Texts keep their size on the screen.
     this.element.style.setProperty("--unit", String(perPixel));
     this.placeNames();
+    this.onMoved();
   }
 
   /** Units of the drawing for one pixel of the screen. */

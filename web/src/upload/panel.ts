@@ -1,25 +1,29 @@
 // The places to drop files on, and the queue of the home's uploads.
 
+import { lidarMaps } from "../api.ts";
 import { h } from "../dom.ts";
+import type { HomeData } from "../home/data.ts";
 import { ask } from "../parts/dialog.ts";
+import { alarm } from "../parts/notices.ts";
 import { bytes } from "../words.ts";
 import { type Kind, kindOf } from "./kind.ts";
+import { askTarget } from "./level.ts";
 import { queueOf } from "./queue.ts";
 
 export class UploadPanel {
   readonly element: HTMLElement;
-  private readonly add: (file: File, kind: Kind) => void;
+  private readonly queue: ReturnType<typeof queueOf>;
+  /** Files are sorted one after another, so that one question is open at a time. */
+  private sorted = Promise.resolve();
 
   constructor(
-    home: string,
-    /** The level that a LiDAR map is put for. */
-    level: () => string,
+    private readonly data: HomeData,
     onDone: () => void,
     private readonly signal: AbortSignal,
   ) {
-    const queue = queueOf(home);
+    const queue = queueOf(data.home.id);
+    this.queue = queue;
     queue.onDone = onDone;
-    this.add = (file, kind) => queue.add(file, kind, level());
     this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), queue.list, queue.said);
     this.takeDrops();
   }
@@ -32,10 +36,10 @@ export class UploadPanel {
     const hint = kind === "clip" ? "zip, .r3d, .db or .mcap of an RGB-D recording" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
     const label = h(
       "label", { class: "drop", for: input.id, "data-kind": kind },
-      h("strong", {}, kind === "clip" ? "Add clips" : "Put LiDAR map"), h("span", { class: "hint" }, hint),
+      h("strong", {}, kind === "clip" ? "Add clips" : "Add LiDAR map"), h("span", { class: "hint" }, hint),
     );
     input.addEventListener("change", () => {
-      for (const file of input.files ?? []) void this.sort(file, kind);
+      this.take([...(input.files ?? [])], kind);
       input.value = "";
     });
     return h("div", { class: "target" }, input, label);
@@ -58,15 +62,31 @@ export class UploadPanel {
       event.preventDefault();
       const target = event.target instanceof Element ? event.target.closest<HTMLElement>("[data-kind]") : null;
       const said = target?.dataset.kind as Kind | undefined;
-      for (const file of event.dataTransfer?.files ?? []) void this.sort(file, said);
+      this.take(filesOf(event.dataTransfer), said);
     }, options);
+  }
+
+  private take(files: File[], said: Kind | undefined): void {
+    for (const file of files) this.sorted = this.sorted.then(() => this.sort(file, said));
   }
 
   private async sort(file: File, said: Kind | undefined): Promise<void> {
     const found = await kindOf(file).catch(() => null);
     const isOther = said && found && said !== found;
     const kind = isOther ? await this.askOther(file, said, found) : (said ?? found ?? (await this.askKind(file)));
-    if (kind) this.add(file, kind);
+    if (kind === "clip") this.queue.addClip(file);
+    if (kind === "map") await this.addMap(file);
+  }
+
+  /** The map of the shown level; asks first if the level has one. The page may not have read the newest map yet. */
+  private async addMap(file: File): Promise<void> {
+    const { data: { home, level, lidars }, queue, signal } = this;
+    const { levels } = queue;
+    const maps = await lidarMaps(home.id, signal).catch(() => lidars);
+    const taken = [...new Set([...levels, ...maps.map((map) => map.level)])];
+    const now = { level, replaces: maps.find((map) => map.level === level)?.revision ?? null };
+    const target = taken.includes(level) ? await askTarget(file, now, taken) : now;
+    if (target) queue.addMap(file, target);
   }
 
   /** A file on the place of the other kind, for example a map on "Add clips". */
@@ -86,4 +106,15 @@ export class UploadPanel {
       { word: "Neither", value: null },
     ]);
   }
+}
+
+/** The files of a drop. A folder has no bytes to send; it is told and left out. */
+function filesOf(dropped: DataTransfer | null): File[] {
+  const files = [];
+  for (const item of dropped?.items ?? []) {
+    const file = item.getAsFile();
+    if (item.webkitGetAsEntry()?.isDirectory) alarm(`${file?.name ?? "This"} is a folder; drop its zip archive.`);
+    else if (file) files.push(file);
+  }
+  return files;
 }

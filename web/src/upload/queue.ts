@@ -1,28 +1,23 @@
-// The files of a home that wait, go, or failed. A queue outlives its page: one may look elsewhere while files go.
+// The files of a home that wait, are being sent, or failed. A queue outlives its page.
 
-import { homePath, Refusal } from "../api.ts";
+import { Refusal } from "../api.ts";
 import { h } from "../dom.ts";
 import { alarm, messageOf, say } from "../parts/notices.ts";
-import { bytes, percent } from "../words.ts";
-import type { Kind } from "./kind.ts";
-import { send } from "./send.ts";
+import { offerUndo, sendMap, type Target } from "./map.ts";
+import { mayTryAgain, pause, retryDelay_ms } from "./retry.ts";
+import { UploadRow } from "./row.ts";
+import { forgetClip, sendClip, type SentClip } from "./tus.ts";
 
-interface Upload {
-  file: File;
-  kind: Kind;
-  /** The level that a LiDAR map is put for. */
-  level: string;
-  /** The same for every attempt, so that a clip that arrived is not stored twice. */
-  key: string;
-  row: HTMLElement;
+interface Upload extends SentClip {
+  /** The level of a LiDAR map; null for a clip. */
+  target: Target | null;
+  row: UploadRow;
   stop: AbortController;
 }
 
-const WORDS: Record<Kind, string> = { clip: "Clip", map: "LiDAR map" };
-
 const queues = new Map<string, UploadQueue>();
 
-/** The queue of a home, with the rows of files that are not through. */
+/** The queue of a home, with the rows of files that are not stored yet. */
 export function queueOf(home: string): UploadQueue {
   const queue = queues.get(home) ?? new UploadQueue(home);
   queues.set(home, queue);
@@ -40,9 +35,9 @@ function randomKey(): string {
   return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-/** Returns whether the same file may be taken later: a refusal of the file itself is final. */
-function isPassing(error: unknown): boolean {
-  return error instanceof Refusal && (error.status < 400 || error.status >= 500 || [401, 408, 429].includes(error.status));
+/** A lost connection and a file that cannot be read any more are the same to XMLHttpRequest. */
+async function isReadable(file: File): Promise<boolean> {
+  return file.slice(0, 1).arrayBuffer().then(() => true, () => false);
 }
 
 class UploadQueue {
@@ -50,84 +45,116 @@ class UploadQueue {
   readonly said = h("p", { class: "hidden-text", role: "status", "aria-live": "polite" });
   /** Called when a file is stored; the page of the home sets it. */
   onDone: () => void = () => {};
+  /** The first one is being sent. */
   private waiting: Upload[] = [];
   private isSending = false;
-  private sent: Upload | null = null;
   /** The browser asks before a tab with unsent files is closed. */
   private readonly askBeforeLeaving = (event: BeforeUnloadEvent) => event.preventDefault();
 
   constructor(private readonly home: string) {}
 
-  add(file: File, kind: Kind, level: string): void {
-    this.enter({ file, kind, level, key: randomKey(), row: h("li", {}), stop: new AbortController() });
+  /** The levels whose LiDAR map is not sent yet. */
+  get levels(): string[] {
+    return this.waiting.flatMap(({ target }) => (target ? [target.level] : []));
+  }
+
+  addClip(file: File): void {
+    this.add(file, "Clip", null);
+  }
+
+  addMap(file: File, target: Target): void {
+    this.add(file, `LiDAR map · ${target.level}`, target);
   }
 
   stop(): void {
+    for (const { stop } of this.waiting) stop.abort();
     this.waiting = [];
-    this.sent?.stop.abort();
     this.list.replaceChildren();
   }
 
+  private add(file: File, kind: string, target: Target | null): void {
+    const row = new UploadRow(file, kind, () => this.cancel(upload));
+    const upload: Upload = { home: this.home, file, key: randomKey(), path: null, target, row, stop: new AbortController() };
+    this.list.append(row.element);
+    this.enter(upload);
+  }
+
+  private cancel(upload: Upload): void {
+    upload.stop.abort();
+    this.waiting = this.waiting.filter((other) => other !== upload);
+    upload.row.element.remove();
+    forgetClip(upload);
+  }
+
   private enter(upload: Upload): void {
-    const { file, kind, row } = upload;
-    const close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${file.name}` }, "✕");
-    close.addEventListener("click", () => {
-      upload.stop.abort();
-      this.waiting = this.waiting.filter((other) => other !== upload);
-      row.remove();
-    });
-    row.className = "";
-    row.replaceChildren(h("span", { class: "kind" }, WORDS[kind]), h("span", { class: "file" }, file.name),
-      h("span", { class: "hint" }, "waits"), close);
-    this.list.append(row);
-    // Clips wait for a map anyway, so that the map goes first.
-    this.waiting = kind === "map" ? [upload, ...this.waiting] : [...this.waiting, upload];
+    upload.row.wait("waits");
+    // Clips wait for a map anyway, so that maps go first; a file that is being sent stays first.
+    const at = upload.target ? Number(this.isSending) : this.waiting.length;
+    this.waiting.splice(at, 0, upload);
     void this.work();
   }
 
-  /** One at a time: two would only share the same line. */
+  /** Sends one file at a time: two would only share the same line. Stops when the session has ended. */
   private async work(): Promise<void> {
     if (this.isSending) return;
     this.isSending = true;
     addEventListener("beforeunload", this.askBeforeLeaving);
-    for (let upload = this.waiting.shift(); upload; upload = this.waiting.shift()) await this.sendOne(upload);
+    for (let next = this.waiting[0], goesOn = true; next && goesOn; next = this.waiting[0]) {
+      goesOn = await this.sendOne(next);
+      this.waiting = this.waiting.filter((other) => other !== next);
+    }
     removeEventListener("beforeunload", this.askBeforeLeaving);
     this.isSending = false;
   }
 
-  private async sendOne(upload: Upload): Promise<void> {
-    const { file, kind, level, key, row, stop } = upload;
-    this.sent = upload;
-    const bar = h("progress", { max: 1, value: 0, "aria-label": `Upload of ${file.name}` });
-    row.append(bar);
-    const onSent = (share: number) => {
-      bar.value = share;
-      const word = row.querySelector(".hint");
-      if (word) word.textContent = share < 1 ? `${percent(share)} of ${bytes(file.size)}` : "being read";
-    };
-    onSent(0);
-    try {
-      if (kind === "clip") await send("POST", homePath(this.home, "clips"), file, onSent, stop.signal, key);
-      else await send("PUT", homePath(this.home, "lidar-maps", encodeURIComponent(level)), file, onSent, stop.signal);
-      this.said.textContent = `${file.name} is stored.`;
-      if (!row.isConnected) say(`${file.name} is stored.`);
-      row.remove();
-      this.onDone();
-    } catch (error) {
-      if (!stop.signal.aborted) this.fail(upload, error);
+  /** Sends a file until it is stored, refused or cancelled. False if the rest of the queue would be refused, too. */
+  private async sendOne(upload: Upload): Promise<boolean> {
+    const { file, row, stop: { signal } } = upload;
+    this.said.textContent = `${file.name} is being sent.`;
+    row.progress(0);
+    for (let failures = 1; !signal.aborted; failures++) {
+      try {
+        await this.send(upload);
+        row.element.remove();
+        this.onDone();
+        return true;
+      } catch (error) {
+        if (signal.aborted) return true;
+        const unreadable = (await isReadable(file)) ? null : new Error("The file cannot be read any more. Add it again.");
+        const wait_ms = unreadable ? null : retryDelay_ms(error, failures);
+        if (wait_ms === null) return this.fail(upload, unreadable ?? error);
+        row.wait(navigator.onLine ? "waits for the service" : "waits for the network");
+        if (failures === 1) this.said.textContent = `${file.name} waits: ${messageOf(error)} It goes on by itself.`;
+        await pause(wait_ms, signal);
+      }
     }
+    return true;
   }
 
-  private fail(upload: Upload, error: unknown): void {
+  private async send(upload: Upload): Promise<void> {
+    const { home, file, target, row, stop: { signal } } = upload;
+    const onSent = (bytes: number) => row.progress(bytes);
+    if (!target) {
+      await sendClip(upload, onSent, signal);
+      return this.tell(upload);
+    }
+    const { level, replaces } = target;
+    const revision = await sendMap(home, level, file, onSent, signal);
+    this.tell(upload);
+    if (replaces !== null && revision !== replaces) offerUndo(home, level, replaces, () => this.onDone());
+  }
+
+  private tell({ file, row }: Upload): void {
+    const text = `${file.name} is stored.`;
+    this.said.textContent = text;
+    if (!row.element.isConnected) say(text);
+  }
+
+  private fail(upload: Upload, error: unknown): boolean {
     const { file, row } = upload;
-    if (!row.isConnected) alarm(`${file.name} is not stored: ${messageOf(error)}`);
-    row.className = "failed";
-    row.querySelector("progress")?.remove();
-    row.querySelector(".hint")?.remove();
-    row.append(h("p", { class: "reason", role: "alert" }, messageOf(error)));
-    if (!isPassing(error)) return;
-    const again = h("button", { type: "button", class: "small" }, "Try again");
-    again.addEventListener("click", () => this.enter(upload));
-    row.append(again);
+    const reason = messageOf(error);
+    if (!row.element.isConnected) alarm(`${file.name} is not stored: ${reason}`);
+    row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null);
+    return !(error instanceof Refusal && error.status === 401);
   }
 }

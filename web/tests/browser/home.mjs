@@ -8,6 +8,8 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.locator(`.views[data-revision="${revision}"]`).waitFor({ state: "attached" });
   }
 
+  const focusedKey = () => page.evaluate(() => document.activeElement.dataset.key);
+
   async function objectsAreFoundAndCorrected() {
     const revision = async () => (await open("/v1/homes/flat/map")).revision;
     const { objects } = await open("/v1/homes/flat/map/objects");
@@ -21,6 +23,16 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     assert.equal(await row(object.id).getAttribute("aria-pressed"), "true");
     await shot("06-selected");
     let next = (await revision()) + 1;
+    const pin = details.getByRole("button", { name: "Pin", exact: true });
+    await pin.focus();
+    await page.keyboard.press("Enter");
+    await mapIs(next++);
+    // The card is drawn again, and the focus stays.
+    await details.getByRole("button", { name: "Unpin" }).waitFor();
+    assert.equal(await focusedKey(), "Pin");
+    await details.getByRole("button", { name: "Withdraw corrections" }).click();
+    await mapIs(next++);
+    await pin.waitFor();
     await details.getByRole("button", { name: "Rename" }).click();
     await page.getByRole("dialog").getByRole("textbox").fill("Grandma's");
     await page.keyboard.press("Enter");
@@ -39,6 +51,15 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.getByRole("button", { name: "Undo" }).click();
     await mapIs(next++);
     await row(object.id).waitFor();
+    // The offer to undo goes away, and the list of removed objects stays.
+    await row(object.id).click();
+    await details.getByRole("button", { name: "Remove" }).click();
+    await mapIs(next++);
+    await page.locator("summary", { hasText: "Removed objects" }).click();
+    await page.getByRole("button", { name: "Bring back Grandma's" }).click();
+    await mapIs(next++);
+    await row(object.id).waitFor();
+    await page.getByText("No object is removed.").waitFor();
     await page.getByLabel("Search rooms and objects").fill("");
     await page.locator("summary", { hasText: "Changes" }).click();
     await page.locator(".compare").getByText("1 object seen for the first time").waitFor();
@@ -75,20 +96,55 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await mapIs(next++);
     await details.getByRole("heading", { name: "Atelier" }).waitFor();
     await page.locator("label:has(#view-2d)").click();
-    await details.getByRole("button", { name: "Split" }).click();
+    const split = details.getByRole("button", { name: "Split" });
+    await split.click();
+    await details.waitFor({ state: "hidden" });
+    await page.getByRole("button", { name: "Cancel" }).click();
+    await details.waitFor();
+    assert.equal(await focusedKey(), "Split");
+    // The line is for the room that it was asked for, and for no other.
+    await split.click();
+    await page.locator('.thing-row[data-key^="object "]').first().click();
+    assert.ok(await page.locator(".measure").isHidden(), "another selection does not end the split");
+    await page.locator(`.thing-row[data-key="room ${room.id}"]`).click();
+    await split.click();
     // Across the middle of the room, which lies in the middle of the plan now.
     const shape = await boxOf(page.locator("path.room.selected"));
     const x = shape.x + shape.width / 2;
-    await details.evaluate((card) => (card.style.visibility = "hidden"));
     await page.mouse.click(x, shape.y + 4);
     await page.mouse.click(x, shape.y + shape.height - 4);
-    await details.evaluate((card) => (card.style.visibility = ""));
     await mapIs(next++);
     await page.locator(`.thing-row[data-key="room ${room.id}-b"]`).waitFor();
     await shot("06-divided");
     await details.getByRole("button", { name: "Withdraw corrections" }).click();
     await mapIs(next++);
     await page.locator(`.thing-row[data-key="room ${room.id}-b"]`).waitFor({ state: "detached" });
+  }
+
+  /** The view moves under the crosshair, and Enter takes the point there. */
+  async function aLineIsMeasuredByKeys() {
+    const told = (text) => page.locator(".measure [role=status]", { hasText: text });
+    const length = async () => Number.parseFloat(await page.locator(".measure [role=status]").textContent());
+    for (const view of ["2d", "3d"]) {
+      await page.locator(`label:has(#view-${view})`).click();
+      await page.getByRole("button", { name: "Measure" }).focus();
+      await page.keyboard.press("Enter");
+      await page.locator(".crosshair").waitFor();
+      await told("Enter takes x").waitFor();
+      await page.keyboard.press("Enter");
+      await told("0.0 cm to x").waitFor();
+      await page.keyboard.press(view === "2d" ? "ArrowUp" : "w");
+      await told("0.0 cm to x").waitFor({ state: "detached" });
+      const aimed = await length();
+      await shot(`06-crosshair-${view}`);
+      await page.keyboard.press("Enter");
+      await told("to x").waitFor({ state: "detached" });
+      assert.equal(await length(), aimed);
+      await page.keyboard.press("Backspace");
+      await told("Backspace drops").waitFor();
+      await page.keyboard.press("Escape");
+      assert.ok(await page.locator(".measure").isHidden());
+    }
   }
 
   async function linesAreMeasured() {
@@ -124,13 +180,50 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.locator(".thing-row").first().click();
     const name = await page.locator(".details h2").textContent();
     await page.locator("label:has(#colouring-class)").click();
+    await page.locator(".stage-3d canvas").focus();
+    for (const key of ["ArrowLeft", "+", "w"]) await page.keyboard.press(key);
     await page.getByRole("button", { name: "Share" }).click();
+    await page.getByText("The link to this view is copied.").waitFor();
     const address = await page.evaluate(() => navigator.clipboard.readText());
     const other = await context.newPage();
     await other.goto(address);
     await other.locator(".details h2", { hasText: name }).waitFor();
     await other.locator(".views[data-colouring=class]").waitFor();
+    // The camera stands where it stood, also after another reading of the page.
+    for (const again of [false, true]) {
+      if (again) await other.reload();
+      await other.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+      await other.getByRole("button", { name: "Share" }).click();
+      await other.getByText("The link to this view is copied.").waitFor();
+      assert.deepEqual(from(await other.evaluate(() => location.href)), from(address));
+    }
     await other.close();
+  }
+
+  /** The numbers of the camera in an address: its eye and its target. */
+  function from(address) {
+    const numbers = new URLSearchParams(address.split("?")[1]).get("from").split("_").map(Number);
+    assert.ok(numbers.length === 6 && numbers.every(Number.isFinite), address);
+    return numbers;
+  }
+
+  /** The browser's button leads back to the view that a person left for a clip. */
+  async function aViewIsFoundAgain() {
+    await page.locator("label:has(#view-2d)").click();
+    await page.locator("label:has(#colouring-clip)").click();
+    const side = page.locator(".side");
+    await side.evaluate((side) => (side.scrollTop = 60));
+    await page.waitForFunction(() => location.hash.includes("colour=clip") && history.state?.side_px === 60);
+    const [hash, entries] = await page.evaluate(() => [location.hash, history.length]);
+    await page.locator("li.clip .title").first().click();
+    await page.locator("[data-alternative]").first().waitFor();
+    assert.equal(await page.evaluate(() => history.length), entries + 1);
+    await page.goBack();
+    await page.locator(".views[data-colouring=clip][data-view='2d']").waitFor();
+    assert.equal(await page.evaluate(() => location.hash), hash);
+    assert.equal(await side.evaluate((side) => side.scrollTop), 60);
+    await page.locator("label:has(#colouring-class)").click();
+    await page.locator("label:has(#view-3d)").click();
   }
 
   /** The page's clock goes on by five seconds, then by ten minutes: no timer may ask for anything. */
@@ -154,7 +247,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
   }
 
   return [
-    objectsAreFoundAndCorrected, anObjectIsClicked, aRoomIsRenamedAndDivided, linesAreMeasured, everythingIsDownloaded, aViewIsShared,
-    aQuietHomeIsNotAskedAbout,
+    objectsAreFoundAndCorrected, anObjectIsClicked, aRoomIsRenamedAndDivided, linesAreMeasured, aLineIsMeasuredByKeys, everythingIsDownloaded,
+    aViewIsShared, aViewIsFoundAgain, aQuietHomeIsNotAskedAbout,
   ];
 }

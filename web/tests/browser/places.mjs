@@ -50,6 +50,9 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await pointsShown();
     await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
     await shot("15-level");
+    const names = await page.locator(".thing-row").allTextContents();
+    assert.ok(!names.some((name) => name.includes("~")), `the names have the level: ${names}`);
+    await page.waitForFunction(() => location.hash.includes("level=upper"));
     // The choice makes a new revision; the page follows, sooner or later than this test asks.
     await page.waitForFunction(async () => {
       const { levels } = await (await fetch("/v1/homes/house/map")).json();
@@ -62,6 +65,45 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await hasThumbnail(clip.locator("img"));
     await level.selectOption("main");
     await page.locator(".views[data-level=main]").waitFor();
+  }
+
+  /** A map of a level that has one asks first; a new level is added, a replacement is taken back. */
+  async function aMapIsAddedReplacedAndTakenBack() {
+    await makeHome("Attic");
+    const stored = (name) => page.locator(".upload > [role=status]", { hasText: `${name} is stored.` }).waitFor({ state: "attached" });
+    const maps = async () => (await open("/v1/homes/attic/lidar-maps")).items.map(({ level, file_name }) => `${level} ${file_name}`);
+    await dropFiles(page, [{ name: "room.csv", bytes: smallRoom() }]);
+    await stored("room.csv");
+    const map = await file("normal", "valetudo.json");
+    const dialog = page.getByRole("dialog");
+    const isAsked = () => dialog.getByRole("heading", { name: "The level main has a LiDAR map already" }).waitFor();
+    await dropFiles(page, [map]);
+    await isAsked();
+    await shot("18-second-map");
+    await page.keyboard.press("Escape");
+    await dialog.waitFor({ state: "detached" });
+    assert.deepEqual(await maps(), ["main room.csv"]);
+    // Neither a name that is taken nor one that is none is accepted.
+    await dropFiles(page, [map]);
+    await isAsked();
+    for (const name of ["main", "First floor", ""]) {
+      await dialog.getByRole("textbox").fill(name);
+      await page.keyboard.press("Enter");
+      assert.equal(await dialog.count(), 1, `"${name}" was taken as a level`);
+    }
+    await dialog.getByRole("textbox").fill("upper");
+    await dialog.getByRole("button", { name: "Add level" }).click();
+    await stored("valetudo.json");
+    assert.deepEqual(await maps(), ["main room.csv", "upper valetudo.json"]);
+    await page.getByLabel("Level", { exact: true }).waitFor();
+    await dropFiles(page, [map]);
+    await isAsked();
+    await dialog.getByRole("button", { name: "Replace map" }).click();
+    await page.getByText("The map of the level main is replaced.").waitFor();
+    assert.deepEqual(await maps(), ["main valetudo.json", "upper valetudo.json"]);
+    await page.getByRole("button", { name: "Undo" }).click();
+    await page.getByText("The level main has its earlier map again.").waitFor();
+    assert.deepEqual(await maps(), ["main room.csv", "upper valetudo.json"]);
   }
 
   async function aForeignClipIsExplained() {
@@ -89,5 +131,5 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await shot("17-foreign-clip");
   }
 
-  return [aLevelIsChosen, aForeignClipIsExplained];
+  return [aLevelIsChosen, aMapIsAddedReplacedAndTakenBack, aForeignClipIsExplained];
 }

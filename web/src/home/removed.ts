@@ -1,0 +1,55 @@
+// Lists the objects that a person removed from the map, to bring them back.
+
+import * as api from "../api.ts";
+import { h, put, putAgain } from "../dom.ts";
+import { attempt, messageOf, say } from "../parts/notices.ts";
+import type { Corrections } from "../types.ts";
+import { plain, time } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import { withoutLevel } from "./selection.ts";
+
+export class RemovedPanel {
+  readonly element = h("div", {});
+  private shown = 0;
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly onCorrected: () => void,
+    private readonly signal: AbortSignal,
+  ) {}
+
+  /** Reads the corrections again if the map has a new revision; the panel must be open for that. */
+  async draw(): Promise<void> {
+    const revision = this.data.map?.revision ?? 0;
+    if (revision === this.shown || this.element.closest("details")?.open !== true) return;
+    this.shown = revision;
+    await this.read();
+  }
+
+  private async read(): Promise<void> {
+    try {
+      const { objects } = await api.corrections(this.data.home.id, this.signal);
+      const removed = objects.filter(({ hidden }) => hidden);
+      if (removed.length === 0) return put(this.element, h("p", { class: "hint" }, "No object is removed."));
+      putAgain(this.element, h("ul", { class: "removed" }, ...removed.map((object) => this.row(object))));
+    } catch (error) {
+      if (this.signal.aborted) return;
+      this.shown = 0;
+      put(this.element, h("p", { class: "reason", role: "status" }, messageOf(error)));
+    }
+  }
+
+  private row({ id, name, class: corrected, corrected_at }: Corrections["objects"][number]): HTMLElement {
+    // The service keeps no class that nobody corrected, but an id begins with the first class of its object.
+    const word = name ?? plain(corrected ?? withoutLevel(id).replace(/-(\d+)$/, " $1"));
+    const button = h("button", { type: "button", class: "small", "data-key": id }, "Bring back");
+    button.setAttribute("aria-label", `Bring back ${word}`);
+    button.addEventListener("click", () => void attempt(button, async () => {
+      await api.correctThing(this.data.home.id, id, { hidden: null });
+      say(`${word} is brought back. The map is made again.`);
+      await this.read();
+      this.onCorrected();
+    }));
+    return h("li", {}, h("span", { class: "word" }, word), h("span", { class: "hint" }, time(corrected_at)), button);
+  }
+}

@@ -1,0 +1,40 @@
+// Sends a LiDAR map, and takes a replacement back.
+
+import { homePath, restoreLidarMap } from "../api.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { sentName } from "./names.ts";
+import { request } from "./request.ts";
+
+/** The level of a LiDAR map. */
+export interface Target {
+  level: string;
+  /** The revision of the map that the file replaces; null if the level has none. */
+  replaces: number | null;
+}
+
+/** Sends a map; returns its revision. */
+export async function sendMap(
+  home: string,
+  level: string,
+  file: File,
+  onSent: (bytes: number) => void,
+  signal: AbortSignal,
+): Promise<number> {
+  const name = sentName(file);
+  const query = name ? `?filename=${encodeURIComponent(name)}` : "";
+  const path = homePath(home, "lidar-maps", encodeURIComponent(level)) + query;
+  const answer = await request("PUT", path, { headers: { "content-type": "application/octet-stream" }, body: file, onSent, signal });
+  return (JSON.parse(answer.responseText) as { revision: number }).revision;
+}
+
+/** Tells that a map is replaced, and offers the earlier one. */
+export function offerUndo(home: string, level: string, replaced: number, onDone: () => void): void {
+  say(`The map of the level ${level} is replaced.`, {
+    word: "Undo",
+    act: () => attempt(null, async () => {
+      await restoreLidarMap(home, level, replaced);
+      say(`The level ${level} has its earlier map again.`);
+      onDone();
+    }),
+  });
+}

@@ -1,0 +1,36 @@
+// Decides whether and when a failed upload is sent again.
+
+import { Refusal } from "../api.ts";
+
+const FIRST_MS = 1000;
+const LONGEST_MS = 30_000;
+/** A lost connection, a body that stalled, and faults of the service or of a proxy before it. */
+const PASSING = [0, 408, 500, 502, 503, 504];
+
+/** Milliseconds until the next attempt, after `failures` in a row; null if the same answer would come again. */
+export function retryDelay_ms(error: unknown, failures: number): number | null {
+  if (!(error instanceof Refusal)) return null;
+  const { status, retryAfter_s } = error;
+  if (!PASSING.includes(status) && !(status === 429 && retryAfter_s !== null)) return null;
+  return Math.max(1000 * (retryAfter_s ?? 0), Math.min(LONGEST_MS, FIRST_MS * 2 ** (failures - 1)));
+}
+
+/** Returns whether a person may press "Try again": a refusal of the file itself is final. */
+export function mayTryAgain(error: unknown): boolean {
+  return error instanceof Refusal && (error.status >= 500 || [401, 429].includes(error.status));
+}
+
+/** Waits for a time; ends at once when the browser is online again, and when the signal aborts. */
+export function pause(wait_ms: number, signal: AbortSignal): Promise<void> {
+  return new Promise((resolve) => {
+    const end = () => {
+      clearTimeout(timer);
+      removeEventListener("online", end);
+      signal.removeEventListener("abort", end);
+      resolve();
+    };
+    const timer = setTimeout(end, wait_ms);
+    addEventListener("online", end);
+    signal.addEventListener("abort", end);
+  });
+}

@@ -1,0 +1,58 @@
+// A file in the list of uploads.
+
+import { h } from "../dom.ts";
+import { bytes, percent } from "../words.ts";
+
+export class UploadRow {
+  readonly element: HTMLElement;
+  private readonly bar: HTMLProgressElement;
+  private readonly hint = h("span", { class: "hint" });
+  /** The reason of a failure, and the button to try again. */
+  private failure: HTMLElement[] = [];
+
+  constructor(
+    private readonly file: File,
+    kind: string,
+    onCancel: () => void,
+  ) {
+    const { name } = file;
+    this.bar = h("progress", { max: 1, value: 0, "aria-label": `Upload of ${name}` });
+    const close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${name}` }, "✕");
+    close.addEventListener("click", onCancel);
+    this.element = h("li", {},
+      h("span", { class: "kind" }, kind), h("span", { class: "file", title: name }, name), this.hint, close, this.bar);
+    this.wait("waits");
+  }
+
+  /** Shows the reason for which no byte is sent. */
+  wait(reason: string): void {
+    this.clear();
+    this.bar.hidden = this.bar.value === 0;
+    this.hint.textContent = reason;
+  }
+
+  /** Shows how much of the file is sent. */
+  progress(sent_bytes: number): void {
+    const share = sent_bytes / this.file.size;
+    this.bar.hidden = false;
+    this.bar.value = share;
+    this.hint.textContent = share < 1 ? `${percent(share)} of ${bytes(this.file.size)}` : "being read";
+  }
+
+  /** Shows the reason of a failure; `onAgain` is null if another attempt cannot help. */
+  fail(reason: string, onAgain: (() => void) | null): void {
+    this.clear();
+    this.element.className = "failed";
+    this.hint.hidden = this.bar.hidden = true;
+    const again = onAgain && h("button", { type: "button", class: "small", onclick: onAgain }, "Try again");
+    this.failure = [h("p", { class: "reason", role: "alert" }, reason), ...(again ? [again] : [])];
+    this.element.append(...this.failure);
+  }
+
+  private clear(): void {
+    this.element.className = "";
+    this.hint.hidden = false;
+    for (const part of this.failure) part.remove();
+    this.failure = [];
+  }
+}

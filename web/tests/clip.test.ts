@@ -1,0 +1,52 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { adviceOf } from "../src/clip/advice.ts";
+import { chosenOf, poseInForce } from "../src/clip/pose.ts";
+import { reasonsOf } from "../src/clip/reasons.ts";
+import type { Clip } from "../src/types.ts";
+
+const pose = (x_m: number, yaw_rad = 0) => ({ x_m, y_m: 0, yaw_rad });
+
+/** A clip with alternatives at 0, 5 and 5 m; the last one is on another level. */
+function clipWith(members: object): Clip {
+  const alternatives = [[0, "main"], [5, "main"], [5, "upper"]].map(([x_m, level]) => ({ level, map_from_clip: pose(Number(x_m)) }));
+  return {
+    state: "aligned", choice: null, placement: null, reasons: [],
+    alignment: { level: "main", map_from_clip: pose(0), alternatives }, ...members,
+  } as unknown as Clip;
+}
+
+const placement = (by: string, x_m: number) => ({ level: "main", map_from_clip: pose(x_m), by });
+
+test("the alternative of the pose in force is chosen", () => {
+  assert.equal(chosenOf(clipWith({})), 0);
+  assert.equal(chosenOf(clipWith({ state: "ambiguous" })), null);
+  assert.equal(chosenOf(clipWith({ placement: placement("neighbours", 5.2) })), 1);
+  assert.equal(chosenOf(clipWith({ choice: { level: "upper", map_from_clip: pose(5), alternative: 0 } })), 2);
+  assert.equal(chosenOf(clipWith({ placement: placement("alignment", 0.1), choice: { level: "main", map_from_clip: pose(5) } })), 1);
+});
+
+test("no alternative is chosen where none has the pose in force", () => {
+  for (const map_from_clip of [pose(2.5), pose(0, 0.5), pose(0.31)]) {
+    assert.equal(chosenOf(clipWith({ choice: { level: "main", map_from_clip, alternative: 1 } })), null);
+  }
+  // A whole turn is no turn.
+  assert.equal(chosenOf(clipWith({ choice: { level: "main", map_from_clip: pose(0, 2 * Math.PI - 0.1) } })), 0);
+});
+
+test("the map's pose is no longer in force after its choice is withdrawn", () => {
+  assert.equal(poseInForce(clipWith({ state: "ambiguous", placement: placement("person", 5) })), null);
+});
+
+test("places of a choice count from 1, and warnings come first", () => {
+  const reasons = [{ code: "chosen_by_person", detail: "a person chose alternative 1" }, { code: "choice_of_earlier_lidar_map", detail: "old" }];
+  const choice = { level: "main", map_from_clip: pose(5), alternative: 1 };
+  const clip = clipWith({ choice, reasons });
+  assert.deepEqual(reasonsOf(clip).map(({ text }) => text), ["old", "a person chose place 2"]);
+  assert.match(adviceOf(clip)[0] ?? "", /Choose it again, or withdraw/);
+  const elsewhere = clipWith({ choice: { ...choice, map_from_clip: pose(2.5) }, reasons });
+  assert.equal(reasonsOf(elsewhere)[1]?.text, "a person chose place 2 of an earlier answer");
+  const given = clipWith({ choice: { ...choice, alternative: null }, reasons: [{ code: "chosen_by_person", detail: "a person gave the pose" }] });
+  assert.equal(reasonsOf(given)[0]?.text, "a person gave the pose");
+  assert.deepEqual(adviceOf(given), []);
+});
