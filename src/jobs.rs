@@ -43,6 +43,8 @@ pub struct Queue {
     due: Notify,
     changed: Arc<Notify>,
     watched_homes: Watched<HomeId>,
+    /// The tenants, by their names, whose feed somebody waits for.
+    watched_tenants: Watched<String>,
     watched_jobs: Watched<Uuid>,
     /// Signals that the other processes have not had yet.
     untold_due: Notify,
@@ -56,6 +58,7 @@ impl Queue {
             due: Notify::new(),
             changed: Arc::default(),
             watched_homes: Watched::default(),
+            watched_tenants: Watched::default(),
             watched_jobs: Watched::default(),
             untold_due: Notify::new(),
             untold_change: Notify::new(),
@@ -136,8 +139,9 @@ impl Queue {
         wait: Duration,
     ) -> Result<Changes, StorageError> {
         let begun = Instant::now();
+        let of_tenant = self.watched_tenants.watch(&tenant.name().to_owned());
         loop {
-            let mut changed = std::pin::pin!(self.changed.notified());
+            let mut changed = std::pin::pin!(of_tenant.notified());
             // Listening begins before reading, so that no change is missed.
             changed.as_mut().enable();
             let changes = self.storage.changes(tenant, after, limit, Timestamp::now()).await?;
@@ -145,7 +149,7 @@ impl Queue {
             if !changes.items.is_empty() || left.is_zero() {
                 return Ok(changes);
             }
-            let _ = tokio::time::timeout(left.min(POLL), changed).await;
+            let _ = tokio::time::timeout(left, changed).await;
         }
     }
 }

@@ -151,7 +151,12 @@ pub(super) async fn key(app: &App, address: Option<IpAddr>, secret: &Secret) -> 
     find_key(app, address, &secret.sha256(), find).await?.ok_or(Error::KeyInvalid)
 }
 
-async fn session(app: &App, address: Option<IpAddr>, token: &SessionToken) -> Result<ApiKey, Error> {
+/// Returns the valid key of a session.
+pub(super) async fn session(
+    app: &App,
+    address: Option<IpAddr>,
+    token: &SessionToken,
+) -> Result<ApiKey, Error> {
     let find = app.storage.use_session(token, Timestamp::now());
     Ok(find_key(app, address, &token.sha256(), find).await?.ok_or(Defence::SessionEnded)?)
 }

@@ -2,6 +2,7 @@
 
 use super::App;
 use super::error::Error;
+use super::fair::FairPlace;
 use super::metrics;
 use super::reply::REVALIDATED;
 use crate::storage::{Arrived, BlobReader};
@@ -10,7 +11,8 @@ use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use futures::StreamExt;
+use futures::{Stream, StreamExt, stream};
+use std::convert::Infallible;
 use std::future::Future;
 use std::time::{Duration, Instant};
 use tracing::Instrument;
@@ -20,6 +22,9 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// Minimum mean rate of a file's body, in each window of time.
 const MIN_BYTES_PER_S: f64 = 1024.0;
+
+/// Bytes that a connection takes at a time of a file that was made.
+pub(super) const PIECE_BYTES: usize = 64 << 10;
 
 /// Time limits of the bodies of requests and answers.
 #[derive(Debug, Clone, Copy)]
@@ -140,7 +145,36 @@ pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
         (header::CONTENT_LENGTH, HeaderValue::from(blob.size_bytes)),
         (header::CACHE_CONTROL, REVALIDATED),
     ];
-    (headers, Body::from_stream(blob.stream)).into_response()
+    let mut answer = (headers, Body::from_stream(blob.stream)).into_response();
+    // For the middleware that serves ranges.
+    answer.extensions_mut().insert(blob.parts);
+    answer
+}
+
+/// Returns an answer with a file that was made in memory. The place is free once the client has it, or has left.
+pub(super) fn send_made(bytes: Bytes, media_type: &'static str, place: FairPlace) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
+        (header::CONTENT_LENGTH, HeaderValue::from(bytes.len())),
+    ];
+    // A connection takes the next piece when it has sent the last one.
+    let pieces = stream::unfold(bytes, |mut rest| async move {
+        let piece = rest.split_to(rest.len().min(PIECE_BYTES));
+        (!piece.is_empty()).then_some((Ok::<_, Infallible>(piece), rest))
+    });
+    (headers, holding(place, pieces)).into_response()
+}
+
+/// Returns a body that holds a place until it is dropped.
+pub(super) fn holding<E: Into<axum::BoxError>>(
+    place: FairPlace,
+    pieces: impl Stream<Item = Result<Bytes, E>> + Send + 'static,
+) -> Body {
+    let held = pieces.map(move |piece| {
+        let _place = &place;
+        piece
+    });
+    Body::from_stream(held)
 }
 
 /// Returns an answer with the name under which a browser saves it (RFC 6266, RFC 8187).
@@ -179,6 +213,26 @@ pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::api::fair::FairPlaces;
+
+    #[tokio::test]
+    async fn a_made_file_has_its_place_until_it_is_sent() {
+        let places = FairPlaces::new(1, 1);
+        let file = Bytes::from(vec![7; 2 * PIECE_BYTES + 1]);
+        let answer = send_made(file.clone(), "model/ply", places.take("acme").await);
+        assert_eq!(answer.headers()[header::CONTENT_LENGTH], file.len().to_string());
+        let mut sent = answer.into_body().into_data_stream();
+        let mut next = std::pin::pin!(places.take("bolt"));
+        for size in [PIECE_BYTES, PIECE_BYTES, 1] {
+            assert!(futures::poll!(&mut next).is_pending());
+            assert_eq!(sent.next().await.unwrap().unwrap(), vec![7; size]);
+        }
+        assert!(sent.next().await.is_none());
+        drop(sent);
+        // A client that leaves frees the place, too.
+        drop(send_made(file, "model/ply", next.await));
+        places.take("acme").await;
+    }
 
     #[test]
     fn every_name_of_a_file_is_sent() {

@@ -4,15 +4,22 @@ use super::App;
 use super::access::Caller;
 use super::error::{Error, Problem};
 use super::extract::Query;
+use super::fair::FairPlaces;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::Change;
+use crate::storage::{Changes, ChangesCursor, StorageError, Tenant};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
-use std::time::Duration;
+use std::time::{Duration, Instant};
+use tokio::time::timeout;
 
 const MAX_WAIT_S: u64 = 30;
+
+/// Number of requests of a process and of a tenant that wait for changes at once: each change of the tenant wakes them all.
+const WAITS: usize = 1024;
+const WAITS_OF_TENANT: usize = 64;
 
 /// The timeout for changes.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -60,7 +67,7 @@ pub(super) async fn list_changes(
     let (after, limit, wait) = (query.after()?, query.limit()?, wait.seconds()?);
     let tenant = caller.for_all_homes()?;
     let changes = tokio::select! {
-        changes = app.queue.changes(tenant, after, limit, wait) => changes?,
+        changes = changes_within(&app, tenant, after, limit, wait) => changes?,
         // A stopping server does not wait.
         () = app.stop.cancelled() => app.queue.changes(tenant, after, limit, Duration::ZERO).await?,
     };
@@ -70,6 +77,29 @@ pub(super) async fn list_changes(
         next,
         more: changes.more,
     }))
+}
+
+/// Returns the places of requests that wait for changes.
+pub(super) fn waits() -> FairPlaces {
+    FairPlaces::new(WAITS, WAITS_OF_TENANT)
+}
+
+/// Returns changes after a cursor; if there is none, waits for one. A request without a place waits, too, but only sees at
+/// the end of its wait what changed.
+async fn changes_within(
+    app: &App,
+    tenant: &Tenant,
+    after: Option<ChangesCursor>,
+    limit: u32,
+    wait: Duration,
+) -> Result<Changes, StorageError> {
+    let begun = Instant::now();
+    let changes = app.queue.changes(tenant, after, limit, Duration::ZERO).await?;
+    if wait.is_zero() || !changes.items.is_empty() {
+        return Ok(changes);
+    }
+    let _place = timeout(wait, app.waits.take(tenant.name())).await;
+    app.queue.changes(tenant, after, limit, wait.saturating_sub(begun.elapsed())).await
 }
 
 impl WaitQuery {

@@ -1,7 +1,7 @@
 //! Pictures and clouds of one clip.
 
 use super::App;
-use super::bodies::{FileBytes, send};
+use super::bodies::{FileBytes, send, send_made};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
@@ -9,9 +9,12 @@ use super::reply::{is_known, tag_of, tagged, unless_known};
 use super::types::ClipScan;
 use crate::storage::{StorageError, result_file};
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use viola_home::{MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
+
+/// The media type of PLY.
+const PLY: &str = "model/ply";
 
 /// The parameter by which a page makes the address of a new picture another one.
 const JOB: &str = "Ignored. A page sends the id of the clip's newest job, so that its browser does not show the picture \
@@ -61,22 +64,21 @@ pub(super) async fn get_clip_cloud(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?;
-    let bytes = bytes.ok_or(Error::NoSuchResult(clip.state.name()))?;
-    let bytes = match pose {
-        None => bytes,
-        Some(map_from_clip) => {
-            let moved = app.readers.run(home.tenant(), move || {
-                let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
-                Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
-            });
-            let damaged =
-                |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
-            moved.await?.map_err(damaged)?.into()
-        }
+    let missing = || Error::NoSuchResult(clip.state.name());
+    let Some(map_from_clip) = pose else {
+        let blob = app.storage.clip_result(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
+        return Ok(tagged(send(blob, PLY), &tag));
     };
-    let ply = [(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))];
-    Ok(tagged((ply, bytes).into_response(), &tag))
+    // The points are in memory from here until they are sent.
+    let place = app.making.unsent(home.tenant()).await?;
+    let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
+    let moved = app.readers.run(home.tenant(), move || {
+        let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
+        Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
+    });
+    let damaged = |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
+    let bytes = moved.await?.map_err(damaged)?;
+    Ok(tagged(send_made(bytes.into(), PLY, place), &tag))
 }
 
 /// Get the clip's hits at the vacuum's height and its cameras, in the clip's frame, to draw it at any pose

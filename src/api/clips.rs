@@ -100,7 +100,7 @@ impl IntoResponse for Answer {
     params(HomePath, AddQuery,
         ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
-        description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens)"),
+        description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens, .db, .mcap, .db3)"),
     responses(
         (status = 200, description = "With `dry_run`: summary of the file and estimate of the work", body = DryRun),
         (status = 201, description = "The clip and its job", body = Clip,
@@ -124,17 +124,13 @@ pub(super) async fn add_clip(
         Some(key) => app.storage.is_key_used(&home, key).await?,
         None => false,
     };
-    let needs_room = !dry_run && !is_retry;
-    if needs_room {
+    if !dry_run && !is_retry {
         let told_bytes = content_length(request.headers()).unwrap_or(0);
         app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
     }
     let file = receive(&app, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
     let (file, info, estimate) = open(&app, caller.tenant.name(), file, unknown_scale).await?;
-    if needs_room {
-        app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
-    }
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));
@@ -142,7 +138,7 @@ pub(super) async fn add_clip(
     let recorded_at = told.or_else(|| recorded_at_of_file(&info));
     let new = NewClip { file, info, idempotency_key, recorded_at, title, file_name };
     let clip = to_the_end(async move {
-        let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
+        let added = app.storage.add_clip(&home, new, app.limits.storage_bytes, Timestamp::now()).await?;
         app.queue.wake();
         match added {
             Added::New(clip) | Added::Replayed(clip) => Ok(clip),
@@ -311,14 +307,9 @@ pub(super) async fn delete_clip(
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
-    if headers.contains_key(header::IF_MATCH) {
-        let current = Clip::from(app.storage.clip(&home, clip).await?);
-        if !may_change(&headers, Some(&current)) {
-            return Err(StorageError::Changed { what: "clip" }.into());
-        }
-    }
     to_the_end(async move {
-        app.storage.delete_clip(&home, clip, Timestamp::now()).await?;
+        let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+        app.storage.delete_clip(&home, clip, is_expected, Timestamp::now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })
@@ -340,11 +331,15 @@ pub(super) async fn align_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Document<Clip>), Error> {
-    let clip = app.storage.align_clip(&home, clip, Timestamp::now()).await.map_err(|error| match error {
+    let aligned = to_the_end(async move {
+        let aligned = app.storage.align_clip(&home, clip, Timestamp::now()).await;
+        app.queue.wake();
+        aligned
+    });
+    let clip = aligned.await.map_err(|error| match error {
         StorageError::NoLidarMap => Error::NothingToAlignTo,
         other => other.into(),
     })?;
-    app.queue.wake();
     let location = clip.job.as_ref().map(|job| format!("/v1/jobs/{}", job.id)).unwrap_or_default();
     Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Document(clip.into())))
 }

@@ -104,10 +104,6 @@ pub(super) enum Error {
     )]
     TooManyExports { most: usize, most_of_tenant: usize },
     #[error(
-        "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
-    )]
-    TenantFull { used: u64, limit: u64 },
-    #[error(
         "the clip is `{0}`: it has this file once a job ran to an answer; completion.png only if something was filled in, frames.jpg only if the clip is not `aligned`"
     )]
     NoSuchResult(&'static str),
@@ -191,7 +187,7 @@ impl Error {
             Error::TooManyExports { .. } => {
                 (S::SERVICE_UNAVAILABLE, "too_many_exports", "Too many exports run at once")
             }
-            Error::TenantFull { .. } => {
+            Error::Storage(StorageError::TenantFull { .. }) => {
                 (S::INSUFFICIENT_STORAGE, "tenant_full", "The tenant has no room left")
             }
             Error::TooManyWebhooks => {
@@ -311,8 +307,12 @@ impl Error {
             return problem.clone();
         }
         let (status, code, title) = self.mapping();
-        let is_bound =
-            matches!(self, Error::TenantFull { .. } | Error::TooManyExports { .. } | Error::Defence(_));
+        let is_bound = matches!(
+            self,
+            Error::Storage(StorageError::TenantFull { .. })
+                | Error::TooManyExports { .. }
+                | Error::Defence(_)
+        );
         let is_ours = status.is_server_error() && !is_bound;
         let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");

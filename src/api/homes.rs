@@ -6,16 +6,23 @@ use super::bodies::to_the_end;
 use super::clips::flag;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Query};
+use super::fair::FairPlaces;
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, may_change, unmet};
 use super::types::Home;
-use crate::storage::{self, HomeFilter, HomeId, StorageError};
+use crate::storage::{self, HomeFilter, HomeId, Tenant};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use jiff::Timestamp;
 use serde::Deserialize;
+use std::future::Future;
+
+/// Number of searches of a process and of a tenant at once. SQLite has four connections that read, and a search may read
+/// all homes of the tenant.
+const SEARCHES: usize = 2;
+const SEARCHES_OF_TENANT: usize = 1;
 
 /// The settings of a home.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
@@ -110,8 +117,33 @@ pub(super) async fn list_homes(
         text: names::search(asked.q)?,
         needs_attention: flag("needs_attention", asked.needs_attention.as_deref())?,
     };
-    let homes = app.storage.homes(tenant, &filter, &page).await?;
+    let homes = if filter.text.is_none() && !filter.needs_attention {
+        app.storage.homes(tenant, &filter, &page).await?
+    } else {
+        let (storage, owner) = (app.storage.clone(), tenant.clone());
+        let found = async move { storage.homes(&owner, &filter, &page).await };
+        search(&app.searches, tenant, found).await?
+    };
     Ok(Document(query.list(homes, |home| home.id.clone())?))
+}
+
+/// Returns the places of searches.
+pub(super) fn searches() -> FairPlaces {
+    FairPlaces::new(SEARCHES, SEARCHES_OF_TENANT)
+}
+
+/// Runs a search in a place of the tenant. It keeps the place if its client leaves, because its statement runs on.
+async fn search<T: Send + 'static>(
+    searches: &FairPlaces,
+    tenant: &Tenant,
+    found: impl Future<Output = T> + Send + 'static,
+) -> T {
+    let place = searches.take(tenant.name()).await;
+    to_the_end(async move {
+        let _place = place;
+        found.await
+    })
+    .await
 }
 
 /// Remove a home with all its data
@@ -127,16 +159,35 @@ pub(super) async fn delete_home(
     HomePath { home }: HomePath,
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
-    if headers.contains_key(header::IF_MATCH) {
-        let current = Home::from(app.storage.home(&home).await?);
-        if !may_change(&headers, Some(&current)) {
-            return Err(StorageError::Changed { what: "home" }.into());
-        }
-    }
     to_the_end(async move {
-        app.storage.delete_home(&home, Timestamp::now()).await?;
+        let is_expected = |home: &storage::Home| may_change(&headers, Some(&Home::from(home.clone())));
+        app.storage.delete_home(&home, is_expected, Timestamp::now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })
     .await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use futures::poll;
+    use std::pin::pin;
+    use tokio::sync::oneshot;
+
+    #[tokio::test]
+    async fn a_search_keeps_its_place_when_its_client_leaves() {
+        let (searches, tenant) = (searches(), Tenant::default());
+        let (end, ended) = oneshot::channel::<()>();
+        let mut left = Box::pin(search(&searches, &tenant, ended));
+        assert!(poll!(&mut left).is_pending());
+        drop(left);
+        let mut next = pin!(search(&searches, &tenant, async { 7 }));
+        assert!(poll!(&mut next).is_pending());
+        let other: Tenant = "bolt".parse().unwrap();
+        assert_eq!(search(&searches, &other, async { 3 }).await, 3);
+        assert!(poll!(&mut next).is_pending(), "the statement of the client that left still runs");
+        end.send(()).unwrap();
+        assert_eq!(next.await, 7);
+    }
 }

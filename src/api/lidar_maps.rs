@@ -10,9 +10,8 @@ use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::Document;
 use super::types::LidarMapRevision;
-use crate::storage::StorageError;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use jiff::Timestamp;
 use serde::Serialize;
@@ -131,14 +130,9 @@ pub(super) async fn delete_level(
     LevelPath { home, level }: LevelPath,
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
-    if headers.contains_key(header::IF_MATCH) {
-        let current = app.storage.lidar_map(&home, level).await?;
-        if !lidar_map::is_expected(&headers)(Some(&current)) {
-            return Err(StorageError::Changed { what: "LiDAR map" }.into());
-        }
-    }
     to_the_end(async move {
-        app.storage.delete_lidar_map(&home, level, Timestamp::now()).await?;
+        let is_expected = lidar_map::is_expected(&headers);
+        app.storage.delete_lidar_map(&home, level, is_expected, Timestamp::now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -18,7 +18,8 @@ pub struct LimitParams {
 
 pub(super) struct Limits {
     requests: Option<DefaultKeyedRateLimiter<Tenant>>,
-    storage_bytes: Option<u64>,
+    /// Maximum size of the files of a tenant that has no limit of its own; none means unlimited.
+    pub storage_bytes: Option<u64>,
 }
 
 impl Limits {
@@ -44,12 +45,12 @@ impl Limits {
         Ok(storage.tenant_limits(tenant).await?.max_bytes.or(self.storage_bytes))
     }
 
-    /// Returns an error if a tenant has no room for `more_bytes`.
+    /// Returns an error if a tenant has no room for `more_bytes`. Concurrent requests may all find the same room.
     pub async fn room(&self, storage: &Storage, tenant: &Tenant, more_bytes: u64) -> Result<(), Error> {
         let Some(limit) = self.max_bytes(storage, tenant).await? else { return Ok(()) };
         let used = storage.tenant_bytes(tenant).await?;
         if used.saturating_add(more_bytes) > limit {
-            return Err(Error::TenantFull { used, limit });
+            return Err(StorageError::TenantFull { used, limit }.into());
         }
         Ok(())
     }

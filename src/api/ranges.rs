@@ -1,12 +1,13 @@
 //! Range requests (RFC 9110, section 14) for every answer of known length that has an entity tag.
 //!
-//! One range of bytes is served, by leaving out the bytes around it. A request for several ranges gets the whole
+//! One range of bytes is served. A blob is opened at its first byte; of a file that was made, the bytes around it are left
+//! out. A request for several ranges gets the whole
 //! answer, as does one that accepts a compressed answer of a compressible type, because its bytes would be others.
 
 use super::error::Error;
 use super::layers::is_text_or_points;
 use super::reply::is_wanted;
-use crate::storage::StorageError;
+use crate::storage::{BlobParts, StorageError};
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -38,7 +39,7 @@ pub(super) async fn serve_part(request: Request, next: Next) -> Response {
     let Some(wanted) = wanted.filter(|_| may_have_part) else { return answer };
     match wanted.to_str().ok().and_then(|text| parse(text, length)) {
         None => answer,
-        Some(Ok(range)) => part(answer, range, length),
+        Some(Ok(range)) => part(answer, range, length).await,
         Some(Err(NotSatisfiable)) => {
             let whole = [(header::CONTENT_RANGE, format!("bytes */{length}"))];
             (whole, Error::NoSuchRange { length }).into_response()
@@ -87,8 +88,16 @@ fn parse(header: &str, length: u64) -> Option<Result<Range<u64>, NotSatisfiable>
     Some(if range.start < range.end { Ok(range) } else { Err(NotSatisfiable) })
 }
 
-fn part(answer: Response, range: Range<u64>, length: u64) -> Response {
+async fn part(answer: Response, range: Range<u64>, length: u64) -> Response {
     let (mut head, body) = answer.into_parts();
+    let blob = head.extensions.remove::<BlobParts>().filter(|_| range.start > 0);
+    let body = match blob {
+        None => cut_out(body, range.clone()),
+        Some(blob) => match blob.open(range.clone()).await {
+            Ok(stream) => Body::from_stream(stream),
+            Err(error) => return Error::Storage(error).into_response(),
+        },
+    };
     head.status = StatusCode::PARTIAL_CONTENT;
     let content_range = format!("bytes {}-{}/{length}", range.start, range.end - 1);
     for (name, text) in [
@@ -99,6 +108,11 @@ fn part(answer: Response, range: Range<u64>, length: u64) -> Response {
             head.headers.insert(name, value);
         }
     }
+    Response::from_parts(head, body)
+}
+
+/// Returns the bytes of a body that lie in a range.
+fn cut_out(body: Body, range: Range<u64>) -> Body {
     let cut = body.into_data_stream().scan(0u64, move |at, chunk| {
         let begin = *at;
         // The stream ends with the range, so that the rest is not made.
@@ -108,7 +122,7 @@ fn part(answer: Response, range: Range<u64>, length: u64) -> Response {
         }
         std::future::ready(cut.map(|cut| cut.map(|(bytes, _)| bytes)))
     });
-    Response::from_parts(head, Body::from_stream(cut))
+    Body::from_stream(cut)
 }
 
 /// Returns the bytes of a chunk at `begin` that lie in the range, and the chunk's length.
@@ -152,7 +166,7 @@ mod tests {
                 let chunks: Vec<Result<Bytes, std::io::Error>> =
                     whole.chunks(size).map(|chunk| Ok(Bytes::copy_from_slice(chunk))).collect();
                 let answer = Response::new(Body::from_stream(futures::stream::iter(chunks)));
-                let answer = part(answer, range.start..range.end, 100);
+                let answer = part(answer, range.start..range.end, 100).await;
                 assert_eq!(answer.headers()[header::CONTENT_LENGTH], (range.end - range.start).to_string());
                 let body = axum::body::to_bytes(answer.into_body(), 100).await.unwrap();
                 assert_eq!(body, whole[range.start as usize..range.end as usize], "{size} {range:?}");

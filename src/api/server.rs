@@ -10,7 +10,7 @@ use super::making::Making;
 use super::readers::{ReaderParams, Readers};
 use super::turns::Turns;
 use super::uploads::{UploadParams, clean};
-use super::{App, Shared, access, connections, metrics};
+use super::{App, Shared, access, changes, connections, homes, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
@@ -98,6 +98,8 @@ pub async fn serve(
         has_keys: has_keys.into(),
         readers: Arc::new(Readers::new(params.readers)),
         making: Making::default(),
+        waits: changes::waits(),
+        searches: homes::searches(),
         exports: Places::default(),
         stop: stop.clone(),
     }));

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::{self, COOKIE, Caller};
-use super::error::Error;
+use super::error::{Defence, Error};
 use super::extract::Json;
 use super::peer;
 use super::problems::{CommonProblems, JsonProblems};
@@ -75,11 +75,17 @@ pub(super) async fn put_session(
     responses((status = 204, description = "The session has ended and the cookie is removed"), CommonProblems))]
 pub(super) async fn delete_session(
     State(app): State<App>,
+    extensions: Extensions,
     headers: HeaderMap,
 ) -> Result<(StatusCode, HeaderMap), Error> {
     let token: Option<SessionToken> = access::cookie(&headers).and_then(|token| token.parse().ok());
     if let Some(token) = token {
-        app.storage.end_session(&token).await?;
+        // Everybody may send a token, so an invalid one counts as a failed attempt and reaches no writer.
+        match access::session(&app, peer::client(&extensions, &headers), &token).await {
+            Ok(_) => app.storage.end_session(&token).await?,
+            Err(Error::Defence(Defence::SessionEnded)) => {}
+            Err(error) => return Err(error),
+        }
         app.attempts.failed(&token.sha256());
     }
     Ok((StatusCode::NO_CONTENT, set("", 0, is_secure(&app, &headers))))

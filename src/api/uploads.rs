@@ -106,7 +106,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// Create an upload in parts
 ///
 /// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
-/// `home`, and optionally its `filename`, its time of recording (`recorded_at`, RFC 3339), its
+/// `home`, and optionally its `filename`, its `title`, its time of recording (`recorded_at`, RFC 3339), its
 /// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
@@ -119,7 +119,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
         ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: a later PATCH gives the length"),
-        ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `recorded_at`, \
+        ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `title`, `recorded_at`, \
             `scale` and `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
@@ -170,7 +170,6 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
             let is_partial = concat == Concat::Partial;
             let length = headers::length(&parts.headers)?.ok_or_else(headers::no_length)?;
             headers::check_length(length, app.max_upload_bytes)?;
-            app.limits.room(&app.storage, &caller.tenant, length.known().unwrap_or(0)).await?;
             let new = NewUpload {
                 kind: if is_partial { UploadKind::Partial } else { UploadKind::Whole },
                 tenant: caller.tenant.clone(),
@@ -180,7 +179,8 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
                 length_bytes: length.known(),
             };
             let checksum = checksum::asked_for(&parts.headers)?;
-            let id = app.storage.create_upload(new, &app.uploads.limits, Timestamp::now()).await?.id;
+            let (limits, max_bytes) = (&app.uploads.limits, app.limits.storage_bytes);
+            let id = app.storage.create_upload(new, limits, max_bytes, Timestamp::now()).await?.id;
             let body_bytes = content_length(&parts.headers);
             (id, has_body.then_some(Append { id, offset: 0, length_bytes: None, body_bytes, checksum }))
         }

@@ -58,7 +58,8 @@ pub(super) struct Webhooks {
 /// Every answer except 2xx is retried after 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 14 h, 20 h and 24 h; 410
 /// disables the webhook until a test or a retry of a delivery. Redirects are not followed. While 1000
 /// messages wait, further changes stay in the feed, which keeps only the newest change of each resource. A
-/// receiver that was away for a month must read `/v1/changes` from its beginning.
+/// receiver without answers for three days reads `/v1/changes` from its own cursor; after 30 days from the
+/// beginning.
 #[utoipa::path(post, path = "/v1/webhooks", tag = "webhooks", request_body = WebhookBody,
     responses(
         (status = 201, description = "The webhook and its secret", body = NewWebhook,

@@ -28,7 +28,7 @@ async fn try_make(storage: &Storage, home: &HomeId) -> Result<(), MergeError> {
         let make = move || surface.mesh(MESH_TRIANGLES).glb();
         let glb = on_own_thread(make)?.await.map_err(|_| MergeError::Panicked)?;
         let bytes = glb.len();
-        if storage.add_mesh(home, map.revision, level, glb).await? {
+        if storage.add_mesh(home, &map, level, glb).await? {
             let seconds = begun.elapsed().as_secs_f64();
             info!(%home, revision = map.revision, %level, bytes, seconds, "mesh made");
         }

@@ -1,10 +1,10 @@
-//! Streams of the changes of homes and of jobs. One reader for each process tells the streams of a home or a job that it
-//! changed, so that a change costs the same however many streams wait for others.
+//! Streams of the changes of homes and of jobs. One reader for each process tells the streams of a home or a job, and the
+//! readers of a tenant's feed, that it changed, so that a change costs the same however many wait for others.
 
 use super::{POLL, Queue};
 use crate::storage::{Change, ChangeKind, HomeId, Job, StorageError};
 use futures::{Stream, StreamExt};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use tokio::sync::Notify;
@@ -30,7 +30,7 @@ impl<K: Clone + Eq + Hash> Watched<K> {
     }
 
     /// Returns the notification of a thing's changes.
-    fn watch(&self, thing: &K) -> Arc<Notify> {
+    pub(super) fn watch(&self, thing: &K) -> Arc<Notify> {
         let mut things = self.things();
         if let Some(known) = things.get(thing).and_then(Weak::upgrade) {
             return known;
@@ -57,7 +57,7 @@ impl<K: Clone + Eq + Hash> Watched<K> {
 /// Positions that the reader read last.
 #[derive(Default)]
 struct Seen {
-    /// Position of the changes feed; none while no stream waits for a home.
+    /// Position of the changes feed; none while nobody waits for it.
     feed: Option<i64>,
     /// Versions of the jobs that streams wait for.
     jobs: HashMap<Uuid, i64>,
@@ -147,7 +147,7 @@ impl Queue {
             let mut changed = std::pin::pin!(self.changed.notified());
             // As in `next_changes`.
             changed.as_mut().enable();
-            for told in [self.tell_of_homes(&mut seen.feed).await, self.tell_of_jobs(&mut seen.jobs).await] {
+            for told in [self.tell_of_feed(&mut seen.feed).await, self.tell_of_jobs(&mut seen.jobs).await] {
                 if let Err(error) = told {
                     warn!(%error, "event streams wait, for changes cannot be read for now");
                 }
@@ -159,9 +159,10 @@ impl Queue {
         }
     }
 
-    async fn tell_of_homes(&self, seen: &mut Option<i64>) -> Result<(), StorageError> {
-        let watched = self.watched_homes.list();
-        if watched.is_empty() {
+    /// Tells those that wait for the feed of a home or of a tenant, once for all of them.
+    async fn tell_of_feed(&self, seen: &mut Option<i64>) -> Result<(), StorageError> {
+        let (homes, tenants) = (self.watched_homes.list(), self.watched_tenants.list());
+        if homes.is_empty() && tenants.is_empty() {
             *seen = None;
             return Ok(());
         }
@@ -170,9 +171,14 @@ impl Queue {
             Some(after) if after == last => Vec::new(),
             Some(after) if after < last => self.storage.changed_homes(after).await?,
             // Nobody read the feed before, or the database was restored from a copy.
-            _ => watched,
+            _ => {
+                tenants.iter().for_each(|tenant| self.watched_tenants.tell(tenant));
+                homes
+            }
         };
         changed.iter().for_each(|home| self.watched_homes.tell(home));
+        let tenants: BTreeSet<String> = changed.iter().map(|home| home.tenant().to_owned()).collect();
+        tenants.iter().for_each(|tenant| self.watched_tenants.tell(tenant));
         *seen = Some(last);
         Ok(())
     }
@@ -195,7 +201,31 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::storage::{Storage, StorageParams, Tenant};
     use futures::FutureExt;
+    use jiff::Timestamp;
+
+    #[tokio::test]
+    async fn a_change_wakes_only_those_that_wait_for_its_tenant() {
+        let folder = tempfile::tempdir().unwrap();
+        let storage = Arc::new(Storage::open(&StorageParams::in_folder(folder.path())).await.unwrap());
+        let queue = Queue::new(storage.clone());
+        let tenants = ["acme", "bolt"];
+        let watched = tenants.map(|tenant| queue.watched_tenants.watch(&tenant.to_owned()));
+        let (mut seen, mut woken) = (None, Vec::new());
+        for changed in ["acme", "bolt", "acme"] {
+            let tenant: Tenant = changed.parse().unwrap();
+            let home = tenant.home(&format!("h{}", woken.len()).parse().unwrap());
+            let mut told = watched.each_ref().map(|notify| Box::pin(notify.notified()));
+            told.iter_mut().for_each(|told| _ = told.as_mut().enable());
+            storage.put_home(&home, None, |_| true, Timestamp::now()).await.unwrap();
+            queue.tell_of_feed(&mut seen).await.unwrap();
+            woken.push(told.map(|told| told.now_or_never().is_some()));
+        }
+        // The first reading of the feed knows no earlier one.
+        assert_eq!(woken, [[true, true], [false, true], [true, false]]);
+        storage.close().await;
+    }
 
     #[test]
     fn only_the_streams_of_a_thing_are_told_of_it() {

@@ -13,7 +13,7 @@ mod tests;
 
 pub use local_file::LocalFile;
 pub use place::{BlobPlace, S3Params};
-pub use read::BlobReader;
+pub use read::{BlobParts, BlobReader};
 
 use super::error::StorageError;
 use super::incoming::Incoming;

@@ -14,6 +14,7 @@ use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 use std::fmt;
 use std::str::FromStr;
 use uuid::Uuid;
@@ -27,6 +28,9 @@ const HOUR: SignedDuration = SignedDuration::from_hours(1);
 
 /// Most changes that are numbered in one transaction.
 const NUMBERED_AT_ONCE: i64 = 10_000;
+
+/// Selects the homes of the changes after a position, with repetitions: for DISTINCT, SQLite scans all changes by home.
+pub(super) const CHANGED_HOMES: &str = "SELECT home_id FROM changes WHERE seq > $1";
 
 /// Kind of a change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -177,9 +181,12 @@ impl Storage {
 
     /// Returns the homes of all tenants with a numbered change after a position.
     pub async fn changed_homes(&self, after: i64) -> Result<Vec<HomeId>, StorageError> {
-        let homes = query("SELECT DISTINCT home_id FROM changes WHERE seq > $1").bind(after);
+        let homes = query(CHANGED_HOMES).bind(after);
         let rows = homes.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.home("home_id")).collect()
+        let mut homes: Vec<HomeId> = rows.iter().map(|row| row.home("home_id")).collect::<Result<_, _>>()?;
+        let mut seen = HashSet::new();
+        homes.retain(|home| seen.insert(home.clone()));
+        Ok(homes)
     }
 
     /// Numbers the changes that have no number yet, in the order in which they were made.

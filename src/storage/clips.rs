@@ -13,9 +13,10 @@ use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
+use super::room::Room;
 use super::{
     BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
-    lidar_maps, result_file,
+    lidar_maps, pending_deletes, result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -132,6 +133,11 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
     })
 }
 
+/// Returns the name under which the pending deletes of a clip are recorded.
+fn owner(home: &HomeId, id: Uuid) -> String {
+    format!("clip:{}:{id}", home.key())
+}
+
 pub(super) fn file_key(id: Uuid) -> String {
     format!("clips/{id}/file")
 }
@@ -147,12 +153,19 @@ pub(super) fn result_blobs(result_key: &str) -> [String; result_file::ALL.len()]
 }
 
 impl Storage {
-    /// Stores a clip, and queues its job if the home has a LiDAR map.
-    pub async fn add_clip(&self, home: &HomeId, new: NewClip, now: Timestamp) -> Result<Added, StorageError> {
+    /// Stores a clip, and queues its job if the home has a LiDAR map. `max_bytes` limits the files of a tenant without a
+    /// limit of its own; `None` means unlimited.
+    pub async fn add_clip(
+        &self,
+        home: &HomeId,
+        new: NewClip,
+        max_bytes: Option<u64>,
+        now: Timestamp,
+    ) -> Result<Added, StorageError> {
         let id = Uuid::now_v7();
         let (file, row) = NewRow::of(id, new);
-        self.blobs.keep(file, &file_key(id)).await?;
-        let added = self.insert_clip(home, row, now).await;
+        self.blobs.keep_or_discard(file, &file_key(id)).await?;
+        let added = self.insert_clip(home, row, Room::Needed { max_bytes }, now).await;
         let is_for_nothing = match &added {
             Ok(added) => !matches!(added, Added::New(_)),
             // The row may exist nevertheless; a sweep decides.
@@ -164,9 +177,15 @@ impl Storage {
         added
     }
 
-    async fn insert_clip(&self, home: &HomeId, new: NewRow, now: Timestamp) -> Result<Added, StorageError> {
+    async fn insert_clip(
+        &self,
+        home: &HomeId,
+        new: NewRow,
+        room: Room,
+        now: Timestamp,
+    ) -> Result<Added, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let added = insert(&mut transaction, home, new, now).await?;
+        let added = insert(&mut transaction, home, new, room, now).await?;
         transaction.commit().await?;
         Ok(added)
     }
@@ -185,8 +204,10 @@ impl Storage {
         let map = lidar_maps::newest(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
         let stale_blobs = jobs::enqueue(&mut transaction, home, id, map.id(), Priority::Asked, now).await?;
         let clip = find(&mut transaction, home, id).await?;
+        let owner = owner(home, id);
+        pending_deletes::add(&mut transaction, &owner, &stale_blobs, now).await?;
         transaction.commit().await?;
-        self.blobs.discard(&stale_blobs).await;
+        self.discard_pending(&owner, &stale_blobs).await;
         Ok(clip)
     }
 
@@ -210,7 +231,8 @@ impl Storage {
 
     #[cfg(test)]
     pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        blob_keys(&mut *self.database.snapshot().await?, None).await
+        let all = query("SELECT id, result_key FROM clips");
+        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
     }
 }
 
@@ -281,13 +303,15 @@ pub(super) async fn begin_job(
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }
 
-/// [`find`] for callers that change the clip: locks the home first.
+/// [`find`] for callers that change the clip: locks the home first, and then the clip's jobs, since a claim, which does not
+/// lock the home, changes the clip's state.
 pub(super) async fn find_locked(
     transaction: &mut Transaction,
     home: &HomeId,
     id: Uuid,
 ) -> Result<Clip, StorageError> {
     homes::lock(transaction, home).await?;
+    jobs::lock_of_clip(transaction, id).await?;
     find(transaction, home, id).await
 }
 
@@ -314,17 +338,20 @@ fn blobs_of(id: Uuid, result_key: Option<&str>) -> Vec<String> {
     keys
 }
 
-/// Returns the blob keys of one home's clips, or of all clips.
+/// Selects the blobs of a home's clips.
+pub(super) const BLOBS_OF_HOME: &str = "SELECT id, result_key FROM clips WHERE home_id = $1";
+
+/// Returns the blob keys of a home's clips.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
-    home: Option<&HomeId>,
+    home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT id, result_key FROM clips WHERE $1 IS NULL OR home_id = $1")
-        .bind(home.map(HomeId::key))
-        .fetch_all(connection)
-        .await?;
+    keys_of(&query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await?)
+}
+
+fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in &rows {
+    for row in rows {
         keys.extend(blobs_of(row.id("id")?, row.maybe_text("result_key")?.as_deref()));
     }
     Ok(keys)

@@ -6,9 +6,9 @@
 use jiff::Timestamp;
 use std::time::Duration;
 
-/// Longer than any lease and than the pause of a merge.
+/// Longer than any lease.
 const LONGEST_LEASE: Duration = Duration::from_mins(10);
-/// Longer than any pause between the attempts at a job.
+/// Longer than any pause between the attempts at a job or a merge.
 const LONGEST_PAUSE: Duration = Duration::from_mins(40);
 
 /// Returns the time after which a lease can only be of a clock that was ahead, in milliseconds.
@@ -16,7 +16,7 @@ pub(super) fn no_lease_after(now: Timestamp) -> i64 {
     (now + LONGEST_LEASE).as_millisecond()
 }
 
-/// Returns the time after which the due time of a job can only be of a clock that was ahead, in milliseconds.
+/// Returns the time after which the due time of a job or a merge can only be of a clock that was ahead, in milliseconds.
 pub(super) fn no_pause_after(now: Timestamp) -> i64 {
     (now + LONGEST_PAUSE).as_millisecond()
 }

@@ -17,10 +17,14 @@ mod limits;
 mod lists;
 mod local_files;
 mod lost_database;
+mod merge_faults;
+mod meshes;
+mod plans;
 mod records;
 mod seal;
 mod sessions;
 mod tenants;
+mod upgrade;
 mod uploads;
 mod webhooks;
 
@@ -139,7 +143,7 @@ async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Optio
     let idempotency_key = key.map(str::to_owned);
     let new =
         NewClip { file, info: clip_info(), idempotency_key, recorded_at: None, title: None, file_name: None };
-    storage.add_clip(home, new, at(0)).await.unwrap()
+    storage.add_clip(home, new, None, at(0)).await.unwrap()
 }
 
 async fn add(storage: &Storage, home: &HomeId, bytes: &[u8]) -> Clip {
@@ -223,6 +227,7 @@ fn answer(state: AlignmentState) -> Ending {
         labels: None,
         completion: None,
         floor: None,
+        reference_camera: None,
         seconds: [("fuse".to_owned(), 0.5)].into(),
     }))
 }

@@ -35,11 +35,14 @@ const ACQUIRE: Duration = Duration::from_secs(10);
 /// Timeout of the write that checks whether the database can write.
 const CHECK: Duration = Duration::from_secs(3);
 
+/// A clone shares the connections.
+#[derive(Clone)]
 pub(super) struct Database {
     pools: Pools,
     health: Arc<WriteHealth>,
 }
 
+#[derive(Clone)]
 enum Pools {
     /// One connection that writes, several that read.
     Sqlite {

@@ -58,6 +58,10 @@ pub enum StorageError {
          one with --secrets-key-file"
     )]
     SecretsKey,
+    #[error(
+        "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
+    )]
+    TenantFull { used: u64, limit: u64 },
     #[error("no such home")]
     NoSuchHome,
     #[error("no such clip")]
@@ -110,6 +114,13 @@ impl StorageError {
             _ => return false,
         };
         DatabaseFault::of(error) == DatabaseFault::Damaged
+    }
+
+    /// Returns whether the blob store did not answer in time.
+    pub(super) fn is_timeout(&self) -> bool {
+        let StorageError::Blobs(object_store::Error::Generic { source, .. }) = self else { return false };
+        let error = source.downcast_ref::<std::io::Error>();
+        error.is_some_and(|error| error.kind() == std::io::ErrorKind::TimedOut)
     }
 
     /// Returns whether the disk is full, or this process reached a limit on its disk use.

@@ -8,6 +8,8 @@ mod scene;
 
 pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
 pub use mesh::{LevelSurface, MESH_POINTS};
+#[cfg(test)]
+pub(super) use objects::statement as objects_statement;
 pub use objects::{HomeObject, MapObject, ObjectFilter};
 pub use scene::{MapHistory, MapRoom, MapScene};
 
@@ -213,7 +215,9 @@ impl Storage {
 
     #[cfg(test)]
     pub(super) async fn home_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        blob_keys(&mut *self.database.snapshot().await?, None).await
+        let rows = query("SELECT blob_key FROM home_map_files");
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(|row| row.text("blob_key")).collect()
     }
 }
 
@@ -270,14 +274,19 @@ async fn files(
     rows.iter().map(file).collect()
 }
 
-/// Returns the blob keys of one home's maps, or of all maps.
+/// Returns the name under which the pending deletes of a home's maps are recorded.
+fn owner(home: &HomeId) -> String {
+    format!("home-map:{}:", home.key())
+}
+
+/// Selects the blobs of a home's maps.
+pub(super) const BLOBS_OF_HOME: &str = "SELECT blob_key FROM home_map_files WHERE home_id = $1";
+
+/// Returns the blob keys of a home's maps.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
-    home: Option<&HomeId>,
+    home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT blob_key FROM home_map_files WHERE $1 IS NULL OR home_id = $1")
-        .bind(home.map(HomeId::key))
-        .fetch_all(connection)
-        .await?;
+    let rows = query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }

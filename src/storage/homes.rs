@@ -1,6 +1,7 @@
 //! Homes.
 
 mod id;
+mod search;
 
 pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 
@@ -9,6 +10,7 @@ use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
+use search::search_text;
 use serde::{Deserialize, Serialize};
 use viola_geometry::LevelName;
 
@@ -124,7 +126,7 @@ impl Storage {
         if !expected(before.as_ref()) {
             return Err(StorageError::Changed { what: "home" });
         }
-        let search = format!("{id} {}", name.unwrap_or_default()).to_lowercase();
+        let search = search_text(id, name);
         let made = query(
             "INSERT INTO homes (id, tenant, name, search, created_at, updated_at) VALUES ($1, $2, $3, $5, $4, $4)
             ON CONFLICT (id) DO NOTHING",
@@ -198,9 +200,14 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// Removes a home with everything in it. A worker on one of its clips loses its lease. Returns an error
-    /// if the home is removed but one of its files is not; another call retries that.
-    pub async fn delete_home(&self, id: &HomeId, now: Timestamp) -> Result<(), StorageError> {
+    /// Removes a home with everything in it, if the home is as `expected`. A worker on one of its clips loses its lease.
+    /// Returns an error if the home is removed but one of its files is not; another call retries that.
+    pub async fn delete_home(
+        &self,
+        id: &HomeId,
+        expected: impl Fn(&Home) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
         let owner = format!("home:{}", id.key());
         let mut transaction = self.database.begin().await?;
         if !lock(&mut transaction, id).await? {
@@ -208,21 +215,23 @@ impl Storage {
             let had_left = self.delete_pending(&owner).await?;
             return if had_left { Ok(()) } else { Err(StorageError::NoSuchHome) };
         }
+        super::jobs::lock_of_home(&mut transaction, id).await?;
+        let row = query(select_homes!("WHERE id = $1")).bind(id.key()).fetch_one(&mut transaction).await?;
+        if !expected(&from_row(&row)?) {
+            return Err(StorageError::Changed { what: "home" });
+        }
         let blobs: Vec<String> = [
-            super::clips::blob_keys(&mut transaction, Some(id)).await?,
-            super::lidar_maps::blob_keys(&mut transaction, Some(id)).await?,
-            super::home_maps::blob_keys(&mut transaction, Some(id)).await?,
+            super::clips::blob_keys(&mut transaction, id).await?,
+            super::lidar_maps::blob_keys(&mut transaction, id).await?,
+            super::home_maps::blob_keys(&mut transaction, id).await?,
             super::uploads::blob_keys_of_home(&mut transaction, id).await?,
         ]
         .concat();
-        super::jobs::lock_of_home(&mut transaction, id).await?;
-        let size = query("SELECT size_bytes FROM homes WHERE id = $1").bind(id.key());
-        let size_bytes = size.fetch_one(&mut transaction).await?.number("size_bytes")?;
-        grow(&mut transaction, id, -size_bytes).await?;
+        grow(&mut transaction, id, -row.number("size_bytes")?).await?;
         query("DELETE FROM homes WHERE id = $1").bind(id.key()).execute(&mut transaction).await?;
         changes::record_home_removed(&mut transaction, id, now).await?;
         pending_deletes::add(&mut transaction, &owner, &blobs, now).await?;
-        for of_home in ["clip", "lidar-map"] {
+        for of_home in ["clip", "lidar-map", "home-map"] {
             pending_deletes::take_over(&mut transaction, &owner, &format!("{of_home}:{}", id.key())).await?;
         }
         transaction.commit().await?;
@@ -237,7 +246,9 @@ async fn rename(
     name: Option<&str>,
     search: &str,
 ) -> Result<bool, StorageError> {
-    let renamed = query("UPDATE homes SET name = $2, search = $3 WHERE id = $1 AND name IS DISTINCT FROM $2");
+    let renamed = query(
+        "UPDATE homes SET name = $2, search = $3 WHERE id = $1 AND (name IS DISTINCT FROM $2 OR search <> $3)",
+    );
     Ok(renamed.bind(id.key()).bind(name).bind(search).execute(transaction).await? > 0)
 }
 

@@ -215,6 +215,14 @@ pub(super) async fn enqueue(
     priority: Priority,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
+    end_earlier(transaction, clip, now).await?;
+    let turn = Turns::of(transaction, home, 1).await?.turn(0);
+    let new = NewJob { clip, lidar_map, turn, priority };
+    insert(transaction, home, new, now).await
+}
+
+/// Cancels the jobs of a clip, and removes the oldest ended ones.
+async fn end_earlier(transaction: &mut Transaction, clip: Uuid, now: Timestamp) -> Result<(), StorageError> {
     query(
         "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, early_pose = NULL, version = version + 1,
             updated_at = $2, finished_at = $2
@@ -233,26 +241,42 @@ pub(super) async fn enqueue(
     .bind(KEPT)
     .execute(transaction)
     .await?;
+    Ok(())
+}
+
+struct NewJob {
+    clip: Uuid,
+    lidar_map: Uuid,
+    turn: Turn,
+    priority: Priority,
+}
+
+/// Inserts a job and makes it the newest of its clip. Returns the blobs that the clip no longer refers to.
+async fn insert(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    new: NewJob,
+    now: Timestamp,
+) -> Result<Vec<String>, StorageError> {
     let id = Uuid::now_v7();
-    let turn = turn(transaction, home).await?;
-    let order_at = now + TURN * turn.of_tenant - priority.lead();
+    let order_at = now + TURN * new.turn.of_tenant - new.priority.lead();
     query(
         "INSERT INTO jobs (id, clip_id, lidar_map_id, state, progress, attempts, max_attempts, run_after, fence,
             version, created_at, updated_at, tenant, position, order_at)
         VALUES ($1, $2, $3, $4, 0, 0, $5, $6, 0, 1, $6, $6, $7, $8, $9)",
     )
     .bind(id.to_string())
-    .bind(clip.to_string())
-    .bind(lidar_map.to_string())
+    .bind(new.clip.to_string())
+    .bind(new.lidar_map.to_string())
     .bind(JobState::Queued.name())
     .bind(MAX_ATTEMPTS)
     .bind(now.as_millisecond())
     .bind(home.tenant())
-    .bind(i64::from(turn.in_home))
+    .bind(i64::from(new.turn.in_home))
     .bind(order_at.as_millisecond())
     .execute(transaction)
     .await?;
-    clips::begin_job(transaction, clip, id, now).await
+    clips::begin_job(transaction, new.clip, id, now).await
 }
 
 /// Number of jobs before a new one.
@@ -263,28 +287,49 @@ struct Turn {
     of_tenant: i32,
 }
 
-/// Returns the fair turn of a home's next job. A home with many jobs delays only its own: the first job of a
+/// The fair turns of a home's next jobs. A home with many jobs delays only its own: the first job of a
 /// home comes before the second of any other home of its tenant, and the first job of a tenant before the
 /// second of any other. Time passes for all of them alike, so that no job waits for ever.
-async fn turn(transaction: &mut Transaction, home: &HomeId) -> Result<Turn, StorageError> {
-    let in_home = query(
-        "SELECT COUNT(*) AS jobs FROM (
-            SELECT jobs.id FROM jobs JOIN clips ON clips.id = jobs.clip_id
-            WHERE clips.home_id = $1 AND clips.state IN ('queued', 'aligning') AND jobs.state IN ('queued', 'running')
-            LIMIT $2) AS unfinished",
-    );
-    let in_home = in_home.bind(home.key()).bind(MOST_TURNS).fetch_one(transaction).await?.count("jobs")?;
-    let of_tenant = query(
-        "SELECT COUNT(*) AS jobs FROM (
-            SELECT id FROM jobs WHERE tenant = $1 AND position <= $2 AND state IN ('queued', 'running')
-            LIMIT $3) AS unfinished",
-    );
-    let of_tenant = of_tenant.bind(home.tenant()).bind(i64::from(in_home)).bind(MOST_TURNS);
-    Ok(Turn { in_home, of_tenant: of_tenant.fetch_one(transaction).await?.count("jobs")? })
+struct Turns {
+    /// Unfinished jobs of the home.
+    in_home: i32,
+    /// Positions of the tenant's unfinished jobs in their own homes, ascending.
+    positions: Vec<i32>,
 }
 
-/// Locks a clip's jobs until the transaction ends. The removal of a clip locks the jobs first, as workers do,
-/// which prevents deadlocks.
+impl Turns {
+    /// Counts for the next `jobs` jobs of a home at once: a count for each would read all earlier ones again.
+    async fn of(transaction: &mut Transaction, home: &HomeId, jobs: usize) -> Result<Turns, StorageError> {
+        let in_home = query(
+            "SELECT COUNT(*) AS jobs FROM (
+                SELECT jobs.id FROM jobs JOIN clips ON clips.id = jobs.clip_id
+                WHERE clips.home_id = $1 AND clips.state IN ('queued', 'aligning')
+                    AND jobs.state IN ('queued', 'running')
+                LIMIT $2) AS unfinished",
+        );
+        let in_home = in_home.bind(home.key()).bind(MOST_TURNS).fetch_one(transaction).await?;
+        let in_home: i32 = in_home.count("jobs")?;
+        let of_tenant = query(
+            "SELECT position FROM jobs WHERE tenant = $1 AND position < $2 AND state IN ('queued', 'running')
+            ORDER BY position LIMIT $3",
+        );
+        let last = i64::from(in_home) + jobs as i64;
+        let rows = of_tenant.bind(home.tenant()).bind(last).bind(MOST_TURNS).fetch_all(transaction).await?;
+        let positions: Result<Vec<i32>, _> = rows.iter().map(|row| row.count("position")).collect();
+        Ok(Turns { in_home, positions: positions? })
+    }
+
+    /// Returns the turn of the next job after `earlier` ones that were queued since the count.
+    fn turn(&self, earlier: usize) -> Turn {
+        let at_most = |jobs: usize| jobs.min(MOST_TURNS as usize) as i32;
+        let in_home = at_most(self.in_home as usize + earlier);
+        let before = self.positions.partition_point(|position| *position <= in_home);
+        Turn { in_home, of_tenant: at_most(before + earlier) }
+    }
+}
+
+/// Locks a clip's jobs until the transaction ends. A change of a clip locks the jobs first, as workers do, which prevents
+/// deadlocks.
 pub(super) async fn lock_of_clip(transaction: &mut Transaction, clip: Uuid) -> Result<(), StorageError> {
     let lock = transaction.either(
         "SELECT id FROM jobs WHERE clip_id = $1",
@@ -304,7 +349,7 @@ pub(super) async fn lock_of_home(transaction: &mut Transaction, home: &HomeId) -
     Ok(())
 }
 
-/// [`enqueue`] for every clip of a home.
+/// [`enqueue`] for every clip of a home, in the order of their ids.
 pub(super) async fn enqueue_home(
     transaction: &mut Transaction,
     home: &HomeId,
@@ -315,10 +360,31 @@ pub(super) async fn enqueue_home(
         .bind(home.key())
         .fetch_all(transaction)
         .await?;
+    let clips: Vec<Uuid> = rows.iter().map(|row| row.id("id")).collect::<Result<_, _>>()?;
+    for clip in &clips {
+        end_earlier(transaction, *clip, now).await?;
+    }
+    let turns = Turns::of(transaction, home, clips.len()).await?;
     let mut stale_blobs = Vec::new();
-    for row in &rows {
-        let clip = row.id("id")?;
-        stale_blobs.extend(enqueue(transaction, home, clip, lidar_map, Priority::Again, now).await?);
+    for (earlier, clip) in clips.into_iter().enumerate() {
+        let new = NewJob { clip, lidar_map, turn: turns.turn(earlier), priority: Priority::Again };
+        stale_blobs.extend(insert(transaction, home, new, now).await?);
     }
     Ok(stale_blobs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_count_the_jobs_that_are_not_further_back() {
+        let turns = Turns { in_home: 1, positions: vec![0, 0, 1, 5] };
+        // Those at positions up to its own, and those that were queued since the count.
+        for (earlier, in_home, of_tenant) in [(0, 1, 3), (1, 2, 3 + 1), (4, 5, 4 + 4), (5_000, 2_000, 2_000)]
+        {
+            let turn = turns.turn(earlier);
+            assert_eq!((turn.in_home, turn.of_tenant), (in_home, of_tenant), "{earlier}");
+        }
+    }
 }

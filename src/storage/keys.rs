@@ -1,5 +1,9 @@
 //! API keys of tenants. A key is shown once, when it is created; only its SHA-256 is stored.
 
+mod uses;
+
+pub(super) use uses::KeyUses;
+
 use super::columns::Columns;
 use super::database::{Row, query};
 use super::{HomeId, Storage, StorageError, Tenant};
@@ -8,7 +12,6 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt;
 use std::str::FromStr;
-use tracing::warn;
 use uuid::Uuid;
 
 /// Prefix of a secret, so that a leaked one is recognised.
@@ -186,35 +189,18 @@ impl Storage {
     pub async fn use_key(&self, secret: &Secret, now: Timestamp) -> Result<Option<ApiKey>, StorageError> {
         let row = query("SELECT * FROM api_keys WHERE sha256 = $1").bind(secret.sha256());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        self.used(row.as_ref().map(from_row).transpose()?, now).await
+        Ok(self.used(row.as_ref().map(from_row).transpose()?, now))
     }
 
-    /// Records the use of a key, and returns it if it is valid.
-    pub(super) async fn used(
-        &self,
-        key: Option<ApiKey>,
-        now: Timestamp,
-    ) -> Result<Option<ApiKey>, StorageError> {
+    /// Returns the key if it is valid, and begins to record its use.
+    pub(super) fn used(&self, key: Option<ApiKey>, now: Timestamp) -> Option<ApiKey> {
         let key = key.filter(|key| key.is_valid(now));
         if let Some(key) = &key
             && key.last_used_at.is_none_or(|last| now.duration_since(last) > LAST_USE)
         {
-            // A database that cannot write still answers reads.
-            if let Err(error) = self.note_use(key.id, now).await {
-                warn!(key = %key.id, %error, "the use of a key could not be noted");
-            }
+            self.key_uses.note(&self.database, key.id, now);
         }
-        Ok(key)
-    }
-
-    async fn note_use(&self, key: Uuid, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query("UPDATE api_keys SET last_used_at = $2 WHERE id = $1")
-            .bind(key.to_string())
-            .bind(now.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+        key
     }
 
     /// Returns all keys, or a tenant's, including invalid ones, by tenant, oldest first.

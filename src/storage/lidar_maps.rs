@@ -55,6 +55,11 @@ fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
     })
 }
 
+/// Returns the name under which the pending deletes of a level are recorded.
+fn owner(home: &HomeId, level: LevelName) -> String {
+    format!("lidar-map:{}:{level}", home.key())
+}
+
 fn file_key(id: Uuid) -> String {
     format!("lidar-maps/{id}/file")
 }
@@ -152,9 +157,20 @@ impl Storage {
 
     #[cfg(test)]
     pub(super) async fn lidar_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        blob_keys(&mut *self.database.snapshot().await?, None).await
+        let all = query("SELECT id FROM lidar_maps WHERE removed_at IS NULL");
+        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
     }
 }
+
+/// Selects the current revisions of a home's levels.
+pub(super) const CURRENT_OF_LEVELS: &str = "SELECT * FROM lidar_maps
+    WHERE home_id = $1 AND removed_at IS NULL AND revision =
+        (SELECT MAX(revision) FROM lidar_maps AS of_level
+        WHERE of_level.home_id = $1 AND of_level.level = lidar_maps.level AND of_level.removed_at IS NULL)
+    ORDER BY level";
+
+/// Selects the kept LiDAR maps of a home.
+pub(super) const OF_HOME: &str = "SELECT id FROM lidar_maps WHERE home_id = $1 AND removed_at IS NULL";
 
 /// Returns the current revision of a level.
 pub(super) async fn current(
@@ -175,13 +191,7 @@ pub(super) async fn levels(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<LidarMapRevision>, StorageError> {
-    let rows = query(
-        "SELECT * FROM lidar_maps WHERE home_id = $1 AND revision =
-            (SELECT MAX(revision) FROM lidar_maps AS of_level
-            WHERE of_level.home_id = $1 AND of_level.level = lidar_maps.level AND of_level.removed_at IS NULL)
-        ORDER BY level",
-    );
-    let rows = rows.bind(home.key()).fetch_all(connection).await?;
+    let rows = query(CURRENT_OF_LEVELS).bind(home.key()).fetch_all(connection).await?;
     let mut levels: Vec<LidarMapRevision> = rows.iter().map(from_row).collect::<Result<_, _>>()?;
     // Collations differ between databases.
     levels.sort_by_key(|map| map.level);
@@ -208,17 +218,17 @@ pub(super) async fn newest(
     row.bind(home.key()).fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
-/// Returns the blob keys of one home's LiDAR maps, or of all.
+/// Returns the blob keys of a home's LiDAR maps.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
-    home: Option<&HomeId>,
+    home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT id FROM lidar_maps WHERE ($1 IS NULL OR home_id = $1) AND removed_at IS NULL")
-        .bind(home.map(HomeId::key))
-        .fetch_all(connection)
-        .await?;
+    keys_of(&query(OF_HOME).bind(home.key()).fetch_all(connection).await?)
+}
+
+fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in &rows {
+    for row in rows {
         let id = row.id("id")?;
         keys.extend([file_key(id), image_key(id)]);
     }

@@ -5,6 +5,7 @@ use super::database::Database;
 use super::error::StorageError;
 use super::folder_lock::FolderLock;
 use super::incoming::Incoming;
+use super::keys::KeyUses;
 use super::params::StorageParams;
 use super::scratch::Unpacking;
 use super::seal::SecretsKey;
@@ -30,6 +31,7 @@ pub struct Storage {
     pub(super) lock: Option<FolderLock>,
     pub(super) secrets_key: Option<SecretsKey>,
     pub(super) unpacking: Unpacking,
+    pub(super) key_uses: KeyUses,
 }
 
 impl Storage {
@@ -62,7 +64,7 @@ impl Storage {
         };
         let blobs = Blobs::open(&place, &incoming)?;
         let (secrets_key, unpacking) = (params.secrets_key.clone(), Unpacking::new(params.unpack));
-        Ok(Storage { database, blobs, lock, secrets_key, unpacking })
+        Ok(Storage { database, blobs, lock, secrets_key, unpacking, key_uses: KeyUses::default() })
     }
 
     /// Opens the storage without the lock, beside a server that may be running.

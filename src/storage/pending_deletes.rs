@@ -8,7 +8,7 @@ use super::{Storage, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
 
-/// Most deletions that one pass of cleaning handles.
+/// Deletions that are read at a time.
 const AT_ONCE: i64 = 100;
 
 /// Records blobs to remove. `owner` names the deleted resource.
@@ -58,19 +58,42 @@ impl Storage {
         Ok(!rows.is_empty())
     }
 
+    /// Removes blobs that [`add`] recorded for an owner whose change is committed. If the store fails, a later
+    /// [`Storage::finish_deletions`] removes them.
+    pub(super) async fn discard_pending(&self, owner: &str, keys: &[String]) {
+        if keys.is_empty() {
+            return;
+        }
+        if let Err(error) = self.delete_pending(owner).await {
+            tracing::warn!(owner, blobs = keys.len(), %error, "blobs could not be removed; it is tried again");
+        }
+    }
+
     /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
-        let rows =
-            query("SELECT id, blob_keys FROM doomed_blobs ORDER BY created_at, id LIMIT $1").bind(AT_ONCE);
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        // One failure does not stop the others.
-        let mut ended = Ok(rows.len() as u64);
-        for row in &rows {
-            if let Err(error) = self.remove_row(row.id("id")?, row.json("blob_keys")?).await {
-                ended = Err(error);
+        let (mut finished, mut failed) = (0, None);
+        let mut after = (i64::MIN, String::new());
+        loop {
+            let rows = query(
+                "SELECT id, blob_keys, created_at FROM doomed_blobs WHERE (created_at, id) > ($1, $2)
+                ORDER BY created_at, id LIMIT $3",
+            );
+            let rows = rows.bind(after.0).bind(&after.1).bind(AT_ONCE);
+            let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+            for row in &rows {
+                after = (row.number("created_at")?, row.text("id")?);
+                match self.remove_row(row.id("id")?, row.json("blob_keys")?).await {
+                    Ok(()) => finished += 1,
+                    // Each further one would wait as long for the silent store.
+                    Err(error) if error.is_timeout() => return Err(error),
+                    // One failure does not stop the others.
+                    Err(error) => failed = Some(error),
+                }
+            }
+            if (rows.len() as i64) < AT_ONCE {
+                return failed.map_or(Ok(finished), Err);
             }
         }
-        ended
     }
 
     async fn remove_row(&self, id: Uuid, keys: Vec<String>) -> Result<(), StorageError> {

@@ -88,7 +88,7 @@ impl Storage {
         );
         let row = row.bind(token.sha256()).bind(now.as_millisecond());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        self.used(row.as_ref().map(from_row).transpose()?, now).await
+        Ok(self.used(row.as_ref().map(from_row).transpose()?, now))
     }
 
     /// Ends a session; one that does not exist is no error.

@@ -21,6 +21,7 @@ impl Storage {
 
     async fn check_contents(&self) -> Result<(), StorageError> {
         self.compare_blobs().await?;
+        self.fill_searches().await?;
         self.seal_secrets().await
     }
 

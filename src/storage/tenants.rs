@@ -38,7 +38,7 @@ impl Storage {
                 break;
             }
             for home in homes {
-                match self.delete_home(&home.id, now).await {
+                match self.delete_home(&home.id, |_| true, now).await {
                     Ok(()) | Err(StorageError::NoSuchHome) => {}
                     Err(error) => return Err(error),
                 }

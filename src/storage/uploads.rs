@@ -16,7 +16,8 @@ pub use join::Joining;
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::{HomeId, Storage, StorageError, Tenant, homes};
+use super::room::{self, Room};
+use super::{HomeId, Storage, StorageError, Tenant, homes, pending_deletes};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -214,15 +215,20 @@ fn later(now: Timestamp, wait: Duration) -> Timestamp {
 }
 
 impl Storage {
-    /// Begins an upload. Concurrent requests may exceed the limits on the number of uploads.
+    /// Begins an upload. Concurrent requests may exceed the limits on the number of uploads. `max_bytes` limits the files of
+    /// a tenant without a limit of its own; `None` means unlimited.
     pub async fn create_upload(
         &self,
         new: NewUpload,
         limits: &UploadLimits,
+        max_bytes: Option<u64>,
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
         check_room(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits).await?;
+        let announced_bytes = new.length_bytes.unwrap_or(0);
+        let room = Room::Needed { max_bytes };
+        room::check(&mut transaction, new.tenant.name(), announced_bytes, room).await?;
         let id = Uuid::now_v7();
         insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
         let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
@@ -266,8 +272,9 @@ impl Storage {
         find_living(&mut transaction, id, now).await?;
         let keys = piece_keys(&mut transaction, id).await?;
         query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
+        pending_deletes::add(&mut transaction, &owner(id), &keys, now).await?;
         transaction.commit().await?;
-        self.blobs.discard(&keys).await;
+        self.discard_pending(&owner(id), &keys).await;
         Ok(())
     }
 
@@ -336,13 +343,17 @@ async fn insert(
     Ok(())
 }
 
+/// Returns the name under which the pending deletes of an upload are recorded.
+fn owner(id: Uuid) -> String {
+    format!("upload:{id}")
+}
+
 async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<String>, StorageError> {
     let rows = query("SELECT blob_key FROM upload_pieces WHERE upload_id = $1 ORDER BY first_byte");
     let rows = rows.bind(upload.to_string()).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
 
-/// Returns the blob keys of a tenant's uploads.
 /// Returns the pieces of a tenant's uploads, and locks these: no piece is added until the transaction ends.
 pub(super) async fn blob_keys_of_tenant(
     connection: &mut Connection,

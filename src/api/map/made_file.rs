@@ -1,7 +1,7 @@
 //! Files whose head needs what comes later, as E57, LAZ and MCAP: they are made in a temporary file and then sent.
 
 use super::points::Points;
-use crate::api::bodies::attachment;
+use crate::api::bodies::{PIECE_BYTES, attachment, holding};
 use crate::api::error::Error;
 use crate::api::fair::FairPlace;
 use crate::api::reply::tagged;
@@ -17,9 +17,6 @@ use tokio::io::AsyncWriteExt;
 use tokio_util::io::ReaderStream;
 use uuid::{Builder, Uuid};
 use viola_home::{MapPoint, POINT_BYTES, read_point};
-
-/// Bytes read at a time when the file is sent.
-const PIECE_BYTES: usize = 64 << 10;
 
 /// The points of a map in a temporary file.
 pub(super) struct Spool {
@@ -67,10 +64,10 @@ fn id_of(sum: Sha256) -> Uuid {
     Builder::from_custom_bytes(bytes).into_uuid()
 }
 
-/// Makes a file of a map's points by `write`; returns the body of an answer and its size. The place is free
-/// when the file is made.
+/// Makes a file of a map's points by `write`; returns the body of an answer and its size. `place` is free when the file is
+/// made, and `unsent` when the body is dropped.
 pub(super) async fn make(
-    place: FairPlace,
+    [unsent, place]: [FairPlace; 2],
     points: &Points,
     tiles: &[MapFile],
     write: impl FnOnce(File, Spool) -> io::Result<()> + Send + 'static,
@@ -91,7 +88,7 @@ pub(super) async fn make(
         Err(error) => std::panic::resume_unwind(error.into_panic()),
     };
     let pieces = ReaderStream::with_capacity(tokio::fs::File::from_std(file), PIECE_BYTES);
-    Ok((Body::from_stream(pieces), size_bytes))
+    Ok((holding(unsent, pieces), size_bytes))
 }
 
 /// Returns the answer with a file of known size.

@@ -1,15 +1,14 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
 use super::{App, LevelQuery, level, revision, tag_of_file};
-use crate::api::bodies::{FileBytes, attachment, send};
+use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tagged};
 use crate::storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
-use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use viola_home::{MESH_TRIANGLES, Mesh};
@@ -115,9 +114,8 @@ pub(in crate::api) async fn get_map_mesh(
     let answer = match wanted.made(&app).await? {
         Some(blob) => send(blob, format.media_type()),
         None => {
-            let bytes = wanted.make(&app).await?;
-            let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()))];
-            (kind, Bytes::from(bytes)).into_response()
+            let unsent = app.making.unsent(home.tenant()).await?;
+            send_made(wanted.make(&app).await?.into(), format.media_type(), unsent)
         }
     };
     Ok(tagged(attachment(answer, &name), &tag))

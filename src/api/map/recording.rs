@@ -71,6 +71,7 @@ pub(in crate::api) async fn get_map_recording(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
+    let unsent = app.making.unsent(home.tenant()).await?;
     let place = app.making.file(home.tenant()).await?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let level_map = LevelMap {
@@ -82,7 +83,7 @@ pub(in crate::api) async fn get_map_recording(
     };
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
     let points = Points { app, clips, filter: PointFilter::default() };
-    let body = make(place, &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
+    let body = make([unsent, place], &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
     let name = format!("{home}-{}.mcap", map.revision);
     Ok(answer(body, MCAP, &name, &tag))
 }

@@ -2,15 +2,14 @@
 
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
-use crate::api::bodies::{FileBytes, attachment};
+use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tagged};
 use crate::storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
-use axum::body::Bytes;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use viola_formats::lidar::{LidarMap, valetudo_json};
@@ -96,6 +95,7 @@ pub(in crate::api) async fn get_map_robot(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
+    let unsent = app.making.unsent(home.tenant()).await?;
     // A LiDAR map as values takes up to a hundred megabytes.
     let place = app.making.file(home.tenant()).await?;
     let mut sources = Vec::new();
@@ -108,8 +108,7 @@ pub(in crate::api) async fn get_map_robot(
         write(format, &sources)
     };
     let bytes = apart(make).await?;
-    let mut answer = Bytes::from(bytes).into_response();
-    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    let answer = send_made(bytes.into(), format.media_type(), unsent);
     let name = format!("{home}-{}-{}.{}", map.revision, format.name(), format.ending());
     Ok(tagged(attachment(answer, &name), &tag))
 }

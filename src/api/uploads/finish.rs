@@ -5,8 +5,8 @@ use super::opener;
 use super::refusal::UploadRefusal;
 use crate::api::App;
 use crate::api::clips;
-use crate::api::error::Error;
-use crate::storage::{Added, NewClip, UploadClaim, UploadState};
+use crate::api::error::{Defence, Error};
+use crate::storage::{Added, NewClip, UploadClaim, UploadError, UploadState};
 use jiff::Timestamp;
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
@@ -14,6 +14,9 @@ use uuid::Uuid;
 
 /// Delay before the next attempt after a fault of the service.
 const PAUSE: Duration = Duration::from_secs(10);
+
+/// Delay after an attempt whose fault may be the service's or the file's: each may take minutes of a reader.
+const LONG_PAUSE: Duration = Duration::from_mins(10);
 
 /// Timeout and polling interval of a request while another one, or the cleaner, makes the clip.
 const MAX_WAIT: Duration = Duration::from_secs(15);
@@ -43,6 +46,34 @@ pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
     }
 }
 
+/// The step after a failed attempt.
+#[derive(Debug, PartialEq, Eq)]
+enum Next {
+    /// The bytes are removed.
+    Refuse,
+    /// The bytes stay, and the cleaner retries.
+    Retry { after: Duration },
+}
+
+impl Next {
+    /// Returns the step after an error. `is_old` is true if the last byte came longer ago than idle uploads are kept: a busy
+    /// machine opens files slowly, and a store that is not mounted lacks pieces, so such faults refuse only old uploads.
+    fn after(error: &Error, is_old: bool) -> Next {
+        let is_doubtful = matches!(
+            error,
+            Error::Defence(Defence::TookTooLong { .. })
+                | Error::Upload(UploadRefusal::State(UploadError::Lost))
+        );
+        if !error.is_refusal() {
+            Next::Retry { after: PAUSE }
+        } else if is_doubtful && !is_old {
+            Next::Retry { after: LONG_PAUSE }
+        } else {
+            Next::Refuse
+        }
+    }
+}
+
 /// Makes a clip of a complete upload that nobody else has claimed; returns whether it made one. The bytes of a
 /// refused file are removed; after a fault of the service they stay, and the cleaner retries.
 pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
@@ -60,13 +91,23 @@ pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
             Ok(true)
         }
         Err(error) => {
-            if error.is_refusal() {
-                let problem = serde_json::json!(error.problem());
-                storage.refuse_upload(&claim, &problem, params.limits.record, Timestamp::now()).await?;
-            } else {
-                storage.give_back_upload(&claim, PAUSE, Timestamp::now()).await?;
+            let now = Timestamp::now();
+            match Next::after(&error, claim.upload.expires_at <= now) {
+                Next::Refuse => {
+                    let problem = serde_json::json!(error.problem());
+                    storage.refuse_upload(&claim, &problem, params.limits.record, now).await?;
+                    Err(error)
+                }
+                Next::Retry { after } => {
+                    storage.give_back_upload(&claim, after, now).await?;
+                    // The client must not take the error for a refusal, and send all bytes again.
+                    Err(if error.is_refusal() {
+                        UploadRefusal::Waits(error.to_string()).into()
+                    } else {
+                        error
+                    })
+                }
             }
-            Err(error)
         }
     }
 }
@@ -110,5 +151,34 @@ async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
         if let Err(error) = app.storage.renew_upload(claim, app.uploads.lease, Timestamp::now()).await {
             tracing::warn!(upload = %claim.upload.id, %error, "a claim could not be renewed");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_that_may_be_the_services_refuses_only_an_old_upload() {
+        let slow = || Error::from(Defence::TookTooLong { limit: Duration::from_secs(120) });
+        let busy = || Error::from(Defence::ReadersBusy { wait: Duration::from_secs(60) });
+        let lost = || Error::from(UploadError::Lost);
+        let (soon, later) = (Next::Retry { after: PAUSE }, Next::Retry { after: LONG_PAUSE });
+        let cases = [
+            (busy(), false, &soon),
+            (busy(), true, &soon),
+            (Error::Opener("no descriptors".to_owned()), true, &soon),
+            (slow(), false, &later),
+            (slow(), true, &Next::Refuse),
+            (lost(), false, &later),
+            (lost(), true, &Next::Refuse),
+            (Error::BodyEmpty, false, &Next::Refuse),
+            (Error::KeyReused, false, &Next::Refuse),
+            (UploadRefusal::Unreadable.into(), false, &Next::Refuse),
+        ];
+        for (error, is_old, expected) in cases {
+            assert_eq!(Next::after(&error, is_old), *expected, "{error}, {is_old}");
+        }
+        assert!(!Error::from(UploadRefusal::Waits(slow().to_string())).is_refusal());
     }
 }

@@ -2,7 +2,7 @@
 //! processes ended for another reason.
 
 use super::refusal::UploadRefusal;
-use crate::api::error::{Error, Problem};
+use crate::api::error::{Defence, Error, Problem};
 use crate::jobs::ChildParams;
 use crate::storage::Arrived;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::container::Scratch;
 use viola_formats::video::{Tools, was_asked_to_stop};
 
-/// Timeout for opening a file; a file that takes longer is refused.
+/// Timeout for opening a file.
 const MAX_TIME: Duration = Duration::from_secs(120);
 
 /// Output of the process: one line of JSON. A process without output died.
@@ -42,7 +42,7 @@ pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived
     let failed = |cause: String| Error::Opener(cause);
     let output = params.output(file.path().as_os_str(), MAX_TIME).await;
     let Some(output) = output.map_err(|error| failed(error.to_string()))? else {
-        return Err(UploadRefusal::Unreadable.into());
+        return Err(Defence::TookTooLong { limit: MAX_TIME }.into());
     };
     match serde_json::from_slice(&output.stdout) {
         Ok(Opened::Clip(info)) => Ok((file, *info)),

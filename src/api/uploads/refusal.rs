@@ -18,10 +18,11 @@ pub(in crate::api) enum UploadRefusal {
     ChecksumMismatch,
     #[error("the service is stopping; go on in a moment")]
     Stopping,
-    #[error(
-        "the process that opened this file died, or took too long; the file is damaged, or made to do so"
-    )]
+    #[error("the process that opened this file died; the file is damaged, or made to do so")]
     Unreadable,
+    /// The attempt failed for this cause, for which the service may be at fault.
+    #[error("the complete upload waits to be made a clip: {0}")]
+    Waits(String),
 }
 
 impl From<UploadError> for Error {
@@ -55,6 +56,9 @@ impl UploadRefusal {
                 (status, "checksum_mismatch", "The body was damaged on its way")
             }
             UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
+            UploadRefusal::Waits(_) => {
+                (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
+            }
             UploadRefusal::Unreadable => {
                 (S::UNPROCESSABLE_ENTITY, "upload_unreadable", "The file cannot be opened")
             }

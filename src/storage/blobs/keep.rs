@@ -36,6 +36,15 @@ impl Blobs {
         }
     }
 
+    /// [`Blobs::keep`] that removes the blob if it fails, since a write that failed may have taken effect.
+    pub async fn keep_or_discard(&self, file: Arrived, key: &str) -> Result<(), StorageError> {
+        let kept = self.keep(file, key).await;
+        if kept.is_err() {
+            self.discard(&[key.to_owned()]).await;
+        }
+        kept
+    }
+
     async fn rename(&self, mut file: Arrived, incoming: &Key, key: &Key) -> Result<(), StorageError> {
         let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let from = incoming.clone().join(name);

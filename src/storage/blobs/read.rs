@@ -7,12 +7,15 @@ use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use object_store::path::Path as Key;
 use object_store::{GetOptions, GetRange, GetResult, ObjectStore};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A blob to be read: its size and the stream of its bytes.
 pub struct BlobReader {
     pub size_bytes: u64,
-    pub stream: BoxStream<'static, Result<Bytes, StorageError>>,
+    pub stream: BlobStream,
+    /// Opens parts of the same blob.
+    pub parts: BlobParts,
 }
 
 impl BlobReader {
@@ -56,23 +59,51 @@ impl Blobs {
         let tries = tried("reading a blob", || self.store.get_opts(&key, GetOptions::default()));
         let found = self.limits.bound(tries).await?;
         let size_bytes = found.meta.size;
-        let reading = Reading {
-            store: self.store.clone(),
-            limits: self.limits,
-            key,
-            e_tag: found.meta.e_tag.clone(),
-            at: 0,
-            size_bytes,
-            body: body(found),
+        let (store, limits, e_tag) = (self.store.clone(), self.limits, found.meta.e_tag.clone());
+        let parts = BlobParts { store, limits, key, e_tag };
+        Ok(BlobReader { size_bytes, stream: parts.stream(0..size_bytes, body(found)), parts })
+    }
+}
+
+/// Opens parts of a blob, for readers that need no other bytes of it.
+#[derive(Clone)]
+pub struct BlobParts {
+    store: Arc<dyn ObjectStore>,
+    limits: Limits,
+    key: Key,
+    e_tag: Option<String>,
+}
+
+impl BlobParts {
+    /// Returns the stream of the bytes in a range, which must lie in the blob and not be empty.
+    pub async fn open(&self, range: Range<u64>) -> Result<BlobStream, StorageError> {
+        let tries = tried("reading a part of a blob", || self.get(range.clone()));
+        let found = self.limits.bound(tries).await?;
+        Ok(self.stream(range, body(found)))
+    }
+
+    async fn get(&self, range: Range<u64>) -> object_store::Result<GetResult> {
+        let options = GetOptions {
+            range: Some(GetRange::Bounded(range)),
+            if_match: self.e_tag.clone(),
+            ..GetOptions::default()
         };
+        self.store.get_opts(&self.key, options).await
+    }
+
+    fn stream(&self, rest: Range<u64>, body: Body) -> BlobStream {
+        let reading = Reading { blob: self.clone(), rest, body };
         let stream = futures::stream::try_unfold(reading, |mut reading| async move {
-            let limits = reading.limits;
+            let limits = reading.blob.limits;
             let next = limits.bound(reading.next()).await?;
             Ok(next.map(|bytes| (bytes, reading)))
         });
-        Ok(BlobReader { size_bytes, stream: stream.boxed() })
+        stream.boxed()
     }
 }
+
+/// The bytes of a blob or of a part of it.
+type BlobStream = BoxStream<'static, Result<Bytes, StorageError>>;
 
 type Body = BoxStream<'static, object_store::Result<Bytes>>;
 
@@ -83,13 +114,9 @@ fn body(found: GetResult) -> Body {
 /// A blob that is being read. A request that ends early is followed by one for the rest: stores cut
 /// connections, and a slow reader needs longer than the timeout of one request.
 struct Reading {
-    store: Arc<dyn ObjectStore>,
-    limits: Limits,
-    key: Key,
-    e_tag: Option<String>,
-    /// Bytes read so far.
-    at: u64,
-    size_bytes: u64,
+    blob: BlobParts,
+    /// The bytes that are not read yet.
+    rest: Range<u64>,
     body: Body,
 }
 
@@ -100,26 +127,21 @@ impl Reading {
             let failed = match self.body.try_next().await {
                 Ok(Some(bytes)) if bytes.is_empty() => continue,
                 Ok(Some(bytes)) => {
-                    self.at += bytes.len() as u64;
-                    if self.at > self.size_bytes {
-                        return Err(other_size(self.at, self.size_bytes));
+                    self.rest.start += bytes.len() as u64;
+                    if self.rest.start > self.rest.end {
+                        return Err(other_size(&self.rest));
                     }
                     return Ok(Some(bytes));
                 }
-                Ok(None) | Err(_) if self.at == self.size_bytes => return Ok(None),
-                Ok(None) => other_size(self.at, self.size_bytes),
+                Ok(None) | Err(_) if self.rest.is_empty() => return Ok(None),
+                Ok(None) => other_size(&self.rest),
                 Err(error) => error,
             };
             let Some(pause) = pauses.next() else { return Err(failed) };
-            tracing::warn!(key = %self.key, error = %failed, "a blob was cut off; the rest of it is asked for");
+            tracing::warn!(key = %self.blob.key, error = %failed, "a blob was cut off; the rest of it is asked for");
             tokio::time::sleep(*pause).await;
-            let rest = GetOptions {
-                range: Some(GetRange::Offset(self.at)),
-                if_match: self.e_tag.clone(),
-                ..GetOptions::default()
-            };
             // If this fails too, its own error is returned; `failed` is in the log.
-            match self.store.get_opts(&self.key, rest).await {
+            match self.blob.get(self.rest.clone()).await {
                 Ok(found) => self.body = body(found),
                 Err(error) => self.body = futures::stream::iter([Err(error)]).boxed(),
             }
@@ -127,8 +149,8 @@ impl Reading {
     }
 }
 
-fn other_size(at: u64, size_bytes: u64) -> object_store::Error {
-    let detail = format!("a blob of {size_bytes} bytes gave {at}");
+fn other_size(rest: &Range<u64>) -> object_store::Error {
+    let detail = format!("a blob that is read up to byte {} gave {}", rest.end, rest.start);
     let source = std::io::Error::new(std::io::ErrorKind::InvalidData, detail);
     object_store::Error::Generic { store: "blobs", source: source.into() }
 }

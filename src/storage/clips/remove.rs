@@ -2,16 +2,22 @@
 
 use super::super::changes::{self, Changed};
 use super::super::database::query;
-use super::super::{HomeId, Storage, StorageError, home_maps, homes, jobs, pending_deletes};
-use super::{blobs_of, find_locked};
+use super::super::{HomeId, Storage, StorageError, home_maps, homes, pending_deletes};
+use super::{Clip, blobs_of, find_locked, owner};
 use jiff::Timestamp;
 use uuid::Uuid;
 
 impl Storage {
-    /// Removes a clip with its results. A worker on it loses its lease. Returns an error if the clip is
-    /// removed but one of its files is not; another call retries that.
-    pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
-        let owner = format!("clip:{}:{id}", home.key());
+    /// Removes a clip with its results, if the clip is as `expected`. A worker on it loses its lease. Returns an error if
+    /// the clip is removed but one of its files is not; another call retries that.
+    pub async fn delete_clip(
+        &self,
+        home: &HomeId,
+        id: Uuid,
+        expected: impl Fn(&Clip) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let owner = owner(home, id);
         let mut transaction = self.database.begin().await?;
         let clip = match find_locked(&mut transaction, home, id).await {
             Err(StorageError::NoSuchClip) => {
@@ -21,7 +27,9 @@ impl Storage {
             }
             found => found?,
         };
-        jobs::lock_of_clip(&mut transaction, id).await?;
+        if !expected(&clip) {
+            return Err(StorageError::Changed { what: "clip" });
+        }
         query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
         homes::grow(&mut transaction, home, -((clip.size_bytes + clip.result_bytes) as i64)).await?;
         if clip.result_key.is_some() {

@@ -103,7 +103,7 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
     assert_eq!(news(&storage, &mut cursor, 7).await, ["h clip queued"]);
     storage.cancel_job(job.id, at(8)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 8).await, ["h clip uploaded"]);
-    storage.delete_clip(&id, clip.id, at(9)).await.unwrap();
+    storage.delete_clip(&id, clip.id, |_| true, at(9)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 9).await, ["h clip deleted"]);
     // A new reader gets each item once.
     assert_eq!(news(&storage, &mut None, 9).await, ["h home", "h lidar_map 1", "h clip deleted"]);
@@ -135,12 +135,12 @@ async fn a_copy_that_follows_is_whole(storage: Storage) {
             1 | 2 => clips.push(add(&storage, &id, &[step as u8]).await),
             3 => {
                 let clip = clips.remove(0);
-                storage.delete_clip(&clip.home, clip.id, at(step)).await.unwrap();
+                storage.delete_clip(&clip.home, clip.id, |_| true, at(step)).await.unwrap();
             }
             _ => drop(storage.claim(LEASE, at(step)).await.unwrap()),
         }
         if step == 17 {
-            storage.delete_home(&home("h1"), at(step)).await.unwrap();
+            storage.delete_home(&home("h1"), |_| true, at(step)).await.unwrap();
             clips.retain(|clip| clip.home != home("h1"));
         }
         let changes = part(&storage, cursor, 2, step).await;
@@ -179,7 +179,7 @@ async fn a_home_goes_with_all_that_was_in_it(storage: Storage) {
         news(&storage, &mut cursor, 0).await,
         ["h home", "h lidar_map 1", "h clip queued", "other home"]
     );
-    storage.delete_home(&id, at(1)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(1)).await.unwrap();
     let gone = ["h lidar_map 1 deleted", "h clip deleted", "h home deleted"];
     assert_eq!(news(&storage, &mut cursor, 1).await, gone);
     // A home of the same id is another one; the feed still has the removals in the old one.
@@ -204,7 +204,7 @@ async fn what_was_not_committed_is_not_told(storage: Storage) {
     assert!(news(&storage, &mut cursor, 1).await.is_empty());
     drop(transaction);
     assert!(news(&storage, &mut cursor, 1).await.is_empty());
-    storage.delete_home(&home("nowhere"), at(1)).await.unwrap_err();
+    storage.delete_home(&home("nowhere"), |_| true, at(1)).await.unwrap_err();
     assert!(news(&storage, &mut cursor, 1).await.is_empty());
     let again = part(&storage, None, 100, 1).await;
     assert_eq!(again.items.last().unwrap().state, Some(ClipState::Queued));
@@ -218,18 +218,18 @@ async fn what_was_deleted_is_told_for_a_month(storage: Storage) {
         let items = part(&storage, None, 100, 32 * DAY_S).await.items;
         items.into_iter().filter(|change| change.deleted).filter_map(|change| change.clip).collect::<Vec<_>>()
     };
-    storage.delete_clip(&id, first.id, at(0)).await.unwrap();
-    storage.delete_clip(&id, second.id, at(31 * DAY_S)).await.unwrap();
+    storage.delete_clip(&id, first.id, |_| true, at(0)).await.unwrap();
+    storage.delete_clip(&id, second.id, |_| true, at(31 * DAY_S)).await.unwrap();
     assert_eq!(deleted().await, [first.id, second.id]);
-    storage.delete_clip(&id, third.id, at(31 * DAY_S + 1)).await.unwrap();
+    storage.delete_clip(&id, third.id, |_| true, at(31 * DAY_S + 1)).await.unwrap();
     assert_eq!(deleted().await, [second.id, third.id]);
     // Numbers are not reused when their rows are gone.
     let last = part(&storage, None, 100, 32 * DAY_S).await.items.pop().unwrap().seq;
-    storage.delete_home(&id, at(40 * DAY_S)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(40 * DAY_S)).await.unwrap();
     let gone = part(&storage, None, 100, 40 * DAY_S).await;
     storage.put_home(&home("new"), None, |_| true, at(80 * DAY_S)).await.unwrap();
     storage.put_home(&home("newer"), None, |_| true, at(80 * DAY_S)).await.unwrap();
-    storage.delete_home(&home("newer"), at(80 * DAY_S)).await.unwrap();
+    storage.delete_home(&home("newer"), |_| true, at(80 * DAY_S)).await.unwrap();
     let items = part(&storage, None, 100, 80 * DAY_S).await.items;
     assert_eq!(items.iter().map(shown).collect::<Vec<_>>(), ["new home", "newer home deleted"]);
     assert!(items[0].seq > gone.items.last().unwrap().seq && gone.items[0].seq > 0 && last > 0);

@@ -14,6 +14,7 @@ on_every_back_end!(
     choices_that_cannot_be,
     a_choice_makes_the_map_due,
     a_choice_during_a_merge_stands,
+    a_choice_during_a_claim_keeps_the_state_of_the_clip,
 );
 
 fn pose(x_m: f64) -> Pose2 {
@@ -243,4 +244,23 @@ async fn a_choice_makes_the_map_due(storage: Storage) {
     storage.withdraw_choice(&home, clip.id, |_| true, at(301)).await.unwrap();
     let claim = storage.claim_merge("", LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
     assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
+}
+
+async fn a_choice_during_a_claim_keeps_the_state_of_the_clip(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    // As in a claim: the job is locked, and then the clip changes.
+    let mut claiming = storage.database.begin().await.unwrap();
+    crate::storage::jobs::lock_of_clip(&mut claiming, clip.id).await.unwrap();
+    let chosen = Chosen::Pose(LevelName::MAIN, pose(1.0));
+    let mut choosing = std::pin::pin!(storage.choose(&home, clip.id, chosen, |_| true, at(1)));
+    let waited = tokio::time::timeout(Duration::from_millis(200), &mut choosing).await;
+    assert!(waited.is_err(), "a choice waits for the claim");
+    crate::storage::database::query("UPDATE clips SET state = 'aligning' WHERE id = $1")
+        .bind(clip.id.to_string())
+        .execute(&mut claiming)
+        .await
+        .unwrap();
+    claiming.commit().await.unwrap();
+    let clip = choosing.await.unwrap();
+    assert_eq!((clip.state, standing(&clip)), (ClipState::Aligning, Some((1.0, None, 1))));
 }

@@ -86,7 +86,7 @@ async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
         concat: None,
         length_bytes: Some(4),
     };
-    let id = storage.create_upload(new, &limits, at(0)).await.unwrap().id;
+    let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     let mut writer = storage.begin_append(id, 0, None, &limits, at(-HOUR)).await.unwrap();
     storage.append(&mut writer, arrived(&storage, b"clip").await, &limits, at(-HOUR)).await.unwrap();
     let lost = storage.claim_upload(id, LEASE, at(0)).await.unwrap();

@@ -107,7 +107,7 @@ async fn a_correction_is_kept_until_it_is_withdrawn(storage: Storage) {
     assert_eq!((all.version, all.objects.len()), (3, 0));
     // They go with the home.
     correct(&storage, &home, "chair-2", &renamed(Some("Stool"))).await;
-    storage.delete_home(&home, at(500)).await.unwrap();
+    storage.delete_home(&home, |_| true, at(500)).await.unwrap();
     storage.put_home(&home, None, |_| true, at(501)).await.unwrap();
     assert_eq!(storage.corrections(&home).await.unwrap(), Corrections::default());
 }

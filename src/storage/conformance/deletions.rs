@@ -1,9 +1,16 @@
 //! Deletions remove the last byte, and succeed only then.
 
 use super::faults::removals_fail;
+use super::home_maps::{align, due, finish};
 use super::*;
 
-on_every_back_end!(a_tenant_goes_whole, who_deletes_is_told_the_truth);
+on_every_back_end!(
+    a_tenant_goes_whole,
+    who_deletes_is_told_the_truth,
+    one_pass_finishes_all_deletions,
+    a_deletion_is_of_the_resource_as_it_was_read,
+    files_that_a_change_replaces_are_deleted_once_the_store_works,
+);
 
 /// Creates a home with a map, a clip with results, and an unfinished upload.
 async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
@@ -23,7 +30,7 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
         length_bytes: Some(8),
     };
     let limits = UploadLimits::default();
-    let part = storage.create_upload(new, &limits, at(0)).await.unwrap().id;
+    let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     let mut writer = storage.begin_append(part, 0, None, &limits, at(0)).await.unwrap();
     storage.append(&mut writer, arrived(storage, b"part").await, &limits, at(0)).await.unwrap();
     let key = NewKey {
@@ -84,30 +91,111 @@ async fn a_tenant_goes_whole(storage: Storage) {
     assert_eq!(again, Removed::default());
 }
 
+async fn one_pass_finishes_all_deletions(storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    for number in 0..250 {
+        let key = [format!("clips/{number}/file")];
+        pending_deletes::add(&mut transaction, "clip:h", &key, at(number / 7)).await.unwrap();
+    }
+    transaction.commit().await.unwrap();
+    assert_eq!(storage.finish_deletions().await.unwrap(), 250);
+    assert_eq!(storage.finish_deletions().await.unwrap(), 0);
+}
+
 async fn who_deletes_is_told_the_truth(mut storage: Storage) {
     let tenant: Tenant = "acme".parse().unwrap();
     let id = tenant.home(&home("h"));
     let clip = belongings(&storage, &tenant).await;
     let repair = removals_fail(&mut storage);
-    let failed = storage.delete_clip(&id, clip.id, at(3)).await;
+    let failed = storage.delete_clip(&id, clip.id, |_| true, at(3)).await;
     assert!(matches!(&failed, Err(error) if error.is_transient()), "{failed:?}");
     assert!(matches!(storage.clip(&id, clip.id).await, Err(StorageError::NoSuchClip)));
-    let failed = storage.delete_clip(&id, clip.id, at(3)).await;
+    let failed = storage.delete_clip(&id, clip.id, |_| true, at(3)).await;
     assert!(
         matches!(&failed, Err(error) if error.is_transient()),
         "as long as the file is there: {failed:?}"
     );
-    assert!(storage.delete_home(&id, at(3)).await.is_err());
+    assert!(storage.delete_home(&id, |_| true, at(3)).await.is_err());
     assert!(storage.delete_tenant(&tenant, at(3), |_| {}).await.is_err());
     assert!(storage.finish_deletions().await.is_err());
     repair();
-    storage.delete_home(&id, at(4)).await.unwrap();
-    assert!(matches!(storage.delete_home(&id, at(4)).await, Err(StorageError::NoSuchHome)));
+    storage.delete_home(&id, |_| true, at(4)).await.unwrap();
+    assert!(matches!(storage.delete_home(&id, |_| true, at(4)).await, Err(StorageError::NoSuchHome)));
     let left = storage.blobs_that_exist().await;
     assert!(left.iter().all(|key| key.starts_with("uploads/")), "of the home nothing: {left:?}");
-    assert!(storage.delete_clip(&id, clip.id, at(4)).await.is_err());
+    assert!(storage.delete_clip(&id, clip.id, |_| true, at(4)).await.is_err());
     storage.delete_tenant(&tenant, at(4), |_| {}).await.unwrap();
     assert_eq!(storage.finish_deletions().await.unwrap(), 0);
     assert!(storage.blobs_that_exist().await.is_empty());
     assert_eq!(rows(&storage, &tenant).await, 0);
+}
+
+async fn a_deletion_is_of_the_resource_as_it_was_read(mut storage: Storage) {
+    let (id, clip) = one_job(&storage).await;
+    let upper: LevelName = "upper".parse().unwrap();
+    put_level(&storage, &id, upper, b"upper map").await.unwrap();
+    let is_changed = |deleted| matches!(deleted, Err(StorageError::Changed { .. }));
+    let home_as_read = storage.home(&id).await.unwrap();
+    let map_as_read = storage.lidar_map(&id, upper).await.unwrap();
+    let clip_as_read = storage.clip(&id, clip.id).await.unwrap();
+    put_level(&storage, &id, upper, b"newer").await.unwrap();
+    storage.rename_clip(&id, clip.id, Some("Kitchen"), |_| true, at(1)).await.unwrap();
+    storage.put_home(&id, Some("Elm"), |_| true, at(1)).await.unwrap();
+    let as_read = |map: Option<&LidarMapRevision>| map == Some(&map_as_read);
+    assert!(is_changed(storage.delete_lidar_map(&id, upper, as_read, at(2)).await));
+    assert!(is_changed(storage.delete_clip(&id, clip.id, |clip| *clip == clip_as_read, at(2)).await));
+    assert!(is_changed(storage.delete_home(&id, |home| *home == home_as_read, at(2)).await));
+    // The condition comes before the rule of the last level.
+    storage.delete_lidar_map(&id, upper, |map| map.is_some(), at(3)).await.unwrap();
+    assert!(is_changed(storage.delete_lidar_map(&id, LevelName::MAIN, |_| false, at(3)).await));
+    assert_eq!(storage.clip(&id, clip.id).await.unwrap().title.as_deref(), Some("Kitchen"));
+    // The same requests again resume deletions that the store interrupted: nothing is left to compare.
+    let repair = removals_fail(&mut storage);
+    assert!(storage.delete_clip(&id, clip.id, |_| true, at(4)).await.is_err());
+    repair();
+    storage.delete_clip(&id, clip.id, |_| false, at(5)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(6)).await.unwrap();
+    assert!(storage.blobs_that_exist().await.is_empty());
+}
+
+async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let limits = UploadLimits::default();
+    let mut uploads = Vec::new();
+    for _ in 0..2 {
+        let new = NewUpload {
+            kind: UploadKind::Partial,
+            tenant: Tenant::default(),
+            home: None,
+            metadata: String::new(),
+            concat: Some("partial".to_owned()),
+            length_bytes: Some(8),
+        };
+        let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
+        let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
+        storage.append(&mut writer, arrived(&storage, b"part").await, &limits, at(0)).await.unwrap();
+        uploads.push(id);
+    }
+    let repair = removals_fail(&mut storage);
+    storage.delete_upload(uploads[0], at(1)).await.unwrap();
+    assert_eq!(storage.expire_uploads(at(1_000_000)).await.unwrap(), 1);
+    // More revisions than are kept, of the home's map and of its LiDAR map.
+    for n in 0..12u8 {
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 200).await.expect("the home is due");
+        assert!(finish(&storage, &claim, &[n], 200).await);
+        if n < 6 {
+            storage.align_clip(&home, clip.id, at(100)).await.unwrap();
+        } else {
+            put_map(&storage, &home, &[n]).await;
+        }
+    }
+    for n in 20..26u8 {
+        put_map(&storage, &home, &[n]).await;
+    }
+    repair();
+    while storage.finish_deletions().await.unwrap() > 0 {}
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
+    let left: Vec<_> = blobs.iter().filter(|key| !rows.contains(*key)).collect();
+    assert!(left.is_empty(), "{left:?}");
 }

@@ -7,6 +7,7 @@ on_every_back_end!(
     nobody_waits_behind_all_of_another,
     who_asks_comes_first,
     nobody_waits_for_ever,
+    a_new_map_queues_clips_one_behind_the_other,
     tenants_take_turns_in_merging,
 );
 
@@ -88,4 +89,30 @@ async fn nobody_waits_for_ever(storage: Storage) {
     storage.cancel_job(clip.job.unwrap().id, at(1)).await.unwrap();
     storage.align_clip(&busy, clip.id, at(3600)).await.unwrap();
     assert_eq!(order(&storage, 3600, 1).await, ["acme/patient"]);
+}
+
+async fn a_new_map_queues_clips_one_behind_the_other(storage: Storage) {
+    use crate::storage::columns::Columns;
+    let home = home_with_map(&storage, "acme", "h").await;
+    for n in 0..3u8 {
+        add(&storage, &home, &[n]).await;
+    }
+    let other = home_with_map(&storage, "acme", "other").await;
+    for n in 0..2u8 {
+        add(&storage, &other, &[n]).await;
+    }
+    put_map(&storage, &home, b"new map").await;
+    let rows = crate::storage::database::query(
+        "SELECT position, order_at FROM jobs JOIN clips ON clips.id = jobs.clip_id
+        WHERE home_id = $1 AND jobs.state = 'queued' ORDER BY clip_id",
+    );
+    let rows = rows.bind(home.key()).fetch_all(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    let turns: Vec<(i64, i64)> = rows
+        .iter()
+        .map(|row| {
+            (row.number("position").unwrap(), row.number("order_at").unwrap() - at(600).as_millisecond())
+        })
+        .collect();
+    // Before the third are two of its own home and two of the other one; each takes 5 s.
+    assert_eq!(turns, [(0, 5_000), (1, 15_000), (2, 20_000)]);
 }

@@ -200,7 +200,30 @@ pub async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T
     .await
 }
 
-on_every_back_end!(a_beginning_that_is_cut_off_leaves_nothing_open);
+on_every_back_end!(a_beginning_that_is_cut_off_leaves_nothing_open, a_write_that_fails_leaves_no_blob);
+
+async fn a_write_that_fails_leaves_no_blob(mut storage: Storage) {
+    let (home, _) = aligned(&storage).await;
+    let claim = storage.claim_merge("", LEASE, at(10)).await.unwrap().expect("the home is due");
+    assert!(storage.finish_merge(&claim, Some(&revision(1)), at(10)).await.unwrap());
+    let map = storage.home_map(&home, None).await.unwrap().expect("there is a map");
+    let new = NewClip {
+        file: arrived(&storage, b"another clip").await,
+        info: clip_info(),
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    };
+    break_writes(&mut storage, |_| true);
+    let failed = storage.add_mesh(&home, &map, LevelName::MAIN, b"mesh".to_vec()).await;
+    assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
+    // In a folder the file is moved and not written, which succeeds.
+    let added = storage.add_clip(&home, new, None, at(20)).await;
+    assert!(matches!(added, Ok(Added::New(_)) | Err(StorageError::Blobs(_))), "{added:?}");
+    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+    assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of writes that failed");
+}
 
 /// As when a client hangs up: its work is dropped wherever it waits.
 async fn a_beginning_that_is_cut_off_leaves_nothing_open(storage: Storage) {

@@ -15,13 +15,12 @@ on_every_back_end!(
     old_revisions_go,
     tiles_that_did_not_change_are_shared,
     a_merge_that_makes_nothing_new_makes_no_revision,
-    a_mesh_is_of_the_current_revision,
     neighbours_place_an_ambiguous_clip_and_take_it_back,
     objects_are_found_across_homes,
 );
 
 /// Creates a home with two aligned clips.
-async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
+pub(super) async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
     let (home, first) = one_job(storage).await;
     let second = add(storage, &home, b"other").await;
     for _ in 0..2 {
@@ -91,12 +90,12 @@ pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevi
     }
 }
 
-async fn finish(storage: &Storage, claim: &MergeClaim, tile: &[u8], seconds: i64) -> bool {
+pub(super) async fn finish(storage: &Storage, claim: &MergeClaim, tile: &[u8], seconds: i64) -> bool {
     let new = revision(claim, PlacedBy::Alignment, tile);
     storage.finish_merge(claim, Some(&new), at(seconds)).await.unwrap()
 }
 
-async fn current(storage: &Storage, home: &HomeId) -> HomeMap {
+pub(super) async fn current(storage: &Storage, home: &HomeId) -> HomeMap {
     storage.home_map(home, None).await.unwrap().expect("there is a map")
 }
 
@@ -185,7 +184,7 @@ async fn one_worker_merges_a_home_at_a_time(storage: Storage) {
 async fn a_change_during_a_merge_makes_it_due_again(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
     let claim = due(&storage, 10).await.expect("the home is due");
-    storage.delete_clip(&home, clips[0], at(500)).await.unwrap();
+    storage.delete_clip(&home, clips[0], |_| true, at(500)).await.unwrap();
     let gone = storage.member_file(&claim.members[0], result_file::CLOUD).await.unwrap();
     assert!(gone.is_none(), "its cloud is gone");
     storage.give_back_merge(&claim, at(15)).await.unwrap();
@@ -219,7 +218,7 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     assert!(finish(&storage, &claim, b"less", 12).await);
     assert_eq!(storage.clip(&home, clips[1]).await.unwrap().placement, None);
     for id in &clips {
-        storage.delete_clip(&home, *id, at(500)).await.unwrap();
+        storage.delete_clip(&home, *id, |_| true, at(500)).await.unwrap();
     }
     let claim = due(&storage, 13).await.expect("the home is due");
     assert!(claim.members.is_empty());
@@ -229,7 +228,7 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     assert!(current(&storage, &home).await.clips.is_empty());
     assert_eq!(tiles(&storage, &home, 3).await, Some(vec![]));
     assert_eq!(tiles(&storage, &home, 2).await, Some(vec![b"less".to_vec()]));
-    storage.delete_home(&home, at(500)).await.unwrap();
+    storage.delete_home(&home, |_| true, at(500)).await.unwrap();
     assert!(storage.blob_keys().await.unwrap().is_empty());
     assert!(storage.blobs.keys().await.unwrap().is_empty(), "nothing is left of the home");
 }
@@ -268,44 +267,6 @@ async fn tiles_that_did_not_change_are_shared(storage: Storage) {
     }
     assert_eq!(tiles(&storage, &home, 9).await, Some(vec![vec![7], b"there".to_vec()]));
     assert_eq!(tiles(&storage, &home, 5).await, Some(vec![vec![3], b"there".to_vec()]));
-}
-
-async fn a_mesh_is_of_the_current_revision(storage: Storage) {
-    let (home, clips) = two_aligned(&storage).await;
-    let main = LevelName::MAIN;
-    let meshes = async |revision: i64| {
-        let mut all = Vec::new();
-        for file in storage.home_map_files(&home, revision, main, map_file::MESH).await.unwrap() {
-            all.push(storage.map_file_bytes(&file).await.unwrap().expect("the mesh is there").to_vec());
-        }
-        all
-    };
-    let add = async |revision: i64, glb: &[u8]| {
-        storage.add_mesh(&home, revision, main, glb.to_vec()).await.unwrap()
-    };
-    let next = async |seconds: i64, has_scene: bool| {
-        storage.align_clip(&home, clips[0], at(seconds)).await.unwrap();
-        align(&storage, AlignmentState::Aligned).await;
-        let claim = due(&storage, seconds).await.expect("the home is due");
-        let mut new = revision(&claim, PlacedBy::Alignment, &[seconds as u8]);
-        new.files.extend(has_scene.then(|| (main, map_file::SCENE, b"{}".to_vec())));
-        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
-    };
-    let claim = due(&storage, 10).await.unwrap();
-    assert!(finish(&storage, &claim, b"tile", 10).await);
-    assert!(add(1, b"first").await);
-    assert!(!add(1, b"again").await, "a revision has one mesh");
-    assert_eq!(meshes(1).await, [b"first"]);
-    // A level that is as it was keeps its mesh.
-    next(20, false).await;
-    assert_eq!(meshes(2).await, [b"first"]);
-    next(21, true).await;
-    assert!(!add(2, b"late").await, "the revision is not the current one any more");
-    assert!(meshes(3).await.is_empty() && meshes(2).await.is_empty(), "earlier revisions have none");
-    assert!(add(3, b"third").await);
-    assert_eq!(meshes(3).await, [b"third"]);
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
-    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
 }
 
 async fn a_merge_that_makes_nothing_new_makes_no_revision(storage: Storage) {
@@ -394,7 +355,7 @@ async fn objects_are_found_across_homes(storage: Storage) {
             found.iter().map(|o| (o.home.as_str(), o.object.id.as_str())).collect();
         assert_eq!(found, expected, "{class:?} {of_home:?} {after:?}");
     }
-    storage.delete_home(&home("a"), at(500)).await.unwrap();
+    storage.delete_home(&home("a"), |_| true, at(500)).await.unwrap();
     let left = storage.objects(&Tenant::default(), &ObjectFilter::default(), &page(None)).await.unwrap();
     assert!(left.iter().all(|object| object.home == home("b")));
 }

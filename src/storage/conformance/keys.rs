@@ -3,7 +3,12 @@
 use super::*;
 use jiff::SignedDuration;
 
-on_every_back_end!(a_key_is_valid_until_its_end, a_revoked_key_is_nobodys, the_secret_is_kept_nowhere);
+on_every_back_end!(
+    a_key_is_valid_until_its_end,
+    a_use_waits_for_no_writer,
+    a_revoked_key_is_nobodys,
+    the_secret_is_kept_nowhere,
+);
 
 fn new_key(tenant: &str, expires_at: Option<Timestamp>) -> NewKey {
     let tenant: Tenant = tenant.parse().unwrap();
@@ -21,13 +26,35 @@ async fn a_key_is_valid_until_its_end(storage: Storage) {
     assert_eq!(ApiKey { last_used_at: None, ..used }, key);
     assert_eq!(storage.use_key(&secret, at(100)).await.unwrap(), None);
     // The last use is known to a minute.
-    let last = async || storage.keys(None).await.unwrap()[0].last_used_at;
-    assert_eq!(last().await, Some(at(99)));
+    assert_eq!(last_use(&storage).await, at(99));
     let (_, forever) = storage.create_key(new_key("acme", None), at(0)).await.unwrap();
     let late = at(0) + SignedDuration::from_hours(24 * 3650);
     assert!(storage.use_key(&forever, late).await.unwrap().is_some());
     let other: Secret = format!("viola_{}", "0".repeat(64)).parse().unwrap();
     assert_eq!(storage.use_key(&other, at(0)).await.unwrap(), None);
+}
+
+/// Returns the last use of the oldest key, which a task writes.
+async fn last_use(storage: &Storage) -> Timestamp {
+    viola_testing::eventually("the use of the key is noted", || async {
+        storage.keys(None).await.unwrap()[0].last_used_at
+    })
+    .await
+}
+
+async fn a_use_waits_for_no_writer(storage: Storage) {
+    let (_, secret) = storage.create_key(new_key("acme", None), at(0)).await.unwrap();
+    // SQLite has one writer; PostgreSQL locks the row.
+    let mut writer = storage.database.begin().await.unwrap();
+    let lock = crate::storage::database::query("UPDATE api_keys SET label = 'desk'");
+    lock.execute(&mut writer).await.unwrap();
+    for second in 1..=3 {
+        let used = tokio::time::timeout(Duration::from_secs(3), storage.use_key(&secret, at(second)));
+        assert!(used.await.expect("it does not wait").unwrap().is_some());
+        assert_eq!(storage.key_uses.len(), 1, "one task notes the uses of a key");
+    }
+    writer.commit().await.unwrap();
+    assert_eq!(last_use(&storage).await, at(1));
 }
 
 async fn a_revoked_key_is_nobodys(storage: Storage) {

@@ -46,7 +46,7 @@ async fn each_level_has_its_own_revisions(storage: Storage) {
     assert!(matches!(storage.lidar_map(&home, level("cellar")).await, Err(StorageError::NoLidarMap)));
     assert_eq!(storage.home(&home).await.unwrap().lidar_map_revision, Some(4));
     assert_eq!(storage.lidar_map_blob_keys().await.unwrap().len(), 8);
-    storage.delete_home(&home, at(500)).await.unwrap();
+    storage.delete_home(&home, |_| true, at(500)).await.unwrap();
     assert!(storage.blobs_that_exist().await.is_empty());
 }
 
@@ -147,10 +147,10 @@ async fn a_level_is_removed(storage: Storage) {
     align(&storage, AlignmentState::Aligned).await;
     let on_upper = Chosen::Pose(level("upper"), Pose2::IDENTITY);
     storage.choose(&home, clip.id, on_upper, |_| true, at(1)).await.unwrap();
-    storage.delete_lidar_map(&home, level("upper"), at(2)).await.unwrap();
-    let gone = storage.delete_lidar_map(&home, level("upper"), at(3)).await;
+    storage.delete_lidar_map(&home, level("upper"), |_| true, at(2)).await.unwrap();
+    let gone = storage.delete_lidar_map(&home, level("upper"), |_| true, at(3)).await;
     assert!(matches!(gone, Err(StorageError::NoLidarMap)), "{gone:?}");
-    let last = storage.delete_lidar_map(&home, LevelName::MAIN, at(3)).await;
+    let last = storage.delete_lidar_map(&home, LevelName::MAIN, |_| true, at(3)).await;
     assert!(matches!(last, Err(StorageError::LastLevel)), "{last:?}");
     // The clip is aligned anew, without the choice whose frame is gone.
     let waiting = storage.clip(&home, clip.id).await.unwrap();

@@ -9,6 +9,8 @@ on_every_back_end!(
     announced_bytes_count_until_they_have_arrived,
     old_lidar_maps_go,
     uploads_are_limited_for_each_tenant,
+    uploads_at_once_do_not_fill_the_same_room,
+    a_used_key_gives_no_room,
 );
 
 /// Returns the size of all blobs.
@@ -44,13 +46,13 @@ async fn every_file_of_a_tenant_counts(storage: Storage) {
         check(&storage, "the end of a result").await;
     }
     align(&storage, AlignmentState::Aligned).await;
-    storage.delete_clip(&home, clip.id, at(400)).await.unwrap();
+    storage.delete_clip(&home, clip.id, |_| true, at(400)).await.unwrap();
     check(&storage, "the end of a clip").await;
     put_level(&storage, &home, "upper".parse().unwrap(), b"another level").await.unwrap();
     check(&storage, "a level").await;
-    storage.delete_lidar_map(&home, "upper".parse().unwrap(), at(500)).await.unwrap();
+    storage.delete_lidar_map(&home, "upper".parse().unwrap(), |_| true, at(500)).await.unwrap();
     check(&storage, "the end of a level").await;
-    storage.delete_home(&home, at(600)).await.unwrap();
+    storage.delete_home(&home, |_| true, at(600)).await.unwrap();
     assert_eq!(storage.tenant_bytes(&Tenant::default()).await.unwrap(), 0);
 }
 
@@ -63,9 +65,9 @@ fn upload(tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
 async fn announced_bytes_count_until_they_have_arrived(storage: Storage) {
     let (tenant, limits) = (Tenant::default(), UploadLimits::default());
     let counted = async || storage.tenant_bytes(&tenant).await.unwrap();
-    let known = storage.create_upload(upload(&tenant, Some(100)), &limits, at(0)).await.unwrap().id;
+    let known = storage.create_upload(upload(&tenant, Some(100)), &limits, None, at(0)).await.unwrap().id;
     assert_eq!(counted().await, 100);
-    let deferred = storage.create_upload(upload(&tenant, None), &limits, at(0)).await.unwrap().id;
+    let deferred = storage.create_upload(upload(&tenant, None), &limits, None, at(0)).await.unwrap().id;
     for (id, expected) in [(known, 100), (deferred, 104)] {
         let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
         storage.append(&mut writer, arrived(&storage, b"part").await, &limits, at(0)).await.unwrap();
@@ -97,8 +99,9 @@ async fn old_lidar_maps_go(storage: Storage) {
 async fn uploads_are_limited_for_each_tenant(storage: Storage) {
     let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
     let limits = UploadLimits { in_tenant: 3, ..UploadLimits::default() };
-    let create =
-        async |tenant: &Tenant| storage.create_upload(upload(tenant, Some(1)), &limits, at(0)).await.is_ok();
+    let create = async |tenant: &Tenant| {
+        storage.create_upload(upload(tenant, Some(1)), &limits, None, at(0)).await.is_ok()
+    };
     let count = async |tenant: &Tenant| {
         let mut made = 0;
         while create(tenant).await {
@@ -113,4 +116,47 @@ async fn uploads_are_limited_for_each_tenant(storage: Storage) {
     assert_eq!((count(&acme).await, count(&bolt).await), (1, 0));
     storage.set_tenant_limits(&acme, &TenantLimits::default()).await.unwrap();
     assert_eq!(storage.tenant_limits(&acme).await.unwrap(), TenantLimits::default());
+}
+
+async fn uploads_at_once_do_not_fill_the_same_room(storage: Storage) {
+    let (tenant, limits) = (Tenant::default(), UploadLimits::default());
+    let create = |_| storage.create_upload(upload(&tenant, Some(60)), &limits, Some(100), at(0));
+    let made = futures::future::join_all((0..6).map(create)).await;
+    assert_eq!(made.iter().filter(|made| made.is_ok()).count(), 1);
+    let is_full = |error: &UploadError| {
+        matches!(error, UploadError::Storage(StorageError::TenantFull { used: 60, limit: 100 }))
+    };
+    assert_eq!(made.iter().filter(|made| made.as_ref().is_err_and(is_full)).count(), 5, "{made:?}");
+    // The limit of the tenant comes before that of the service.
+    storage
+        .set_tenant_limits(&tenant, &TenantLimits { max_bytes: Some(120), max_uploads: None })
+        .await
+        .unwrap();
+    assert!(create(0).await.is_ok());
+    assert!(create(0).await.is_err());
+}
+
+async fn a_used_key_gives_no_room(storage: Storage) {
+    let id = home("h");
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
+    let add = async |bytes: &[u8], key: &str| {
+        let new = NewClip {
+            file: arrived(&storage, bytes).await,
+            info: clip_info(),
+            idempotency_key: Some(key.to_owned()),
+            recorded_at: None,
+            title: None,
+            file_name: None,
+        };
+        storage.add_clip(&id, new, Some(10), at(0)).await
+    };
+    let Ok(Added::New(small)) = add(b"small", "key").await else { panic!("it is new") };
+    let full = add(b"six...", "other key").await;
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 5, limit: 10 })), "{full:?}");
+    assert!(matches!(add(b"small", "key").await, Ok(Added::Replayed(_))));
+    // A larger file that came with the key arrives after the end of the clip.
+    storage.delete_clip(&id, small.id, |_| true, at(1)).await.unwrap();
+    let large = add(b"twelve bytes", "key").await;
+    assert!(matches!(large, Err(StorageError::TenantFull { used: 0, limit: 10 })), "{large:?}");
+    assert!(storage.blobs_that_exist().await.is_empty());
 }

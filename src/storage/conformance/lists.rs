@@ -87,7 +87,7 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     assert_eq!(after(3, 9, None).await, ["a"]);
     storage.withdraw_choice(&ids[1], clip.id, |_| true, at(5)).await.unwrap();
     assert_eq!(after(4, 9, None).await, ["a"]);
-    storage.delete_clip(&ids[1], clip.id, at(6)).await.unwrap();
+    storage.delete_clip(&ids[1], clip.id, |_| true, at(6)).await.unwrap();
     assert_eq!(after(5, 9, None).await, ["a"]);
     storage.put_home(&ids[1], Some("late clock"), |_| true, at(2)).await.unwrap();
     assert_eq!(storage.home(&ids[1]).await.unwrap().updated_at, at(6));
@@ -132,7 +132,7 @@ async fn the_same_file_twice_is_told(storage: Storage) {
     let page = Page { limit: 9, after: None };
     let listed = storage.clips(&id, &ClipFilter::default(), &page).await.unwrap();
     assert_eq!(listed[1].duplicate_of, Some(first.id));
-    storage.delete_clip(&id, first.id, at(1)).await.unwrap();
+    storage.delete_clip(&id, first.id, |_| true, at(1)).await.unwrap();
     assert_eq!(storage.clip(&id, second.id).await.unwrap().duplicate_of, None);
 }
 

@@ -201,7 +201,7 @@ async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
             bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
         })
         .await;
-    bench.with(async |storage| storage.delete_home(&home("h"), at(1)).await.unwrap()).await;
+    bench.with(async |storage| storage.delete_home(&home("h"), |_| true, at(1)).await.unwrap()).await;
     bench.with(async |_| {}).await;
     bench.remove().await;
 }

@@ -23,7 +23,7 @@ async fn homes_come_and_go(storage: Storage) {
     assert!(!is_new);
     assert_eq!((renamed.name.as_ref(), renamed.created_at, renamed.updated_at), (None, at(0), at(5)));
     assert_eq!(storage.home(&id).await.unwrap(), renamed);
-    storage.delete_home(&id, at(500)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(500)).await.unwrap();
     assert!(matches!(storage.home(&id).await, Err(StorageError::NoSuchHome)));
 }
 
@@ -74,7 +74,7 @@ async fn lists_page_through_everything_once(storage: Storage) {
 async fn what_is_not_there_is_told(storage: Storage) {
     let (nowhere, page) = (home("nowhere"), Page { limit: 9, after: None });
     assert!(matches!(storage.home(&nowhere).await, Err(StorageError::NoSuchHome)));
-    assert!(matches!(storage.delete_home(&nowhere, at(500)).await, Err(StorageError::NoSuchHome)));
+    assert!(matches!(storage.delete_home(&nowhere, |_| true, at(500)).await, Err(StorageError::NoSuchHome)));
     assert!(matches!(
         storage.clips(&nowhere, &ClipFilter::default(), &page).await,
         Err(StorageError::NoSuchHome)
@@ -85,7 +85,7 @@ async fn what_is_not_there_is_told(storage: Storage) {
     let id = Uuid::now_v7();
     assert!(matches!(storage.lidar_map(&here, LevelName::MAIN).await, Err(StorageError::NoLidarMap)));
     assert!(matches!(storage.clip(&here, id).await, Err(StorageError::NoSuchClip)));
-    assert!(matches!(storage.delete_clip(&here, id, at(500)).await, Err(StorageError::NoSuchClip)));
+    assert!(matches!(storage.delete_clip(&here, id, |_| true, at(500)).await, Err(StorageError::NoSuchClip)));
     assert_eq!(storage.job(id).await.unwrap(), None);
     // A clip is found in its own home only.
     let clip = add(&storage, &here, b"clip").await;
@@ -154,7 +154,7 @@ async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
     let other = home("other");
     storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &other, b"one", Some("key")).await, Added::New(_)));
-    storage.delete_clip(&id, first.id, at(500)).await.unwrap();
+    storage.delete_clip(&id, first.id, |_| true, at(500)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &id, b"two", Some("key")).await, Added::New(_)));
 }
 
@@ -191,9 +191,9 @@ async fn deleting_leaves_no_byte(storage: Storage) {
     let running = storage.claim(LEASE, at(3)).await.unwrap().unwrap();
     assert_eq!(running.job.clip, second.id);
 
-    storage.delete_clip(&id, clip.id, at(500)).await.unwrap();
+    storage.delete_clip(&id, clip.id, |_| true, at(500)).await.unwrap();
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    storage.delete_home(&id, at(500)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(500)).await.unwrap();
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
     // The worker that was running meanwhile leaves nothing either.
     storage.put_result(&running, "cloud.ply", b"points".to_vec()).await.unwrap();

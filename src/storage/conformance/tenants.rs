@@ -33,12 +33,15 @@ async fn the_same_id_is_another_home(storage: Storage) {
         assert_eq!(storage.home(&id).await.unwrap().name.as_deref(), Some(tenant.name()));
         for other in clips.iter().filter(|other| other.id != clip.id) {
             assert!(matches!(storage.clip(&id, other.id).await, Err(StorageError::NoSuchClip)));
-            assert!(matches!(storage.delete_clip(&id, other.id, at(1)).await, Err(StorageError::NoSuchClip)));
+            assert!(matches!(
+                storage.delete_clip(&id, other.id, |_| true, at(1)).await,
+                Err(StorageError::NoSuchClip)
+            ));
         }
         let job = clip.job.as_ref().unwrap().id;
         assert_eq!(storage.job_home(job).await.unwrap(), Some(id));
     }
-    storage.delete_home(&three()[0].home(&home("h")), at(1)).await.unwrap();
+    storage.delete_home(&three()[0].home(&home("h")), |_| true, at(1)).await.unwrap();
     for (tenant, clip) in three().iter().zip(&clips).skip(1) {
         assert_eq!(storage.clip(&tenant.home(&home("h")), clip.id).await.unwrap(), *clip);
     }
@@ -64,7 +67,7 @@ async fn lists_and_the_feed_are_a_tenants_own(storage: Storage) {
         assert_eq!(told.items.len(), 2);
         assert!(told.items.iter().all(|change| tenant.has(&change.home)));
     }
-    storage.delete_home(&three()[1].home(&home("a")), at(1)).await.unwrap();
+    storage.delete_home(&three()[1].home(&home("a")), |_| true, at(1)).await.unwrap();
     for (n, tenant) in three().iter().enumerate() {
         let told = storage.changes(tenant, None, 9, at(1)).await.unwrap().items;
         let deleted: Vec<_> = told.iter().filter(|change| change.deleted).map(|change| change.kind).collect();
@@ -84,10 +87,10 @@ async fn bytes_are_counted(storage: Storage) {
     // Each map has a picture of 7 bytes.
     let maps = 5 + 7 + 7 + 7;
     assert_eq!(storage.tenant_bytes(&acme).await.unwrap(), maps + 4 + 6);
-    storage.delete_clip(&id, clip.id, at(1)).await.unwrap();
+    storage.delete_clip(&id, clip.id, |_| true, at(1)).await.unwrap();
     assert_eq!(storage.tenant_bytes(&acme).await.unwrap(), maps + 6);
     assert_eq!(storage.tenant_bytes(&other).await.unwrap(), 0);
-    storage.delete_home(&id, at(2)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(2)).await.unwrap();
     assert_eq!(storage.tenant_bytes(&acme).await.unwrap(), 0);
 }
 
@@ -105,7 +108,7 @@ async fn parts_are_joined_within_a_tenant(storage: Storage) {
         concat: Some("partial".to_owned()),
         length_bytes: Some(4),
     };
-    let part = storage.create_upload(new, &limits, at(0)).await.unwrap().id;
+    let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     assert_eq!(storage.upload_owner(part).await.unwrap(), Some((acme.clone(), None)));
     let mut writer = storage.begin_append(part, 0, None, &limits, at(0)).await.unwrap();
     let bytes = arrived(&storage, b"part").await;

@@ -32,7 +32,7 @@ async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -
         concat: None,
         length_bytes,
     };
-    storage.create_upload(new, &limits(), at(0)).await.unwrap().id
+    storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id
 }
 
 async fn writer(storage: &Storage, id: Uuid, offset: u64) -> Result<UploadWriter, UploadError> {
@@ -94,7 +94,7 @@ async fn pieces_become_the_file(storage: Storage) {
     let upload = read(&storage, id).await;
     assert_eq!((upload.state, upload.clip), (UploadState::Finished, Some(clip.id)));
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    storage.delete_clip(&home("h"), clip.id, at(4)).await.unwrap();
+    storage.delete_clip(&home("h"), clip.id, |_| true, at(4)).await.unwrap();
     assert_eq!(storage.upload(id, at(4)).await.unwrap(), None);
 }
 
@@ -271,7 +271,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
             concat: None,
             length_bytes: None,
         };
-        storage.create_upload(new, &limits(), at(0)).await.unwrap();
+        storage.create_upload(new, &limits(), None, at(0)).await.unwrap();
     }
     assert_eq!(storage.expire_uploads(at(end)).await.unwrap(), 150);
 }
@@ -280,7 +280,7 @@ async fn deleting_a_home_deletes_its_uploads(storage: Storage) {
     let id = whole(&storage, b"a clip").await;
     let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
     let file = storage.assemble_upload(&claim).await.unwrap();
-    storage.delete_home(&home("h"), at(3)).await.unwrap();
+    storage.delete_home(&home("h"), |_| true, at(3)).await.unwrap();
     assert_eq!(storage.upload(id, at(3)).await.unwrap(), None);
     let late = storage.finish_upload(&claim, new_clip(file), Duration::from_secs(60), at(4)).await;
     assert!(matches!(late, Err(StorageError::NoSuchHome)), "{late:?}");

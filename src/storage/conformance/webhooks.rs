@@ -60,7 +60,7 @@ async fn changes_become_deliveries(storage: Storage) {
     let all = webhook(&storage, &ChangeKind::ALL).await;
     let maps = webhook(&storage, &[ChangeKind::Map]).await;
     put(&storage, "h", "one").await;
-    storage.delete_home(&acme().home(&home("h")), at(1)).await.unwrap();
+    storage.delete_home(&acme().home(&home("h")), |_| true, at(1)).await.unwrap();
     put(&storage, "g", "two").await;
     storage.put_home(&home("of-another-tenant"), None, |_| true, at(0)).await.unwrap();
     assert!(!storage.fan_out(at(2)).await.unwrap());

@@ -10,7 +10,7 @@ use super::fault::DatabaseFault;
 use super::health::WriteHealth;
 use crate::storage::StorageError;
 use sqlx::pool::PoolConnection;
-use sqlx::{PgConnection, Postgres, Sqlite, SqliteConnection, SqlitePool};
+use sqlx::{Connection as _, PgConnection, Postgres, Sqlite, SqliteConnection, SqlitePool};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
@@ -74,12 +74,28 @@ impl Connection {
     }
 
     /// Records the result of a statement.
-    pub(super) fn ended<T>(&mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
+    pub(super) async fn ended<T>(&mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
         match &result {
             Ok(_) => self.is_sound = true,
             Err(error) => note(self.health.as_deref(), error),
         }
+        if result.as_ref().err().is_some_and(DatabaseFault::is_of_old_statement) {
+            self.forget_statements().await;
+        }
         result
+    }
+
+    /// Forgets the prepared statements of PostgreSQL. The driver keeps one whose tables have changed, so each use of it on
+    /// this connection would fail.
+    async fn forget_statements(&mut self) {
+        let connection: &mut PgConnection = match &mut self.link {
+            Some(Link::Postgres(transaction)) => transaction,
+            Some(Link::PostgresAlone(connection)) => connection,
+            _ => return,
+        };
+        if let Err(error) = connection.clear_cached_statements().await {
+            tracing::warn!(%error, "the statements of a connection could not be forgotten");
+        }
     }
 
     pub(super) fn changed(&mut self, rows: u64) {
@@ -142,7 +158,7 @@ impl Transaction {
         if let Some(Link::Sqlite { connection, in_transaction }) = &mut begun.link {
             let ran = sqlx::query(statement).execute(&mut **connection).await;
             *in_transaction = ran.is_ok();
-            begun.ended(ran)?;
+            begun.ended(ran).await?;
         }
         Ok(Transaction(begun))
     }
@@ -162,7 +178,7 @@ impl Transaction {
             return Err(undone().into());
         }
         let committed = connection.commit().await;
-        match connection.ended(committed) {
+        match connection.ended(committed).await {
             Ok(()) => {
                 if let Some(health) = connection.health.as_ref().filter(|_| connection.has_changed) {
                     health.committed();

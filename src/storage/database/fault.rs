@@ -3,6 +3,9 @@
 use sqlx::error::DatabaseError;
 use sqlx::sqlite::SqliteError;
 
+/// SQLSTATE of PostgreSQL for "cached plan must not change result type": a newer process added a column.
+const OLD_STATEMENT: &str = "0A000";
+
 /// Class of a database error, which decides whether a retry may help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DatabaseFault {
@@ -28,6 +31,11 @@ impl DatabaseFault {
             }
             _ => DatabaseFault::Lasting,
         }
+    }
+
+    /// Returns whether a prepared statement is of before its tables changed.
+    pub fn is_of_old_statement(error: &sqlx::Error) -> bool {
+        error.as_database_error().and_then(|error| error.code()).is_some_and(|code| code == OLD_STATEMENT)
     }
 
     fn of_answer(error: &dyn DatabaseError) -> DatabaseFault {
@@ -60,10 +68,8 @@ impl DatabaseFault {
             ("53100", _) => DatabaseFault::Full,
             // Insufficient resources, system error.
             (_, "53" | "58") => DatabaseFault::System,
-            // lock_not_available; "cached plan must not change result type": a newer process added a column, and the
-            // statement is prepared anew on the next connection; connection lost, transaction rolled back, operator
-            // intervention.
-            ("55P03" | "0A000", _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
+            // lock_not_available; connection lost, transaction rolled back, operator intervention.
+            ("55P03" | OLD_STATEMENT, _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
             _ => DatabaseFault::Lasting,
         }
     }

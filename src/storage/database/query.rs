@@ -88,7 +88,7 @@ impl Query {
                 rows.map(|rows| rows.into_iter().map(Row::Postgres).collect())
             }
         };
-        connection.ended(fetched)
+        connection.ended(fetched).await
     }
 
     pub async fn fetch_optional(self, connection: &mut Connection) -> Result<Option<Row>, sqlx::Error> {
@@ -102,7 +102,7 @@ impl Query {
                 query.fetch_optional(connection).await.map(|row| row.map(Row::Postgres))
             }
         };
-        connection.ended(fetched)
+        connection.ended(fetched).await
     }
 
     pub async fn fetch_one(self, connection: &mut Connection) -> Result<Row, sqlx::Error> {
@@ -121,7 +121,7 @@ impl Query {
                 query.execute(connection).await.map(|done| done.rows_affected())
             }
         };
-        let rows = connection.ended(executed)?;
+        let rows = connection.ended(executed).await?;
         connection.changed(rows);
         Ok(rows)
     }

@@ -22,6 +22,8 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (14, "names and coverage", include_str!("../../../migrations/0014_names_and_coverage.sql")),
     (15, "fair merges", include_str!("../../../migrations/0015_fair_merges.sql")),
     (16, "frames of lidar maps", include_str!("../../../migrations/0016_frames_of_lidar_maps.sql")),
+    (17, "current lidar maps", include_str!("../../../migrations/0017_current_lidar_maps.sql")),
+    (18, "merges and searches", include_str!("../../../migrations/0018_merges_and_searches.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -1,5 +1,6 @@
 //! Merges of homes' maps: their claims, leases and results.
 
+mod faults;
 mod rows;
 
 use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, places};
@@ -7,7 +8,7 @@ use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
     Choice, ClipState, Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, clock,
-    corrections, lidar_maps,
+    corrections, lidar_maps, pending_deletes,
 };
 use jiff::Timestamp;
 use rows::{Written, insert};
@@ -42,6 +43,10 @@ pub struct MergeClaim {
     lidar_map_revision: i64,
     wanted: i64,
     fence: i64,
+    /// Merges without a result since the last one with a result.
+    faults: u32,
+    /// Of the home: one that was removed and made again counts its claims from 0.
+    home_created_at: Timestamp,
 }
 
 impl MergeClaim {
@@ -74,7 +79,7 @@ pub struct NewRevision {
     pub has_object_changes: bool,
 }
 
-/// Takes a home whose map is due, that no worker merges, and that has no clip queued or running: a new LiDAR
+/// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that has no clip queued or running: a new LiDAR
 /// map, which queues all clips again, makes one new revision, and the old one stays until then. The merge
 /// does not wait for a job with a long pause after a fault.
 macro_rules! claim {
@@ -86,14 +91,14 @@ macro_rules! claim {
         WHERE map_made < map_wanted AND tenant ",
             $tenants,
             " $5
-            AND (map_lease_until IS NULL OR map_lease_until <= $1 OR map_lease_until > $4)
+            AND map_lease_until IS NULL AND (map_due_at <= $1 OR map_due_at > $4)
             AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
                 AND NOT EXISTS (SELECT 1 FROM jobs
                     WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > $3))
         ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
             $lock,
             ")
-    RETURNING id, map_wanted, map_fence"
+    RETURNING id, map_wanted, map_fence, map_faults, created_at"
         )
     };
 }
@@ -108,6 +113,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Option<MergeClaim>, StorageError> {
         let mut transaction = self.database.begin().await?;
+        faults::release_lost(&mut transaction, now).await?;
         let later = transaction.either(claim!(">", ""), claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
         let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
         let mut claimed = None;
@@ -116,7 +122,7 @@ impl Storage {
                 .bind(now.as_millisecond())
                 .bind((now + lease).as_millisecond())
                 .bind((now + LONG_REST).as_millisecond())
-                .bind(clock::no_lease_after(now))
+                .bind(clock::no_pause_after(now))
                 .bind(after)
                 .fetch_optional(&mut transaction)
                 .await?;
@@ -125,7 +131,10 @@ impl Storage {
                 break;
             }
         }
-        let Some(row) = claimed else { return Ok(None) };
+        let Some(row) = claimed else {
+            transaction.commit().await?;
+            return Ok(None);
+        };
         let home = row.home("id")?;
         let lidar_maps = lidar_maps::levels(&mut transaction, &home).await?;
         let last = newest(&mut transaction, &home).await?;
@@ -138,6 +147,8 @@ impl Storage {
             last_levels: last.map(|map| map.levels).unwrap_or_default(),
             wanted: row.number("map_wanted")?,
             fence: row.number("map_fence")?,
+            faults: row.count("map_faults")?,
+            home_created_at: row.time("created_at")?,
             home,
         };
         transaction.commit().await?;
@@ -155,11 +166,12 @@ impl Storage {
         let renewed = query(
             // A merge that has just ended has no lease any more, and is not lost.
             "UPDATE homes SET map_lease_until = CASE WHEN map_lease_until IS NULL THEN NULL ELSE $3 END
-            WHERE id = $1 AND map_fence = $2",
+            WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
         .bind(claim.fence)
         .bind((now + lease).as_millisecond())
+        .bind(claim.home_created_at.as_millisecond())
         .execute(&mut transaction)
         .await?;
         transaction.commit().await?;
@@ -233,7 +245,7 @@ impl Storage {
         let mut keys = Vec::new();
         let kept = self.keep_revision(claim, new, &mut keys, now).await;
         match &kept {
-            Ok(Some(stale)) => self.blobs.discard(stale).await,
+            Ok(Some(stale)) => self.discard_pending(&super::owner(&claim.home), stale).await,
             // The rows may exist nevertheless; a sweep decides.
             Err(error) if error.is_unsettled() => {}
             Ok(None) | Err(_) => self.blobs.discard(&keys).await,
@@ -282,11 +294,14 @@ impl Storage {
             }
         }
         let mut transaction = self.database.begin().await?;
-        let held =
-            query("UPDATE homes SET map_made = $3, map_lease_until = NULL WHERE id = $1 AND map_fence = $2")
-                .bind(claim.home.key())
-                .bind(claim.fence)
-                .bind(claim.wanted);
+        let held = query(
+            "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0
+            WHERE id = $1 AND map_fence = $2 AND created_at = $4",
+        )
+        .bind(claim.home.key())
+        .bind(claim.fence)
+        .bind(claim.wanted)
+        .bind(claim.home_created_at.as_millisecond());
         if held.execute(&mut transaction).await? == 0 {
             return Ok(None);
         }
@@ -305,19 +320,24 @@ impl Storage {
             }
             None => Vec::new(),
         };
+        pending_deletes::add(&mut transaction, &super::owner(&claim.home), &stale, now).await?;
         transaction.commit().await?;
         Ok(Some(stale))
     }
 
-    /// Gives a claim back after an error; the merge is due again at `due`.
+    /// Gives a claim back without a fault; the merge is due again at `due`.
     pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
-        query("UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2")
-            .bind(claim.home.key())
-            .bind(claim.fence)
-            .bind(due.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
+        query(
+            "UPDATE homes SET map_lease_until = NULL, map_due_at = $3
+            WHERE id = $1 AND map_fence = $2 AND created_at = $4",
+        )
+        .bind(claim.home.key())
+        .bind(claim.fence)
+        .bind(due.as_millisecond())
+        .bind(claim.home_created_at.as_millisecond())
+        .execute(&mut transaction)
+        .await?;
         transaction.commit().await?;
         Ok(())
     }

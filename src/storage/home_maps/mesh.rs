@@ -68,18 +68,21 @@ impl Storage {
     pub async fn add_mesh(
         &self,
         home: &HomeId,
-        revision: i64,
+        map: &HomeMap,
         level: LevelName,
         glb: Vec<u8>,
     ) -> Result<bool, StorageError> {
         let key = format!("home-maps/{}", Uuid::now_v7());
         let size_bytes = glb.len() as i64;
-        self.blobs.put(&key, glb).await?;
-        let added = self.add_mesh_row(home, revision, level, &key, size_bytes).await;
+        let added = match self.blobs.put(&key, glb).await {
+            Ok(()) => self.add_mesh_row(home, map, level, &key, size_bytes).await,
+            Err(error) => Err(error),
+        };
         match &added {
             Ok(true) => {}
             // The row may exist nevertheless; a sweep decides.
             Err(error) if error.is_unsettled() => {}
+            // A write that failed may have taken effect.
             Ok(false) | Err(_) => self.blobs.discard(&[key]).await,
         }
         added
@@ -88,7 +91,7 @@ impl Storage {
     async fn add_mesh_row(
         &self,
         home: &HomeId,
-        revision: i64,
+        map: &HomeMap,
         level: LevelName,
         key: &str,
         size_bytes: i64,
@@ -96,19 +99,22 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         // Holds the home, as the end of a merge does, so that no revision comes between the check and the row.
         homes::grow(&mut transaction, home, size_bytes).await?;
+        // A home that was removed and made again counts its revisions from 1, so the number alone does not name one.
         let added = query(
             "INSERT INTO home_map_files (blob_key, home_id, name, first_revision, level, size_bytes)
             SELECT $1, $2, $3, $4, $5, $6
             WHERE (SELECT MAX(revision) FROM home_maps WHERE home_id = $2) = $4
+                AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $2 AND revision = $4 AND created_at = $7)
                 AND NOT EXISTS (SELECT 1 FROM home_map_files
                     WHERE home_id = $2 AND name = $3 AND level = $5 AND last_revision IS NULL)",
         )
         .bind(key)
         .bind(home.key())
         .bind(map_file::MESH)
-        .bind(revision)
+        .bind(map.revision)
         .bind(level.as_str())
         .bind(size_bytes)
+        .bind(map.created_at.as_millisecond())
         .execute(&mut transaction)
         .await?;
         if added == 0 {

@@ -121,6 +121,31 @@ pub struct ObjectFilter {
     pub home: Option<HomeId>,
 }
 
+/// Selects objects after the cursor: $1 is the tenant, $2 and $3 are the cursor, $4 is the limit.
+macro_rules! select_objects {
+    ($condition:literal) => {
+        concat!(
+            "SELECT home_id, object_id, document FROM home_objects WHERE tenant = $1 AND ",
+            $condition,
+            " ORDER BY home_id, object_id LIMIT $4"
+        )
+    };
+}
+
+/// Returns the statement of a filter; a class comes before a home in its values. Each has a text of its own, since a
+/// condition that may be absent uses no index.
+pub(in crate::storage) fn statement(filter: &ObjectFilter) -> &'static str {
+    match (&filter.class, &filter.home) {
+        (None, None) => select_objects!("(home_id, object_id) > ($2, $3)"),
+        (Some(_), None) => select_objects!("class = $5 AND (home_id, object_id) > ($2, $3)"),
+        // Without `|| ''` SQLite begins at the cursor's home, and reads all homes after it.
+        (None, Some(_)) => select_objects!("home_id = $5 AND (home_id || '', object_id) > ($2, $3)"),
+        (Some(_), Some(_)) => {
+            select_objects!("class = $5 AND home_id = $6 AND (home_id || '', object_id) > ($2, $3)")
+        }
+    }
+}
+
 impl Storage {
     /// Returns a page of objects by home and id. The cursor is both with a space, which no home's id has.
     pub async fn objects(
@@ -132,20 +157,15 @@ impl Storage {
         let after = page.after.as_deref().and_then(|after| after.split_once(' '));
         let after = after.and_then(|(home, id)| Some((tenant.home(&home.parse().ok()?), id)));
         let (home, id) = after.as_ref().map_or(("", ""), |(home, id)| (home.key(), *id));
-        let rows = query(
-            "SELECT home_id, object_id, document FROM home_objects
-            WHERE tenant = $6 AND ($1 IS NULL OR class = $1) AND ($2 IS NULL OR home_id = $2)
-                AND home_id >= $3 AND (home_id > $3 OR (home_id = $3 AND object_id > $4))
-            ORDER BY home_id, object_id LIMIT $5",
-        )
-        .bind(filter.class.as_deref())
-        .bind(filter.home.as_ref().map(HomeId::key))
-        .bind(home)
-        .bind(id)
-        .bind(i64::from(page.limit))
-        .bind(tenant.name())
-        .fetch_all(&mut self.database.reader().await?)
-        .await?;
+        let mut select =
+            query(statement(filter)).bind(tenant.name()).bind(home).bind(id).bind(i64::from(page.limit));
+        if let Some(class) = &filter.class {
+            select = select.bind(class);
+        }
+        if let Some(home) = &filter.home {
+            select = select.bind(home.key());
+        }
+        let rows = select.fetch_all(&mut self.database.reader().await?).await?;
         let object = |row: &Row| Ok(HomeObject { home: row.home("home_id")?, object: row.json("document")? });
         rows.iter().map(object).collect()
     }

@@ -31,7 +31,7 @@ impl Default for RetryPolicy {
 
 impl RetryPolicy {
     /// Returns the pause after a number of failures in a row.
-    pub(super) fn delay(&self, failures: u32) -> Duration {
+    pub(in crate::storage) fn delay(&self, failures: u32) -> Duration {
         let doublings = failures.saturating_sub(1).min(20);
         self.first_delay.saturating_mul(1 << doublings).min(self.longest_delay)
     }

@@ -1,12 +1,12 @@
 //! New revisions of a LiDAR map, the end of old ones, and the jobs that align clips to them.
 
 use super::remove::remove_to;
-use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels};
+use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels, owner};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
-use crate::storage::{HomeId, Storage, StorageError, choices, home_maps, homes, jobs};
+use crate::storage::{HomeId, Storage, StorageError, choices, home_maps, homes, jobs, pending_deletes};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
@@ -180,8 +180,10 @@ impl Storage {
         home_maps::outdated(&mut transaction, home).await?;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
+        let owner = owner(home, new.level);
+        pending_deletes::add(&mut transaction, &owner, &stale_blobs, now).await?;
         transaction.commit().await?;
-        self.blobs.discard(&stale_blobs).await;
+        self.discard_pending(&owner, &stale_blobs).await;
         Ok((added, true))
     }
 }

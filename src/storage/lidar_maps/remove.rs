@@ -1,6 +1,6 @@
 //! Removal of levels.
 
-use super::{file_key, image_key, levels};
+use super::{LidarMapRevision, file_key, image_key, levels, owner};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::Columns;
 use crate::storage::database::{Transaction, query};
@@ -12,15 +12,17 @@ use viola_geometry::LevelName;
 
 impl Storage {
     /// Removes the LiDAR maps of a level with all that people chose and corrected on it, and queues every clip
-    /// of the home for the other levels. The rows stay, because revisions count them and jobs name them.
-    /// Returns an error if the level is removed but one of its files is not; another call retries that.
+    /// of the home for the other levels, if the level's current revision is as `expected`. The rows stay, because revisions
+    /// count them and jobs name them. Returns an error if the level is removed but one of its files is not; another call
+    /// retries that.
     pub async fn delete_lidar_map(
         &self,
         home: &HomeId,
         level: LevelName,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(), StorageError> {
-        let owner = format!("lidar-map:{}:{level}", home.key());
+        let owner = owner(home, level);
         let mut transaction = self.database.begin().await?;
         if !homes::lock(&mut transaction, home).await? {
             return Err(StorageError::NoSuchHome);
@@ -31,6 +33,9 @@ impl Storage {
             drop(transaction);
             let had_left = self.delete_pending(&owner).await?;
             return if had_left { Ok(()) } else { Err(StorageError::NoLidarMap) };
+        }
+        if !expected(removed.first()) {
+            return Err(StorageError::Changed { what: "LiDAR map" });
         }
         let newest = left.iter().max_by_key(|map| map.revision).ok_or(StorageError::LastLevel)?;
         let mut keys = remove_to(&mut transaction, home, level, 0, now).await?;

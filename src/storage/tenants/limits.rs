@@ -2,7 +2,7 @@
 
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
-use crate::storage::{Storage, StorageError, Tenant};
+use crate::storage::{Storage, StorageError, Tenant, room};
 
 /// Limits of a tenant in place of the service's; `None` means the service's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,15 +48,7 @@ impl Storage {
     /// Returns the size in bytes of a tenant's files: clips, LiDAR maps, results, the maps of homes, and
     /// unfinished uploads with all the bytes that their clients announced.
     pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
-        let sum = query(
-            "SELECT CAST(
-                COALESCE((SELECT SUM(size_bytes) FROM tenant_sizes WHERE tenant = $1), 0)
-                + COALESCE((SELECT SUM(COALESCE(length_bytes, received_bytes)) FROM uploads
-                    WHERE tenant = $1 AND state IN ('arriving', 'arrived')), 0)
-            AS BIGINT) AS size_bytes",
-        );
-        let sum = sum.bind(tenant.name()).fetch_one(&mut self.database.reader().await?).await?;
-        sum.count("size_bytes")
+        room::bytes_of(&mut self.database.reader().await?, tenant.name()).await
     }
 
     /// Returns the number of a tenant's unfinished uploads.

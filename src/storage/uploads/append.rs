@@ -86,7 +86,7 @@ impl Storage {
     ) -> Result<(), UploadError> {
         let size_bytes = bytes.size_bytes;
         let key = format!("uploads/{}-{}", writer.id, Uuid::now_v7());
-        self.blobs.keep(bytes, &key).await?;
+        self.blobs.keep_or_discard(bytes, &key).await?;
         let added = self.add_piece(writer, size_bytes, &key, limits, now).await;
         match &added {
             Ok(()) => writer.offset += size_bytes,

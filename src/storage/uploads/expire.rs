@@ -1,13 +1,16 @@
 //! Expiry of uploads.
 
 use super::{Storage, piece_keys};
-use crate::storage::StorageError;
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
+use crate::storage::{StorageError, pending_deletes};
 use jiff::Timestamp;
 
 /// Most uploads that are removed in one transaction.
 const BATCH: i64 = 100;
+
+/// The name under which the pending deletes of expired uploads are recorded.
+const OWNER: &str = "expired-uploads";
 
 /// Selects the uploads that expire.
 macro_rules! due {
@@ -41,8 +44,9 @@ impl Storage {
                     .execute(&mut transaction)
                     .await?;
             }
+            pending_deletes::add(&mut transaction, OWNER, &keys, now).await?;
             transaction.commit().await?;
-            self.blobs.discard(&keys).await;
+            self.discard_pending(OWNER, &keys).await;
             expired += rows.len() as u64;
             if (rows.len() as i64) < BATCH {
                 return Ok(expired);

@@ -1,11 +1,12 @@
 //! Conversion of complete uploads into clips, by the client's last request, or by the cleaner if that was cut
 //! off. A claim prevents two conversions at once, and only one can win the last transaction.
 
-use super::{Storage, Upload, UploadError, from_row, later, piece_keys};
+use super::{Storage, Upload, UploadError, from_row, later, owner, piece_keys};
 use crate::storage::clips::{self, Added, NewClip};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{Arrived, HomeId, StorageError, clock};
+use crate::storage::room::Room;
+use crate::storage::{Arrived, HomeId, StorageError, clock, pending_deletes};
 use futures::TryStreamExt;
 use jiff::Timestamp;
 use std::time::Duration;
@@ -110,7 +111,7 @@ impl Storage {
     ) -> Result<Option<Added>, StorageError> {
         let id = Uuid::now_v7();
         let (file, row) = clips::NewRow::of(id, new);
-        self.blobs.keep(file, &clips::file_key(id)).await?;
+        self.blobs.keep_or_discard(file, &clips::file_key(id)).await?;
         let ended = self.end_with_clip(claim, row, record, now).await;
         let kept_for_nothing = match &ended {
             Ok((added, _)) => !matches!(added, Some(Added::New(_))),
@@ -121,7 +122,7 @@ impl Storage {
             self.blobs.discard(&[clips::file_key(id)]).await;
         }
         let (added, pieces) = ended?;
-        self.blobs.discard(&pieces).await;
+        self.discard_pending(&owner(claim.upload.id), &pieces).await;
         Ok(added)
     }
 
@@ -134,7 +135,7 @@ impl Storage {
     ) -> Result<(Option<Added>, Vec<String>), StorageError> {
         let id = claim.upload.id;
         let mut transaction = self.database.begin().await?;
-        let added = clips::insert(&mut transaction, &claim.home, row, now).await?;
+        let added = clips::insert(&mut transaction, &claim.home, row, Room::Taken, now).await?;
         let clip = match &added {
             Added::New(clip) | Added::Replayed(clip) => clip.id,
             // The upload does not end here: the caller refuses it.
@@ -151,7 +152,7 @@ impl Storage {
         if ended.execute(&mut transaction).await? == 0 {
             return Ok((None, vec![]));
         }
-        let pieces = take_pieces(&mut transaction, id).await?;
+        let pieces = take_pieces(&mut transaction, id, now).await?;
         transaction.commit().await?;
         Ok((Some(added), pieces))
     }
@@ -176,9 +177,9 @@ impl Storage {
         if ended.execute(&mut transaction).await? == 0 {
             return Ok(());
         }
-        let pieces = take_pieces(&mut transaction, claim.upload.id).await?;
+        let pieces = take_pieces(&mut transaction, claim.upload.id, now).await?;
         transaction.commit().await?;
-        self.blobs.discard(&pieces).await;
+        self.discard_pending(&owner(claim.upload.id), &pieces).await;
         Ok(())
     }
 
@@ -204,8 +205,14 @@ impl Storage {
     }
 }
 
-async fn take_pieces(transaction: &mut Transaction, upload: Uuid) -> Result<Vec<String>, StorageError> {
+/// Removes the rows of an upload's pieces, and records their blobs as pending deletes.
+async fn take_pieces(
+    transaction: &mut Transaction,
+    upload: Uuid,
+    now: Timestamp,
+) -> Result<Vec<String>, StorageError> {
     let keys = piece_keys(transaction, upload).await?;
+    pending_deletes::add(transaction, &owner(upload), &keys, now).await?;
     query("DELETE FROM upload_pieces WHERE upload_id = $1")
         .bind(upload.to_string())
         .execute(transaction)

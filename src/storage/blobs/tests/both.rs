@@ -33,6 +33,7 @@ on_both! {
     what_is_put_is_read,
     an_arrived_file_becomes_a_blob,
     a_blob_is_read_as_it_comes,
+    a_part_is_read_without_the_rest,
     a_blob_is_a_local_file,
     a_missing_blob_is_told,
     discarded_blobs_are_gone,
@@ -50,6 +51,20 @@ async fn what_is_put_is_read(bench: Bench) {
     assert_eq!(bench.blobs.read_all("home-maps/one").await.unwrap(), &b"bytes"[..]);
     assert_eq!(bench.keys().await, ["home-maps/empty", "home-maps/one"]);
     assert_eq!(std::fs::read(bench.path_of("home-maps/one")).unwrap(), b"bytes");
+}
+
+async fn a_part_is_read_without_the_rest(bench: Bench) {
+    let large = large();
+    bench.keep("clips/large/file", &large).await;
+    let end = large.len() as u64;
+    let reader = bench.blobs.read("clips/large/file").await.unwrap().unwrap();
+    for range in [0..1, 5..6, end / 2..end - 3, end - 1..end] {
+        let part = reader.parts.open(range.clone()).await.unwrap();
+        let part: Vec<bytes::Bytes> = part.try_collect().await.unwrap();
+        assert!(part.concat() == large[range.start as usize..range.end as usize], "{range:?}");
+    }
+    bench.blobs.remove_all(&["clips/large/file".to_owned()]).await.unwrap();
+    assert!(reader.parts.open(0..1).await.is_err());
 }
 
 async fn an_arrived_file_becomes_a_blob(bench: Bench) {

@@ -133,6 +133,17 @@ async fn a_store_that_is_down_fails_in_time() {
 }
 
 #[tokio::test]
+async fn only_a_silent_store_is_a_timeout() {
+    let bench = Bench::on_s3();
+    bench.blobs.put("there", b"bytes".to_vec()).await.unwrap();
+    let missing = bench.blobs.read_all("missing").await.unwrap_err();
+    assert!(!missing.is_timeout(), "{missing}");
+    bench.server().fail(faults(When::Always, &[Fault::Silent]));
+    let silent = bench.within(IMPATIENT).remove_all(&["there".to_owned()]).await.unwrap_err();
+    assert!(silent.is_timeout(), "{silent}");
+}
+
+#[tokio::test]
 async fn a_store_that_is_silent_fails_in_time() {
     fails_in_time(Fault::Silent).await;
 }

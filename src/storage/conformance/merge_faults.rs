@@ -1,0 +1,62 @@
+//! Merges that end without a result are repeated after pauses.
+
+use super::home_maps::{align, due, revision};
+use super::*;
+use viola_home::PlacedBy;
+
+on_every_back_end!(
+    a_merge_that_fails_rests_longer_each_time,
+    a_merge_that_loses_its_worker_rests_from_the_second_time,
+    a_result_ends_the_faults_of_a_home,
+);
+
+async fn one_due(storage: &Storage) -> (HomeId, Clip) {
+    let made = one_job(storage).await;
+    align(storage, AlignmentState::Aligned).await;
+    made
+}
+
+/// Checks that a home rests for `pause_s` from `now` on, and returns the next claim with its time.
+async fn after_pause(storage: &Storage, now: i64, pause_s: i64) -> (MergeClaim, i64) {
+    let end = now + pause_s;
+    for early in [now, end - 1].into_iter().filter(|early| (now..end).contains(early)) {
+        assert!(due(storage, early).await.is_none(), "{early} of {now} + {pause_s}");
+    }
+    (due(storage, end).await.expect("the pause is over"), end)
+}
+
+async fn a_merge_that_fails_rests_longer_each_time(storage: Storage) {
+    one_due(&storage).await;
+    let (mut claim, mut now) = after_pause(&storage, 200, 0).await;
+    for pause_s in [5, 10, 20, 40, 80, 160, 320, 640, 1280, 1800, 1800] {
+        storage.fail_merge(&claim, false, at(now)).await.unwrap();
+        (claim, now) = after_pause(&storage, now, pause_s).await;
+    }
+}
+
+async fn a_merge_that_loses_its_worker_rests_from_the_second_time(storage: Storage) {
+    one_due(&storage).await;
+    let (mut claim, mut now) = after_pause(&storage, 200, 0).await;
+    for pause_s in [0, 10, 20, 40] {
+        let lost = claim;
+        (claim, now) = after_pause(&storage, now + 30, pause_s).await;
+        assert!(!storage.renew_merge(&lost, LEASE, at(now)).await.unwrap());
+    }
+}
+
+async fn a_result_ends_the_faults_of_a_home(storage: Storage) {
+    let (home, clip) = one_due(&storage).await;
+    let (mut claim, mut now) = after_pause(&storage, 200, 0).await;
+    // The cause of these may have passed: the first retry comes at once.
+    for pause_s in [0, 10] {
+        storage.fail_merge(&claim, true, at(now)).await.unwrap();
+        (claim, now) = after_pause(&storage, now, pause_s).await;
+    }
+    let new = revision(&claim, PlacedBy::Alignment, b"tile");
+    assert!(storage.finish_merge(&claim, Some(&new), at(now)).await.unwrap());
+    storage.align_clip(&home, clip.id, at(now)).await.unwrap();
+    align(&storage, AlignmentState::Aligned).await;
+    let (claim, now) = after_pause(&storage, 300, 0).await;
+    storage.fail_merge(&claim, true, at(now)).await.unwrap();
+    after_pause(&storage, now, 0).await;
+}

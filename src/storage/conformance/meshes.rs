@@ -1,0 +1,93 @@
+//! Meshes, and homes that were removed and made again under the same id.
+
+use super::home_maps::{align, current, due, finish, revision, two_aligned};
+use super::*;
+use viola_home::PlacedBy;
+
+on_every_back_end!(
+    a_mesh_is_of_the_current_revision,
+    a_home_that_was_made_again_gets_no_mesh_of_the_removed_one,
+    a_home_that_was_made_again_gets_no_map_of_the_removed_one,
+);
+
+async fn a_mesh_is_of_the_current_revision(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let main = LevelName::MAIN;
+    let meshes = async |revision: i64| {
+        let mut all = Vec::new();
+        for file in storage.home_map_files(&home, revision, main, map_file::MESH).await.unwrap() {
+            all.push(storage.map_file_bytes(&file).await.unwrap().expect("the mesh is there").to_vec());
+        }
+        all
+    };
+    let add = async |revision: i64, glb: &[u8]| {
+        let map = storage.home_map(&home, Some(revision)).await.unwrap().unwrap();
+        storage.add_mesh(&home, &map, main, glb.to_vec()).await.unwrap()
+    };
+    let next = async |seconds: i64, has_scene: bool| {
+        storage.align_clip(&home, clips[0], at(seconds)).await.unwrap();
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, seconds).await.expect("the home is due");
+        let mut new = revision(&claim, PlacedBy::Alignment, &[seconds as u8]);
+        new.files.extend(has_scene.then(|| (main, map_file::SCENE, b"{}".to_vec())));
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+    };
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(finish(&storage, &claim, b"tile", 10).await);
+    assert!(add(1, b"first").await);
+    assert!(!add(1, b"again").await, "a revision has one mesh");
+    assert_eq!(meshes(1).await, [b"first"]);
+    // A level that is as it was keeps its mesh.
+    next(20, false).await;
+    assert_eq!(meshes(2).await, [b"first"]);
+    next(21, true).await;
+    assert!(!add(2, b"late").await, "the revision is not the current one any more");
+    assert!(meshes(3).await.is_empty() && meshes(2).await.is_empty(), "earlier revisions have none");
+    assert!(add(3, b"third").await);
+    assert_eq!(meshes(3).await, [b"third"]);
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
+    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+}
+
+/// Removes the home of [`two_aligned`] and makes it again, with one aligned clip.
+async fn made_again(storage: &Storage, home: &HomeId) -> Uuid {
+    storage.delete_home(home, |_| true, at(500)).await.unwrap();
+    storage.put_home(home, None, |_| true, at(501)).await.unwrap();
+    put_map(storage, home, b"map").await;
+    let clip = add(storage, home, b"clip").await;
+    align(storage, AlignmentState::Aligned).await;
+    clip.id
+}
+
+async fn a_home_that_was_made_again_gets_no_mesh_of_the_removed_one(storage: Storage) {
+    let (home, _) = two_aligned(&storage).await;
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(finish(&storage, &claim, b"removed", 10).await);
+    let removed = current(&storage, &home).await;
+    made_again(&storage, &home).await;
+    let claim = due(&storage, 510).await.unwrap();
+    assert!(finish(&storage, &claim, b"new", 510).await);
+    let new = current(&storage, &home).await;
+    assert_eq!(removed.revision, new.revision);
+    assert!(!storage.add_mesh(&home, &removed, LevelName::MAIN, b"mesh".to_vec()).await.unwrap());
+    assert!(storage.add_mesh(&home, &new, LevelName::MAIN, b"mesh".to_vec()).await.unwrap());
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
+    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+}
+
+async fn a_home_that_was_made_again_gets_no_map_of_the_removed_one(storage: Storage) {
+    let (home, _) = two_aligned(&storage).await;
+    let late = due(&storage, 10).await.unwrap();
+    let clip = made_again(&storage, &home).await;
+    // Both are the first claims of their homes.
+    let claim = due(&storage, 510).await.unwrap();
+    assert!(!storage.renew_merge(&late, LEASE, at(511)).await.unwrap());
+    storage.give_back_merge(&late, at(511)).await.unwrap();
+    assert!(due(&storage, 511).await.is_none(), "the merge of the new home goes on");
+    assert!(!finish(&storage, &late, b"removed", 511).await);
+    assert_eq!(storage.home_map(&home, None).await.unwrap(), None);
+    assert!(storage.renew_merge(&claim, LEASE, at(512)).await.unwrap());
+    assert!(finish(&storage, &claim, b"new", 512).await);
+    let map = current(&storage, &home).await;
+    assert_eq!(map.clips.iter().map(|placed| placed.clip).collect::<Vec<_>>(), [clip]);
+}
