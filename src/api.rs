@@ -66,6 +66,7 @@ use crate::webhooks::WebhookParams;
 use attempts::Attempts;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
+use fair::FairPlaces;
 use limits::Limits;
 use making::Making;
 use parameters::Parameters;
@@ -107,6 +108,9 @@ struct Shared {
     has_keys: AtomicBool,
     readers: Arc<Readers>,
     making: Making,
+    /// The places of requests that wait for changes, and of searches for homes.
+    waits: FairPlaces,
+    searches: FairPlaces,
     exports: export::Places,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,

@@ -145,7 +145,7 @@ enum ChildCommand {
 pub fn main() -> ExitCode {
     viola_network::return_large_buffers();
     crate::tls::use_ring();
-    end_quietly_without_a_reader();
+    end_without_standard_output();
     let first = std::env::args().nth(1);
     if first.is_some_and(|name| ChildCommand::has_subcommand(&name)) {
         let done = run_child(ChildArguments::parse().command);
@@ -199,17 +199,20 @@ fn run_child(command: ChildCommand) -> Result<()> {
     }
 }
 
-/// Ends the process without a message if nobody reads its output any more, as after `viola models list | head -1`.
-fn end_quietly_without_a_reader() {
+/// Ends the process if standard output cannot be written: without a message if nobody reads it any more, as after
+/// `viola models list | head -1`.
+fn end_without_standard_output() {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         // The standard library's `println!` panics with this text.
-        let is_broken =
-            |text: &str| text.starts_with("failed printing to stdout") && text.contains("Broken pipe");
-        if panic.payload_as_str().is_some_and(is_broken) {
-            std::process::exit(0);
+        match panic.payload_as_str().and_then(|text| text.strip_prefix("failed printing to stdout: ")) {
+            Some(cause) if cause.contains("Broken pipe") => std::process::exit(0),
+            Some(cause) => {
+                eprintln!("viola: cannot write to standard output: {cause}");
+                std::process::exit(1);
+            }
+            None => hook(panic),
         }
-        hook(panic);
     }));
 }
 

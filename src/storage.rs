@@ -36,6 +36,7 @@ mod params;
 mod pending_deletes;
 mod placement;
 pub mod result_file;
+mod room;
 mod scratch;
 mod seal;
 mod sessions;
@@ -46,7 +47,7 @@ mod tenants;
 mod uploads;
 mod webhooks;
 
-pub use blobs::{BlobPlace, BlobReader, LocalFile, S3Params};
+pub use blobs::{BlobParts, BlobPlace, BlobReader, LocalFile, S3Params};
 pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
 pub use choice::Choice;
 pub use choices::{ChoiceError, Chosen};

@@ -50,6 +50,7 @@ pub struct AlignArguments {
     networks: NetworkArguments,
     #[command(flatten)]
     completion: CompletionArguments,
+    /// Seed of the floor's RANSAC.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print result.json instead of the summary.
@@ -87,7 +88,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .map_err(|error| wrong_file::of_clip(&arguments.clip, error, Advice::Flags))?;
     let clip = if arguments.scale.is_some() { clip.with_unknown_scale() } else { clip };
-    let maps = levels::open(&arguments.lidar)?;
+    let maps = levels::open(&arguments.lidar, Advice::Flags)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
         align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)

@@ -3,8 +3,10 @@
 mod clip;
 mod map;
 
-use anyhow::{Context, Result, bail};
+use super::output;
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -56,7 +58,7 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    output::write_whole(path, |to| Ok(to.write_all(bytes)?))?;
     println!("wrote:  {}, {} bytes", path.display(), bytes.len());
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::PathBuf;
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES, valetudo_json};
-use viola_geometry::{LevelName, MAX_LEVELS};
+use viola_geometry::{InvalidLevelName, LevelName, MAX_LEVELS};
 
 /// The LiDAR map of a level: `FILE` for the level `main`, else `LEVEL=FILE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,8 +32,8 @@ fn parse(text: OsString) -> LevelArgument {
     named.unwrap_or_else(|| LevelArgument { level: LevelName::MAIN, path: text.into() })
 }
 
-/// Opens the maps; returns them by the levels' names.
-pub fn open(arguments: &[LevelArgument]) -> Result<Vec<(LevelName, LidarMap)>> {
+/// Opens the maps; returns them by the levels' names. A file that is no map is answered with the command's advice.
+pub fn open(arguments: &[LevelArgument], advice: Advice) -> Result<Vec<(LevelName, LidarMap)>> {
     if arguments.len() > MAX_LEVELS {
         bail!("{} LiDAR maps were given; a home has at most {MAX_LEVELS} levels", arguments.len());
     }
@@ -43,7 +43,12 @@ pub fn open(arguments: &[LevelArgument]) -> Result<Vec<(LevelName, LidarMap)>> {
         bail!("two LiDAR maps were given for the level {}; name the levels: LEVEL=FILE", pair[0].level);
     }
     let open = |LevelArgument { level, path }: &LevelArgument| {
-        let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error, Advice::Flags))?;
+        // The text before `=` was meant as the name of a level, if there is no such file.
+        let is_level = path.to_str().and_then(|text| text.split_once('=')).filter(|_| !path.exists());
+        if let Some((name, _)) = is_level {
+            bail!("`{name}` cannot name a level: {InvalidLevelName}");
+        }
+        let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error, advice))?;
         Ok((*level, map))
     };
     sorted.iter().map(open).collect()
@@ -84,7 +89,10 @@ mod tests {
             assert_eq!(parse(text.into()), expected, "{text}");
         }
         let twice = ["a.json", "main=b.json"].map(|text| parse(text.into()));
+        let open = |arguments: &[LevelArgument]| open(arguments, Advice::Flags);
         assert!(open(&twice).unwrap_err().to_string().contains("level main"));
+        let capital = open(&[parse("Upper=a.json".into())]).unwrap_err().to_string();
+        assert!(capital.starts_with("`Upper` cannot name a level"), "{capital}");
         let many: Vec<LevelArgument> = (0..9).map(|n| parse(format!("l{n}=a.json").into())).collect();
         assert!(open(&many).unwrap_err().to_string().contains("at most 8"));
     }

@@ -20,6 +20,7 @@ use super::networks::NetworkArguments;
 use super::output;
 use super::progress::{TerminalProgress, tell};
 use super::video_tools::video_tools;
+use super::wrong_file::Advice;
 use crate::jobs::{JobParams, level_maps};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -68,6 +69,7 @@ pub struct MapArguments {
     networks: NetworkArguments,
     #[command(flatten)]
     completion: CompletionArguments,
+    /// Seed of the floor's RANSAC.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print map.json instead of the table.
@@ -87,7 +89,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
         output::refuse_to_overwrite(path, &folder, &LEVEL_FILES)?;
         output::refuse_to_overwrite(path, out, &["map.json", "objects.json", "rooms.json", "matter.json"])?;
     }
-    let maps = levels::open(&arguments.lidar)?;
+    let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let levels = level_maps(&maps);
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 

@@ -5,7 +5,7 @@ mod check;
 mod download;
 mod drawing;
 mod fetch;
-mod sum;
+pub(super) mod sum;
 #[cfg(test)]
 mod test_server;
 mod timed;
@@ -144,14 +144,17 @@ struct State {
 
 impl State {
     fn of(entry: &ModelEntry, models: &Path) -> Result<State> {
-        let (bytes, sum, installed) = match entry.weights(Some(models)) {
-            None => return Ok(State { bytes: None, installed: "no", sum: "-" }),
-            Some(Weights::File(path)) => {
-                let size = path.metadata().with_context(|| format!("cannot read {}", path.display()))?.len();
-                (size, sum::of_file(&path)?, "yes")
-            }
-            Some(Weights::BuiltIn { bytes, .. }) => (bytes.len() as u64, sum::of_bytes(bytes), "built in"),
+        let Some(weights) = entry.weights(Some(models)) else {
+            return Ok(State { bytes: None, installed: "no", sum: "-" });
         };
+        let (bytes, installed) = match &weights {
+            Weights::File(path) => {
+                let size = path.metadata().with_context(|| format!("cannot read {}", path.display()))?.len();
+                (size, "yes")
+            }
+            Weights::BuiltIn { bytes, .. } => (bytes.len() as u64, "built in"),
+        };
+        let sum = sum::of_weights(&weights)?;
         let sum = match &entry.sha256 {
             None => "none known",
             Some(wanted) if *wanted == sum => "right",

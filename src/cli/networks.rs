@@ -1,5 +1,6 @@
 //! Arguments for the networks of a command.
 
+use super::models::sum;
 use super::runtime::RuntimeArguments;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -12,7 +13,7 @@ use viola_align::complete::monocular::open_estimator;
 use viola_align::complete::{Imagination, ViewStrategy};
 use viola_network as network;
 use viola_network::Network;
-use viola_network::manifest::{self, Installed, Task};
+use viola_network::manifest::{self, Installed, ModelEntry, Task};
 use viola_reconstruct::LabelParams;
 use viola_reconstruct::label::{self, Segmenter, SurfaceNetwork};
 
@@ -77,7 +78,11 @@ impl NetworkArguments {
     /// Returns the surface network: that of the models folder, else the built-in one.
     pub fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
         let Some(installed) = self.installed(Task::Surface)? else { return Ok(None) };
-        Ok(Some(Arc::new(SurfaceNetwork::new(&installed.entry, self.open(&installed)?)?)))
+        let network = self.open(&installed)?;
+        // The sum of the file itself: another file may have replaced the one that the list tells.
+        let sum = sum::of_weights(&installed.weights)?;
+        let entry = ModelEntry { sha256: Some(sum), ..installed.entry };
+        Ok(Some(Arc::new(SurfaceNetwork::new(&entry, network)?)))
     }
 
     /// Returns the networks for the completion; none without an inpainting network in the models folder.
@@ -124,4 +129,30 @@ fn loaded<N>(network: Result<Option<N>>, task: &str, unavailable: &mut Vec<Strin
         unavailable.push(format!("the {task} network could not be loaded"));
         None
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        networks: NetworkArguments,
+    }
+
+    /// Home maps are labelled anew if the version changed.
+    #[test]
+    fn a_file_that_replaces_the_built_in_network_has_another_version() {
+        let own = tempfile::tempdir().unwrap();
+        std::fs::create_dir(own.path().join("columns")).unwrap();
+        let small = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/columns.onnx");
+        std::fs::copy(small, own.path().join("columns/columns.onnx")).unwrap();
+        let version = |models: &str| {
+            let line = Line::parse_from(["viola", "--models", models]);
+            line.networks.surface().unwrap().unwrap().version().to_owned()
+        };
+        assert_ne!(version(""), version(own.path().to_str().unwrap()));
+    }
 }

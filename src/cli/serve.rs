@@ -42,7 +42,8 @@ pub struct ServeArguments {
     /// Maximum mean rate of one tenant's requests to this process, per second; default: unlimited.
     #[arg(long, value_name = "N", env = "VIOLA_TENANT_REQUESTS_PER_SECOND")]
     tenant_requests_per_second: Option<NonZeroU32>,
-    /// Maximum size of one tenant's uploaded files in MiB; default: unlimited.
+    /// Maximum size of all files of a tenant without a limit of its own, in MiB: recordings, maps, results, unfinished
+    /// uploads; default: unlimited.
     #[arg(long, value_name = "MIB", env = "VIOLA_TENANT_STORAGE_MB")]
     tenant_storage_mb: Option<u64>,
     /// Origin whose pages may call the service, for example https://app.example. May be given several times.

@@ -1,11 +1,12 @@
 //! `viola simulate`: writes a furnished home with its vacuum's map and clips to a folder.
 
 use super::numbers;
+use super::output;
 use super::progress::tell;
 use anyhow::{Context, Result};
 use serde_json::json;
 use std::fs;
-use std::io::BufWriter;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
     ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
@@ -21,6 +22,7 @@ pub struct SimulateArguments {
     /// glass, crowded.
     #[arg(long, default_value = "normal")]
     set: Set,
+    /// Seed of the simulated home.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Number of clips.
@@ -72,8 +74,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
     save(out, "plan.png", &plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
     for (index, clip) in clips.iter().enumerate() {
         let path = out.join(format!("clip_{index}.zip"));
-        let file = fs::File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        write_scannet_zip(clip, BufWriter::new(file))?;
+        output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
         println!("{}", path.display());
     }
     Ok(())
@@ -86,7 +87,7 @@ fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipPar
 
 fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     let path = folder.join(name);
-    fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    output::write_whole(&path, |to| Ok(to.write_all(bytes)?))?;
     println!("{}", path.display());
     Ok(())
 }

@@ -33,10 +33,13 @@ pub struct StoreArguments {
     /// URL of the store; default: Amazon's.
     #[arg(long, value_name = "URL", env = "VIOLA_S3_ENDPOINT")]
     s3_endpoint: Option<String>,
+    /// Region of the bucket.
     #[arg(long, value_name = "NAME", env = "VIOLA_S3_REGION", default_value = "us-east-1")]
     s3_region: String,
+    /// Id of the key for the bucket.
     #[arg(long, value_name = "ID", env = "VIOLA_S3_ACCESS_KEY_ID", hide_env_values = true)]
     s3_access_key_id: Option<String>,
+    /// Secret of the key for the bucket.
     #[arg(long, value_name = "SECRET", env = "VIOLA_S3_SECRET_ACCESS_KEY", hide_env_values = true)]
     s3_secret_access_key: Option<String>,
     /// Allow an endpoint with http, which is not encrypted.

@@ -1,10 +1,10 @@
 //! `viola tenants`: lists the tenants, sets their limits and removes one.
 
+use super::progress::spinner;
 use super::store::StoreArguments;
 use crate::storage::{Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
-use indicatif::ProgressBar;
 use jiff::Timestamp;
 use serde_json::json;
 
@@ -37,6 +37,7 @@ struct ListArguments {
 struct SetArguments {
     #[command(flatten)]
     store: StoreArguments,
+    /// Name of the tenant.
     #[arg(value_name = "NAME")]
     tenant: Tenant,
     /// Maximum size of its files in bytes.
@@ -51,6 +52,7 @@ struct SetArguments {
 struct DeleteArguments {
     #[command(flatten)]
     store: StoreArguments,
+    /// Name of the tenant to remove.
     #[arg(value_name = "NAME")]
     tenant: Tenant,
     /// Confirm the removal, which cannot be undone.
@@ -120,7 +122,7 @@ async fn delete(arguments: &DeleteArguments) -> Result<()> {
     if !arguments.yes {
         bail!("this removes every byte of the tenant {name} for good; say so with --yes");
     }
-    let bar = ProgressBar::new_spinner();
+    let bar = spinner(String::new());
     let show = |homes| bar.set_message(format!("{homes} homes removed"));
     let removed = storage.delete_tenant(tenant, Timestamp::now(), show).await;
     bar.finish_and_clear();

@@ -18,6 +18,8 @@ const MORE: &str = "docs/formats.md lists what is read.";
 pub enum Advice {
     /// The command has the flags `--clip` and `--lidar`.
     Flags,
+    /// `viola map`: clips have no flag.
+    Arguments,
     /// `viola convert`: the target names the kind.
     Target,
 }
@@ -25,7 +27,7 @@ pub enum Advice {
 impl Advice {
     fn of_lidar_map(self) -> &'static str {
         match self {
-            Advice::Flags => "a LiDAR map (give it as --lidar)",
+            Advice::Flags | Advice::Arguments => "a LiDAR map (give it as --lidar)",
             Advice::Target => "a LiDAR map (choose --to valetudo, ros or ply)",
         }
     }
@@ -33,6 +35,7 @@ impl Advice {
     fn of_clip(self) -> &'static str {
         match self {
             Advice::Flags => "a clip (give it as --clip)",
+            Advice::Arguments => "a clip (give it without --lidar)",
             Advice::Target => "a clip (choose --to stray, tum or scannet)",
         }
     }

@@ -116,4 +116,11 @@ async fn a_change_of_an_old_state_is_refused() {
         .await
         .problem(412, "changed-meanwhile");
     with(&server, Method::DELETE, &alignment, ("if-match", "*"), &json!({})).await.ok(200);
+    for path in [&clip, &home] {
+        let refused = with(&server, Method::DELETE, path, ("if-match", &old), &json!({})).await;
+        assert_eq!(refused.problem(412, "changed-meanwhile")["field"], "If-Match", "{path}");
+        let new = server.get(path).await.header("etag").to_owned();
+        with(&server, Method::DELETE, path, ("if-match", &new), &json!({})).await.ok(204);
+        assert_eq!(with(&server, Method::DELETE, path, ("if-match", &new), &json!({})).await.status, 404);
+    }
 }

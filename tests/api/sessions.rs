@@ -138,7 +138,22 @@ async fn keys_cannot_be_tried_without_end() {
     server.send(request.header("cookie", session)).await.problem(429, "too-many-failed-keys");
     let request = server.request(Method::PUT, "/v1/session").header("x-forwarded-for", "192.0.2.1");
     server.send(request.json(&json!({"key": wrong(6)}))).await.problem(429, "too-many-failed-keys");
+    let out = |address: &str, session: String| {
+        let request = server.request(Method::DELETE, "/v1/session").header("x-forwarded-for", address);
+        server.send(request.header("cookie", session))
+    };
+    out("192.0.2.1", format!("viola_session={}", "0".repeat(64))).await.problem(429, "too-many-failed-keys");
     // A key that works goes on working, and other addresses are not affected.
     from("192.0.2.1", secret.show()).await.ok(200);
     from("192.0.2.2", &wrong(7)).await.problem(401, "key-invalid");
+    // Signing out of sessions that do not exist counts, and signing out of one that was used is always possible.
+    let session = cookie(&sign_in(&server, secret.show()).await);
+    with_cookie(&server, Method::GET, &session).await.ok(200);
+    for number in 0..5 {
+        assert_eq!(out("192.0.2.3", format!("viola_session={number:064x}")).await.status, 204);
+    }
+    let refused = out("192.0.2.3", format!("viola_session={:064x}", 5)).await;
+    refused.problem(429, "too-many-failed-keys");
+    assert_eq!(out("192.0.2.3", session.clone()).await.status, 204);
+    with_cookie(&server, Method::GET, &session).await.problem(401, "session-ended");
 }

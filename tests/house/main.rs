@@ -5,6 +5,7 @@ mod features;
 mod image;
 mod knobs;
 mod pages;
+mod reasons;
 mod sources;
 
 use sources::{Source, sources};
