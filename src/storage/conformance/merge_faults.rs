@@ -54,7 +54,7 @@ async fn a_result_ends_the_faults_of_a_home(storage: Storage) {
     }
     let new = revision(&claim, PlacedBy::Alignment, b"tile");
     assert!(storage.finish_merge(&claim, Some(&new), at(now)).await.unwrap());
-    storage.align_clip(&home, clip.id, at(now)).await.unwrap();
+    storage.align_clip(&home, clip.id, at(100)).await.unwrap();
     align(&storage, AlignmentState::Aligned).await;
     let (claim, now) = after_pause(&storage, 300, 0).await;
     storage.fail_merge(&claim, true, at(now)).await.unwrap();

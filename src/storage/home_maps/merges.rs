@@ -79,9 +79,9 @@ pub struct NewRevision {
     pub has_object_changes: bool,
 }
 
-/// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that has no clip queued or running: a new LiDAR
-/// map, which queues all clips again, makes one new revision, and the old one stays until then. The merge
-/// does not wait for a job with a long pause after a fault.
+/// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that has no clip queued or
+/// running: a new LiDAR map, which queues all clips again, makes one new revision, and the old one stays until then. The
+/// merge does not wait for a job with a long pause after a fault.
 macro_rules! claim {
     ($tenants:literal, $lock:literal) => {
         concat!(

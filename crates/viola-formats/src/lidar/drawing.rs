@@ -167,13 +167,6 @@ pub(super) fn shorten(name: &str) -> String {
     name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
 }
 
-/// Returns whether one of the cell's four neighbours is floor.
-pub(super) fn touches_floor(grid: &Grid<Cell>, x: usize, y: usize) -> bool {
-    let is_free =
-        |x: usize, y: usize| x < grid.frame.width && y < grid.frame.height && grid.get(x, y) == Cell::Free;
-    is_free(x.wrapping_sub(1), y) || is_free(x + 1, y) || is_free(x, y.wrapping_sub(1)) || is_free(x, y + 1)
-}
-
 /// Adds walls at the floor's border if the map has few: some early robots (Dreame 1C) hardly store walls.
 fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
     let (width, height) = (grid.frame.width, grid.frame.height);
@@ -181,7 +174,12 @@ fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
     let mut border = Vec::new();
     for y in 0..height {
         for x in 0..width {
-            if grid.get(x, y) != Cell::Free && touches_floor(grid, x, y) {
+            let is_free = |nx: usize, ny: usize| nx < width && ny < height && grid.get(nx, ny) == Cell::Free;
+            let touches_floor = is_free(x.wrapping_sub(1), y)
+                || is_free(x + 1, y)
+                || is_free(x, y.wrapping_sub(1))
+                || is_free(x, y + 1);
+            if grid.get(x, y) != Cell::Free && touches_floor {
                 border.push((x, y));
             }
         }

@@ -231,18 +231,6 @@ mod tests {
                 vec![KnownObject { moves: 1, ..chair("chair-1", 0.5) }],
                 ObjectChanges { moved: vec![(0, 0)], ..none() },
             ),
-            (
-                "by the last of many small steps",
-                vec![chair("chair-1", 0.0)],
-                vec![KnownObject { moves: 1, ..chair("chair-1", 0.1) }],
-                ObjectChanges { moved: vec![(0, 0)], ..none() },
-            ),
-            (
-                "to and fro",
-                vec![chair("chair-1", 0.0)],
-                vec![KnownObject { moves: 2, ..chair("chair-1", 0.1) }],
-                none(),
-            ),
             ("seen better", vec![chair("chair-1", 0.0)], vec![chair("chair-1", 0.5)], none()),
             (
                 "by class and size",
@@ -301,6 +289,26 @@ mod tests {
                 vec![],
                 vec![chair("chair-1", 0.0)],
                 ObjectChanges { discovered: vec![0], ..none() },
+            ),
+        ];
+        check(cases);
+    }
+
+    #[test]
+    fn small_steps_and_to_and_fro() {
+        let none = ObjectChanges::default;
+        let cases = [
+            (
+                "by the last of many small steps",
+                vec![chair("chair-1", 0.0)],
+                vec![KnownObject { moves: 1, ..chair("chair-1", 0.1) }],
+                ObjectChanges { moved: vec![(0, 0)], ..none() },
+            ),
+            (
+                "to and fro",
+                vec![chair("chair-1", 0.0)],
+                vec![KnownObject { moves: 2, ..chair("chair-1", 0.1) }],
+                none(),
             ),
         ];
         check(cases);

@@ -234,3 +234,34 @@ fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [O
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One piece of 1 m high cells, by their right sides and given rooms.
+    fn divided(cells: &[(f64, u32)]) -> (Vec<u32>, Vec<u32>) {
+        let sides = std::iter::once(0.0).chain(cells.iter().map(|(to, _)| *to)).collect();
+        let count = cells.len();
+        let mut all = Cells {
+            lines: [sides, vec![0.0, 1.0]],
+            inside: vec![true; count],
+            pillars: vec![false; count],
+            owners: vec![Vec::new(); count],
+        };
+        for (at, (_, owner)) in cells.iter().enumerate() {
+            all.owners[at] = vec![(*owner, all.area_m2(at))];
+        }
+        by_owner(&all, &vec![1; count], |_| true)
+    }
+
+    #[test]
+    fn a_room_that_another_divides_keeps_both_parts() {
+        // Room 2 lies between the parts of room 1.
+        let (of_cell, owners) = divided(&[(3.0, 1), (5.0, 2), (9.0, 1)]);
+        assert_eq!((of_cell, owners), (vec![2, 3, 1], vec![1, 0, 2]));
+        // A part that is too small for a room belongs to the room beside it.
+        let (of_cell, owners) = divided(&[(3.0, 1), (5.0, 2), (5.5, 1)]);
+        assert_eq!((of_cell, owners), (vec![1, 2, 2], vec![1, 2]));
+    }
+}

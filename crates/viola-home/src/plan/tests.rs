@@ -135,28 +135,22 @@ fn a_map_of_one_point_has_a_plan() {
     }
 }
 
-/// Returns the rooms of two rooms' map as a robot's software divides it: each a name and its stretches in x.
-fn divided(rooms: &[(&str, &[[f64; 2]])]) -> LidarMap {
-    let mut lidar = flat(0.0);
-    let cells = |[from, to]: &[f64; 2]| {
-        let (from, columns) = (*from, ((to - from) / 0.05) as usize);
-        let cell =
-            move |i: usize, j: usize| Point2::new(from + (i as f64 + 0.5) * 0.05, 0.1 + j as f64 * 0.05);
-        (0..columns).flat_map(move |i| (0..56).map(move |j| cell(i, j)))
-    };
-    let room = |(id, stretches): &(&str, &[[f64; 2]])| viola_formats::lidar::Room {
-        id: (*id).into(),
-        name: Some(id.to_uppercase()),
-        cells_m: stretches.iter().flat_map(cells).collect(),
-        material: None,
-    };
-    lidar.rooms = rooms.iter().map(room).collect();
-    lidar
-}
-
 #[test]
 fn the_robots_rooms_divide_an_open_plan() {
-    let lidar = divided(&[("a", &[[0.1, 2.0]]), ("b", &[[2.0, 3.9]]), ("c", &[[4.2, 7.0]])]);
+    let mut lidar = flat(0.0);
+    let cells = |from: f64, to: f64| {
+        let columns = ((to - from) / 0.05) as usize;
+        let cell =
+            move |i: usize, j: usize| Point2::new(from + (i as f64 + 0.5) * 0.05, 0.1 + j as f64 * 0.05);
+        (0..columns).flat_map(move |i| (0..56).map(move |j| cell(i, j))).collect()
+    };
+    let room = |id: &str, from: f64, to: f64| viola_formats::lidar::Room {
+        id: id.into(),
+        name: Some(id.to_uppercase()),
+        cells_m: cells(from, to),
+        material: None,
+    };
+    lidar.rooms = vec![room("a", 0.1, 2.0), room("b", 2.0, 3.9), room("c", 4.2, 7.0)];
     let rooms = crate::rooms(&lidar, &[]);
     assert!(rooms.iter().all(|room| room.source == RoomSource::LidarMap));
     let plan = plan(&lidar, &[], &rooms, &[]);
@@ -167,19 +161,6 @@ fn the_robots_rooms_divide_an_open_plan() {
     assert!(
         !plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0])
     );
-}
-
-#[test]
-fn a_room_that_another_divides_keeps_both_parts() {
-    let lidar = divided(&[("a", &[[0.1, 1.5], [2.5, 3.9]]), ("b", &[[1.5, 2.5]]), ("c", &[[4.2, 7.0]])]);
-    let rooms = crate::rooms(&lidar, &[]);
-    let plan = plan(&lidar, &[], &rooms, &[]);
-    // The room on the left has 4 m x 3 m.
-    let left: Vec<_> = plan.rooms.iter().filter(|room| room.label_at_m[0] < 4.0).collect();
-    let area_m2: f64 = left.iter().map(|room| room.area_m2).sum();
-    assert!((area_m2 / 12.0 - 1.0).abs() < 0.05, "{area_m2}");
-    assert_eq!(left.len(), 3);
-    assert_eq!(left.iter().filter(|room| room.id.as_deref() == Some("a")).count(), 1);
 }
 
 #[test]

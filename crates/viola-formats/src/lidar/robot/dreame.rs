@@ -8,9 +8,9 @@ mod extra;
 
 use self::extra::Extra;
 use super::{Bytes, MAX_SIDE, inflate, is_zlib, round_cm};
-use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot, touches_floor};
+use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot};
 use crate::lidar::sheet::{Run, Runs, Sheet};
-use crate::lidar::{Cell, LidarError, LidarMap, RobotFrame};
+use crate::lidar::{LidarError, LidarMap, RobotFrame};
 use base64::Engine;
 use base64::alphabet::URL_SAFE;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -128,10 +128,11 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     drawing.own_frame = Some(RobotFrame::millimetres([-OFFSET_MM; 2]));
     let extra = Extra::parse(frame.extra, &mut drawing.notes);
     let cells = frame.cells(Source::Regular, &drawing.sheet)?;
+    let (mut has_floor, mut has_wall) = (!cells.floor.0.is_empty(), !cells.wall.0.is_empty());
     (drawing.robot, drawing.charger) = (frame.robot, frame.charger);
     let mut rooms: Vec<(usize, Vec<Run>)> = cells.rooms();
     drawing.carpet = cells.carpet.0;
-    let (floor, mut walls) = (cells.floor.0, cells.wall.0);
+    let mut layers = vec![(LayerKind::Floor, cells.floor.0), (LayerKind::Wall, cells.wall.0)];
     let mut infos = extra.segments.clone();
 
     // The saved map is the fallback for parts that this one lacks.
@@ -154,9 +155,15 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
                 rooms.push((id, runs));
             }
         }
-        let floors: Vec<&[Run]> =
-            rooms.iter().map(|(_, runs)| runs.as_slice()).chain([floor.as_slice()]).collect();
-        walls.extend(missing_walls(cells.wall.0, &walls, &floors, &drawing.sheet)?);
+        for (kind, runs, has) in [
+            (LayerKind::Floor, cells.floor.0, &mut has_floor),
+            (LayerKind::Wall, cells.wall.0, &mut has_wall),
+        ] {
+            if !*has {
+                *has = !runs.is_empty();
+                layers.push((kind, runs));
+            }
+        }
         if drawing.carpet.is_empty() {
             drawing.carpet = cells.carpet.0;
         }
@@ -164,8 +171,7 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
             infos.entry(id).or_default().take(info);
         }
     }
-    drawing.layers.push(Layer { kind: LayerKind::Floor, runs: floor });
-    drawing.layers.push(Layer { kind: LayerKind::Wall, runs: walls });
+    drawing.layers.extend(layers.into_iter().map(|(kind, runs)| Layer { kind, runs }));
     for (id, runs) in rooms {
         let info = infos.remove(&id).unwrap_or_default();
         let kind = LayerKind::Segment { id: id.to_string(), name: info.name, material: info.material };
@@ -174,30 +180,6 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     extra.restrict(&mut drawing);
     extra.add_obstacles(&mut drawing);
     drawing.into_map()
-}
-
-/// Returns the saved walls that the live frame lacks: on its unknown cells, beside floor. Other saved walls are behind
-/// live ones: the same walls, seen at another time.
-fn missing_walls(
-    saved: Vec<Run>,
-    live: &[Run],
-    floors: &[&[Run]],
-    sheet: &Sheet,
-) -> Result<Vec<Run>, LidarError> {
-    if live.is_empty() {
-        return Ok(saved);
-    }
-    let mut grid = sheet.grid_around(live.iter().chain(floors.iter().copied().flatten()))?;
-    floors.iter().for_each(|runs| sheet.fill(&mut grid, runs, Cell::Free));
-    sheet.fill(&mut grid, live, Cell::Occupied);
-    let mut missing = Runs::default();
-    for (x, y) in saved.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| (x, run.y))) {
-        let cell = grid.frame.cell(&sheet.centre(x, y));
-        if cell.is_some_and(|(x, y)| grid.get(x, y) == Cell::Unknown && touches_floor(&grid, x, y)) {
-            missing.add(x, y);
-        }
-    }
-    Ok(missing.0)
 }
 
 impl<'a> Frame<'a> {
@@ -318,42 +300,6 @@ fn on_sheet(x_mm: f64, y_mm: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Returns the cells of this symbol in a drawing, the top row first.
-    fn runs(rows: &[&str], symbol: char) -> Vec<Run> {
-        let mut runs = Runs::default();
-        for (y, row) in rows.iter().enumerate() {
-            for (x, _) in row.chars().enumerate().filter(|(_, c)| *c == symbol) {
-                runs.add(x as u32, y as u32);
-            }
-        }
-        runs.0
-    }
-
-    #[test]
-    fn saved_walls_complete_the_live_ones() {
-        let sheet = Sheet::new(50, 25, 5);
-        let saved = [
-            "##########", //
-            "#........#", //
-            "#........#", //
-            "#........#", //
-            "##########",
-        ];
-        let left = ["", " #....", " #....", " #....", ""];
-        let right = ["  #######", "         #", "         #", "         #", "  #######"];
-        let whole = ["", " ########", " #......#", " ########", ""];
-        let no_wall = [".....", ".....", ".....", "", ""];
-        for (what, live, expected) in [
-            ("the left wall is live, one cell further inside", left, right),
-            ("all walls are live, one cell further inside", whole, [""; 5]),
-            ("no wall is live, and live floor is at saved walls", no_wall, saved),
-        ] {
-            let floors = [&runs(&live, '.')[..], &runs(&saved, '.')[..]];
-            let missing = missing_walls(runs(&saved, '#'), &runs(&live, '#'), &floors, &sheet).unwrap();
-            assert_eq!(missing, runs(&expected, '#'), "{what}");
-        }
-    }
 
     #[test]
     fn base64_in_lines_is_a_text() {
