@@ -170,7 +170,8 @@ pub(super) fn holding<E: Into<axum::BoxError>>(
     place: FairPlace,
     pieces: impl Stream<Item = Result<Bytes, E>> + Send + 'static,
 ) -> Body {
-    let held = pieces.map(move |piece| {
+    // Layers such as the compression ask again after the end.
+    let held = pieces.fuse().map(move |piece| {
         let _place = &place;
         piece
     });
@@ -228,6 +229,7 @@ mod tests {
             assert_eq!(sent.next().await.unwrap().unwrap(), vec![7; size]);
         }
         assert!(sent.next().await.is_none());
+        assert!(sent.next().await.is_none(), "the compression asks once more");
         drop(sent);
         // A client that leaves frees the place, too.
         drop(send_made(file, "model/ply", next.await));

@@ -7,7 +7,8 @@
 //! come out in the order of their scores, and the first one is the optimum. All sums are integers: neither
 //! threads nor the order of the hits change a bit.
 //!
-//! Translations are those of the middle of the hits, which lies in the map: the first camera may stand outside of it.
+//! Translations are those of the clip's origin, the first camera. If it stands outside of the hits, it may stand outside of
+//! the map, and the translations are those of the hits' middle.
 
 mod pyramid;
 mod space;
@@ -87,16 +88,16 @@ pub struct Modes {
     pub complete: bool,
 }
 
-/// A search over all poses with the middle of the hits in the map. It can be resumed.
+/// A search over all poses with the pivot of the hits in the map. It can be resumed.
 pub struct Search<'a> {
     params: &'a SearchParams,
     space: Space<'a>,
-    middle: Point2,
+    pivot: Point2,
     open: BinaryHeap<Node>,
     dived: Option<Node>,
     /// Nodes with a bound up to this are dropped.
     hopeless: u32,
-    /// Modes of the middle of the hits.
+    /// Poses of the pivot.
     modes: Vec<Candidate>,
     nodes: usize,
 }
@@ -113,8 +114,8 @@ impl<'a> Search<'a> {
         hits: &[Hit],
         params: &'a SearchParams,
     ) -> Search<'a> {
-        let middle = middle(hits);
-        let hits = about(&middle, &thin(hits, params.hits));
+        let pivot = pivot(hits);
+        let hits = about(&pivot, &thin(hits, params.hits));
         let space = Space::new(&hits, Arc::clone(likelihood), params);
         let roots = space.roots();
         // Nodes that cannot reach the lowest bar relative to this leaf are dropped.
@@ -122,7 +123,7 @@ impl<'a> Search<'a> {
         let lowest = params.first.bar.min(params.in_doubt.bar);
         let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
         let open = roots.into_iter().filter(|node| node.bound > hopeless).collect();
-        Search { params, space, middle, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
+        Search { params, space, pivot, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
     }
 
     /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
@@ -192,22 +193,30 @@ impl<'a> Search<'a> {
             let map_from_clip = self.space.pose(&leaf);
             modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
         }
-        let middle_from_clip = Pose2::new(-self.middle.x, -self.middle.y, 0.0);
+        let pivot_from_clip = Pose2::new(-self.pivot.x, -self.pivot.y, 0.0);
         for mode in &mut modes {
-            mode.map_from_clip = mode.map_from_clip.compose(&middle_from_clip);
+            mode.map_from_clip = mode.map_from_clip.compose(&pivot_from_clip);
         }
         let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
         Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < self.params.max_nodes }
     }
 }
 
-/// Returns the weighted middle of the hits, without those that no map of a home reaches.
-fn middle(hits: &[Hit]) -> Point2 {
+/// Returns the clip's origin if it lies in the box around the hits, else their weighted middle. Hits that no map of a home
+/// reaches do not count.
+fn pivot(hits: &[Hit]) -> Point2 {
     const MOST_M: f64 = 100.0;
     // Integers, so that the order of the hits does not matter.
     const UNITS: f64 = 1024.0;
+    let near = || hits.iter().filter(|hit| hit.point_m.coords.norm() <= MOST_M);
+    let is_around = |axis: usize| {
+        near().any(|hit| hit.point_m[axis] <= 0.0) && near().any(|hit| hit.point_m[axis] >= 0.0)
+    };
+    if is_around(0) && is_around(1) {
+        return Point2::origin();
+    }
     let (mut sum, mut weights) = ([0i64; 2], 0i64);
-    for hit in hits.iter().filter(|hit| hit.point_m.coords.norm() <= MOST_M) {
+    for hit in near() {
         let weight = i64::from(space::weight(hit));
         for (sum, value) in sum.iter_mut().zip([hit.point_m.x, hit.point_m.y]) {
             *sum += weight * (value * UNITS).round() as i64;
@@ -217,14 +226,14 @@ fn middle(hits: &[Hit]) -> Point2 {
     Point2::from(sum.map(|sum| sum as f64 / UNITS / weights.max(1) as f64))
 }
 
-fn about(middle: &Point2, hits: &[Hit]) -> Vec<Hit> {
-    hits.iter().map(|hit| Hit { point_m: Point2::from(hit.point_m - middle), ..*hit }).collect()
+fn about(pivot: &Point2, hits: &[Hit]) -> Vec<Hit> {
+    hits.iter().map(|hit| Hit { point_m: Point2::from(hit.point_m - pivot), ..*hit }).collect()
 }
 
-/// Returns the largest distance of a hit from the middle of all.
+/// Returns the largest distance of a hit from the pivot of all.
 pub(crate) fn reach_m(hits: &[Hit]) -> f64 {
-    let middle = middle(hits);
-    hits.iter().map(|hit| (hit.point_m - middle).norm()).fold(0.0, f64::max)
+    let pivot = pivot(hits);
+    hits.iter().map(|hit| (hit.point_m - pivot).norm()).fold(0.0, f64::max)
 }
 
 fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {

@@ -17,7 +17,7 @@ const CELL_M: f64 = 0.05;
 
 /// Scale of the likelihood that a hit belongs to a map point, by their distance.
 const SIGMA_M: f64 = 0.10;
-/// Maximum distance of the hits' middle outside the box around the map.
+/// Maximum distance of the pivot outside the box around the map.
 const MARGIN_M: f64 = 0.3;
 
 /// One rotation and the translations `x..x + 2^level`, `y..y + 2^level`, in cells.
@@ -59,7 +59,7 @@ const MAX_ROOTS: usize = 4 << 20;
 /// The raster of the search, of bounded cost for any map and any hits.
 struct Raster {
     frame: GridFrame,
-    /// Maximum distance of a hit that can fall into the map from the middle, in cells along each axis.
+    /// Maximum distance of a hit that can fall into the map from the pivot, in cells along each axis.
     reach: [usize; 2],
     levels: u32,
 }
@@ -121,7 +121,7 @@ pub(crate) struct Likelihood {
 }
 
 impl Likelihood {
-    /// Computes the likelihood for hits up to `reach_m` from their middle.
+    /// Computes the likelihood for hits up to `reach_m` from their pivot.
     pub(crate) fn new(target: &Target, reach_m: f64, params: &SearchParams) -> Likelihood {
         let raster = Raster::new(target.field.frame(), reach_m, params);
         let frame = raster.frame;
@@ -170,7 +170,7 @@ impl<'a> Space<'a> {
         &self.likelihood.raster.frame
     }
 
-    /// Returns the squares of the top level that together hold every possible middle of the hits.
+    /// Returns the squares of the top level that together hold every possible pivot.
     pub(super) fn roots(&self) -> Vec<Node> {
         let level = self.likelihood.raster.levels;
         let side = 1i32 << level;

@@ -36,7 +36,7 @@ fn search(hits: &[Hit], target: &Target, params: &SearchParams) -> Modes {
 /// Returns the best score over every rotation and cell, without a pyramid.
 fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
     let likelihood = Likelihood::new(target, reach_m(hits), params);
-    let space = Space::new(&about(&middle(hits), hits), Arc::new(likelihood), params);
+    let space = Space::new(&about(&pivot(hits), hits), Arc::new(likelihood), params);
     let roots = space.roots();
     let side = 1i32 << params.levels;
     let leaves = roots.iter().flat_map(|root| {
