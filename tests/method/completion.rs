@@ -105,7 +105,7 @@ fn align(recorded: &Recorded, params: &AlignParams) -> Aligned {
 /// A clip without a floor has a scan for each height of the camera: poses above another one stay rivals.
 #[test]
 fn other_floors_are_completed_and_stay_rivals() {
-    let Recorded { clip, lidar, .. } = recorded(102, 1);
+    let Recorded { clip, lidar, .. } = recorded(102, 0);
     let params = params(None);
     let mut observation = align::observe(&clip, None, &params, &Silent).unwrap();
     let mut floor = observation.floor.clone().unwrap();
@@ -133,7 +133,7 @@ fn other_floors_are_completed_and_stay_rivals() {
 
 #[test]
 fn what_is_filled_in_is_told_and_stays_apart() {
-    let recorded = recorded(102, 1);
+    let recorded = recorded(102, 0);
     let never = AlignParams {
         complete: CompleteParams { when: Activation::Never, ..CompleteParams::default() },
         ..AlignParams::default()
@@ -219,7 +219,7 @@ impl Progress for Impatient {
 
 #[test]
 fn completion_ends_when_it_is_told_to() {
-    let recorded = recorded(102, 1);
+    let recorded = recorded(102, 0);
     let white = Arc::new(White::default());
     let params = params(Some(imagination(white.clone(), None)));
     let run =
@@ -233,7 +233,7 @@ fn completion_ends_when_it_is_told_to() {
 
 #[test]
 fn a_network_that_fails_is_told_and_structure_stays() {
-    let recorded = recorded(102, 1);
+    let recorded = recorded(102, 0);
     let broken = White { breaks: true, ..White::default() };
     let aligned = align(&recorded, &params(Some(imagination(Arc::new(broken), None))));
     let report = aligned.alignment.completion.unwrap();
