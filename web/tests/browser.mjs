@@ -13,7 +13,7 @@ import { surfaceSteps } from "./browser/surface.mjs";
 
 const { VIOLA_BASE: base, VIOLA_RECORDINGS: recordings, VIOLA_PICTURES: pictures } = process.env;
 /** An upload with its job takes seconds; a busy machine with two cores takes longer. */
-const DEADLINE_MS = 90_000;
+const DEADLINE_MS = 180_000;
 /** Input waits at most so long for a million points that are drawn by software. */
 const RESPONSIVE_MS = 200;
 const MILLION = 1_000_000;
