@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -68,6 +69,11 @@ pub const EXIT_CODES: &str = "Exit codes:
   2  wrong arguments
   3  the answer is `failed`: no pose can be given; result.json says why";
 
+/// The files of the answer, apart from the pictures of the completion.
+const FILES: [&str; 4] = ["result.json", "inputs.json", "overlay.png", "cloud.ply"];
+/// Folder of the completion's pictures.
+const COMPLETION: &str = "completion";
+
 /// Contents of `inputs.json`: the summaries of the input files.
 #[derive(Serialize)]
 struct Inputs<'a> {
@@ -78,7 +84,8 @@ struct Inputs<'a> {
 }
 
 pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
-    // First, because a missing network is found immediately.
+    refuse_to_overwrite(arguments)?;
+    // Before the clip, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let progress = TerminalProgress::new();
@@ -107,13 +114,13 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);
-    let folder = arguments.out.join("completion");
+    let folder = arguments.out.join(COMPLETION);
     remove_pictures(&folder).with_context(|| format!("cannot remove pictures of {}", folder.display()))?;
     if !pictures.is_empty() {
         std::fs::create_dir_all(&folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         for (name, bytes) in &pictures {
-            write(&format!("completion/{name}"), bytes)?;
+            write(&format!("{COMPLETION}/{name}"), bytes)?;
         }
     }
     let of_levels = maps.iter().map(|(level, lidar)| (*level, &lidar.info)).collect();
@@ -129,6 +136,20 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     }
     let has_pose = aligned.alignment.map_from_clip.is_some();
     Ok(if has_pose { ExitCode::SUCCESS } else { ExitCode::from(NO_POSE) })
+}
+
+/// Refuses an output folder in which the answer would replace or remove the clip or a LiDAR map, or lie in the clip.
+fn refuse_to_overwrite(arguments: &AlignArguments) -> Result<()> {
+    let out = &arguments.out;
+    let completion = out.join(COMPLETION);
+    let pictures = earlier_pictures(&completion)
+        .with_context(|| format!("cannot read the folder {}", completion.display()))?;
+    let mut outputs = vec![out.clone(), completion.clone()];
+    outputs.extend(FILES.map(|name| out.join(name)));
+    outputs.extend(pictures.iter().map(|name| completion.join(name)));
+    let mut inputs = levels::files(&arguments.lidar);
+    inputs.push(arguments.clip.clone());
+    output::refuse_to_overwrite(&inputs, &outputs)
 }
 
 fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {
@@ -193,17 +214,26 @@ pub(super) fn range<T: std::str::FromStr + PartialOrd>(text: &str) -> Result<Ran
     if first < end { Ok(first..end) } else { Err(format!("'{text}' is empty: END must be above FIRST")) }
 }
 
-/// Removes the completion's pictures of an earlier answer.
-fn remove_pictures(folder: &Path) -> std::io::Result<()> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+/// Returns the names of the completion's pictures of an earlier answer.
+fn earlier_pictures(folder: &Path) -> std::io::Result<Vec<OsString>> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
+    let mut pictures = Vec::new();
     for entry in entries {
         let entry = entry?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if name == "sheet.png"
             || (["plan_", "view_"].iter().any(|kind| name.starts_with(kind)) && name.ends_with(".png"))
         {
-            std::fs::remove_file(entry.path())?;
+            pictures.push(entry.file_name());
         }
+    }
+    Ok(pictures)
+}
+
+/// Removes the completion's pictures of an earlier answer.
+fn remove_pictures(folder: &Path) -> std::io::Result<()> {
+    for name in earlier_pictures(folder)? {
+        std::fs::remove_file(folder.join(name))?;
     }
     // A folder with other files stays.
     let _ = std::fs::remove_dir(folder);

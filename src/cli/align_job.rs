@@ -1,14 +1,14 @@
 //! `viola align-job`: the child process that aligns the clip of one job; see `jobs`.
 
 use super::method::MethodArguments;
-use super::video_tools::video_tools;
+use super::video_tools::{own_program, video_tools};
 use crate::jobs::{ChildOrder, ChildParams, JobParams, serve_child};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::env;
 use std::ffi::OsString;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use viola_geometry::LevelName;
 
 /// Environment variables that a child needs: to find programs and libraries, and to use the machine as its
@@ -76,10 +76,4 @@ pub(super) fn child(arguments: &[&str]) -> Result<ChildParams> {
         arguments: arguments.iter().map(OsString::from).collect(),
         environment: env::vars_os().filter(|(name, _)| is_kept(name)).collect(),
     })
-}
-
-/// Returns the path of the running program; on Linux it stays valid when another version replaces the file.
-fn own_program() -> io::Result<PathBuf> {
-    let running = Path::new("/proc/self/exe");
-    if running.exists() { Ok(running.to_owned()) } else { env::current_exe() }
 }

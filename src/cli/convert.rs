@@ -6,7 +6,6 @@ mod map;
 use super::output;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -58,7 +57,7 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    output::write_whole(path, |to| Ok(to.write_all(bytes)?))?;
+    output::write_bytes(path, bytes)?;
     println!("wrote:  {}, {} bytes", path.display(), bytes.len());
     Ok(())
 }

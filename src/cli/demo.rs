@@ -124,7 +124,7 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
 
 /// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses.
 async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -> Result<usize> {
-    let client = Client::new(address);
+    let client = Client::new(address)?;
     println!("Serving at http://{address}/; uploading as an app would.");
     client.make_home(HOME, "Simulated home").await?;
     client.put_map(HOME, fs::read(&recordings.map).context("cannot read the map back")?).await?;

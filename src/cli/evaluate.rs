@@ -1,6 +1,7 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
 mod report;
+mod unused;
 
 use super::networks::NetworkArguments;
 use super::progress::Steps;
@@ -20,6 +21,9 @@ use viola_lab::evaluate::{
 use viola_lab::simulate::{ClipParams, Sensor, Set};
 use viola_reconstruct::TrackParams;
 
+/// Length of clips by default, in frames.
+const DEFAULT_FRAMES: usize = 60;
+
 #[derive(Args)]
 #[command(group = clap::ArgGroup::new("source").required(true))]
 pub struct EvaluateArguments {
@@ -34,54 +38,66 @@ pub struct EvaluateArguments {
     #[arg(long, group = "source")]
     map: Vec<PathBuf>,
     /// Seeds of the simulated homes; END is excluded.
-    #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
+    #[arg(
+        long,
+        value_name = "FIRST..END",
+        default_value = "1000..1100",
+        value_parser = super::align::range::<u64>,
+        conflicts_with_all = ["scene", "map"]
+    )]
     pub(super) seeds: Range<u64>,
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
-    #[arg(long, default_value = "phone-lidar")]
+    #[arg(long, default_value = "phone-lidar", conflicts_with_all = ["scene", "map", "home"])]
     pub(super) sensor: Sensor,
     /// Least accuracy of labels that simulated pictures get from the truth, 0 to 1: a wrong label may be right by
     /// chance. They replace a network, because simulated pictures are too plain for one.
-    #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
+    #[arg(
+        long,
+        value_name = "SHARE",
+        value_parser = share,
+        conflicts_with_all = ["scene", "map", "labels", "joint", "track"]
+    )]
     pub(super) picture_labels: Option<f64>,
     /// Also align every simulated clip to the map of another home, in which no pose is right.
-    #[arg(long, requires = "set")]
+    #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "joint", "changes", "track"])]
     foreign: bool,
     /// Withhold the poses of simulated clips, so that they are tracked by pictures and accelerometer. The
     /// clips then have four times the frame rate.
-    #[arg(long, requires = "set")]
+    #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "joint", "changes", "track"])]
     withhold_poses: bool,
     /// Error of the poses of simulated devices after one metre of path, in metres.
-    #[arg(long, requires = "set", default_value_t = ClipParams::default().drift)]
+    #[arg(
+        long,
+        default_value_t = ClipParams::default().drift,
+        conflicts_with_all = ["scene", "map", "home", "track"]
+    )]
     drift: f64,
     /// Multiply poses and depth of each clip by a factor between 0.2 and 5, drawn at random, and withhold their unit.
     #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track", "fit"])]
     rescale: bool,
     /// Use the poses of devices without refinement, even if they drift.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track"])]
     keep_poses: bool,
     /// Fit the model to this run's results and write it to FILE: the weights of the loss, the temperature and
     /// the coefficients of the probability (`crates/viola-align/src/score/model.json`).
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
     /// LiDAR map of the scene; by default it is simulated from the mesh in SCENE/mesh.
-    #[arg(long, requires = "truth")]
+    #[arg(long, requires = "truth", conflicts_with_all = ["set", "map", "labels", "track"])]
     lidar: Option<PathBuf>,
     /// JSON file with the true map_from_world {x_m, y_m, yaw_rad}.
-    #[arg(long, requires = "lidar")]
+    #[arg(long, requires = "lidar", conflicts_with_all = ["set", "map", "labels", "track"])]
     truth: Option<PathBuf>,
-    /// Lengths of the clips in frames. For each length, the scene is cut into half-overlapping excerpts.
-    #[arg(long, default_value = "60", value_delimiter = ',')]
-    pub(super) frames: Vec<usize>,
+    /// Lengths of the clips in frames; default: 60. For each length, the scene is cut into half-overlapping excerpts.
+    #[arg(long, value_delimiter = ',')]
+    frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
     /// default 3 (1 with --track, 14 with --joint, 6 with --changes). Map: clips of each map, default 10.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["labels", "home"])]
     pub(super) clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
     /// clips against the true surface, one clip of each length for each home.
-    #[arg(
-        long,
-        conflicts_with_all = ["map", "lidar", "fit", "picture_labels", "foreign", "withhold_poses", "keep_poses"]
-    )]
+    #[arg(long, conflicts_with_all = ["map", "fit"])]
     labels: bool,
     /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
     /// mesh, for simulated homes against their truth. The points of simulated homes are sampled from the true surface
@@ -90,43 +106,54 @@ pub struct EvaluateArguments {
     home: bool,
     /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home
     /// (default 14), of the first of the --frames. Aligned clips in the output folder are not aligned again.
-    #[arg(
-        long,
-        requires = "set",
-        conflicts_with_all = ["labels", "home", "fit", "picture_labels", "foreign", "withhold_poses", "keep_poses"]
-    )]
+    #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "fit"])]
     joint: bool,
     /// Evaluate the changes of objects that the maps of simulated homes tell: homes of the set `changed` are filmed
     /// in two visits of --clips each (default 6), the maps of the others grow clip by clip and nothing changes.
     /// Aligned clips in the output folder are not aligned again.
-    #[arg(
-        long,
-        requires = "set",
-        conflicts_with_all = ["labels", "home", "joint", "fit", "foreign", "withhold_poses", "keep_poses"]
-    )]
+    #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "joint", "fit"])]
     changes: bool,
     /// Evaluate camera tracking by pictures alone against the clip's poses, instead of the alignment.
     #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "fit"])]
     track: bool,
     /// With --track: poses of the scene's frames by other programs, in the format of benches/peers/track.py.
-    #[arg(long, requires = "track", value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "map"])]
     pub(super) trajectories: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) networks: NetworkArguments,
     /// Names of the methods to compare.
-    #[arg(long, default_value = "viola", value_delimiter = ',')]
+    #[arg(
+        long,
+        default_value = "viola",
+        value_delimiter = ',',
+        conflicts_with_all = ["labels", "home", "joint", "changes", "track"]
+    )]
     methods: Vec<String>,
     /// Output folder for tables, plots and pictures. Results that it already has are not computed again.
     #[arg(long)]
     pub(super) out: PathBuf,
+    /// Seed of the random draws: excerpts, clips in a map, samples of RANSAC.
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
     /// Number of clips in parallel, each on one thread; default: the number of cores.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["labels", "home", "joint", "changes", "track"])]
     threads: Option<usize>,
 }
 
+impl EvaluateArguments {
+    /// Returns the lengths of the clips in frames.
+    pub(super) fn lengths(&self) -> Vec<usize> {
+        if self.frames.is_empty() { vec![DEFAULT_FRAMES] } else { self.frames.clone() }
+    }
+
+    /// Returns the first length, for evaluations of clips of one length.
+    pub(super) fn first_length(&self) -> usize {
+        self.frames.first().copied().unwrap_or(DEFAULT_FRAMES)
+    }
+}
+
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
+    unused::refuse(arguments).unwrap_or_else(|error| error.exit());
     let out = &arguments.out;
     if arguments.labels {
         return match &arguments.scene {
@@ -186,7 +213,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
             arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
             arguments.seeds,
-            arguments.frames,
+            arguments.lengths(),
             results.len()
         );
         let made_by = MadeBy {
@@ -225,7 +252,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         let params = DrawnParams {
             seed: arguments.seed,
             clips: arguments.clips.unwrap_or(DrawnParams::default().clips),
-            frames: arguments.frames.clone(),
+            frames: arguments.lengths(),
             ..DrawnParams::default()
         };
         return Ok(Box::new(DrawnClips::open(&arguments.map, params)?));
@@ -238,7 +265,7 @@ pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
         sets: arguments.set.clone(),
         seeds: arguments.seeds.clone(),
         clips_per_home: arguments.clips.unwrap_or(default_clips(arguments)) as u64,
-        frames: arguments.frames.clone(),
+        frames: arguments.lengths(),
         sensor: arguments.sensor,
         picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
@@ -285,7 +312,7 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
         Some(count) => evaluate::random_excerpts(total, *length, count, arguments.seed),
         None => evaluate::excerpts(total, *length),
     };
-    let ranges = arguments.frames.iter().flat_map(cut).collect();
+    let ranges = arguments.lengths().iter().flat_map(cut).collect();
     Ok(Box::new(SceneClips::new(scene, ranges, arguments.rescale)))
 }
 

@@ -22,8 +22,7 @@ pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     let scene = scene_of(arguments, path)?;
     let label = arguments.networks.labels()?;
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
-    let length = arguments.frames.first().copied().unwrap_or(60);
-    let ranges = consecutive(scene.clip.frames().len(), length);
+    let ranges = consecutive(scene.clip.frames().len(), arguments.first_length());
     let progress = |part: String| -> Box<dyn Progress> { Box::new(TerminalProgress::of_step(part)) };
     let (report, plan) = evaluate(&scene, path, &ranges, &params, &progress)?;
     save(out, "home.json", &serde_json::to_string_pretty(&report)?)?;

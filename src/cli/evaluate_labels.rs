@@ -27,7 +27,7 @@ pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
     let progress = |part: String| -> Box<dyn Progress> { Box::new(TerminalProgress::of_step(part)) };
     let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
     let mut floors = Vec::new();
-    for &frames in &arguments.frames {
+    for frames in arguments.lengths() {
         for (variant, segmenter) in [("shape alone", None), ("pictures", segmenter.clone())] {
             if variant == "pictures" && segmenter.is_none() {
                 continue;

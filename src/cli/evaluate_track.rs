@@ -61,7 +61,7 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
 
 /// Tracks clips of simulated homes without the device's poses; returns the rows and a table by sets.
 fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackRow>, String) {
-    let frames = arguments.frames.first().copied().unwrap_or(240);
+    let frames = arguments.first_length();
     let (mut rows, mut text) = (Vec::new(), String::new());
     for &set in &arguments.set {
         let mut of_set = Vec::new();

@@ -7,9 +7,12 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES, valetudo_json};
 use viola_geometry::{InvalidLevelName, LevelName, MAX_LEVELS};
+
+/// Maximum size of the YAML file of a ROS map, as its reader has it.
+const MAX_YAML_BYTES: u64 = 64 << 10;
 
 /// The LiDAR map of a level: `FILE` for the level `main`, else `LEVEL=FILE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,14 +47,40 @@ pub fn open(arguments: &[LevelArgument], advice: Advice) -> Result<Vec<(LevelNam
     }
     let open = |LevelArgument { level, path }: &LevelArgument| {
         // The text before `=` was meant as the name of a level, if there is no such file.
-        let is_level = path.to_str().and_then(|text| text.split_once('=')).filter(|_| !path.exists());
-        if let Some((name, _)) = is_level {
+        let named = path.to_str().and_then(|text| text.split_once('=')).filter(|_| !path.exists());
+        if let Some((name, _)) = named.filter(|(name, _)| !name.contains('/')) {
             bail!("`{name}` cannot name a level: {InvalidLevelName}");
         }
         let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error, advice))?;
         Ok((*level, map))
     };
     sorted.iter().map(open).collect()
+}
+
+/// Returns the files that the maps are read from.
+pub fn files(arguments: &[LevelArgument]) -> Vec<PathBuf> {
+    arguments.iter().flat_map(|argument| files_of(&argument.path)).collect()
+}
+
+/// Returns the files that a map is read from: its own and, of a ROS map, the image that the YAML file names.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let mut files = vec![path.to_owned()];
+    let is_yaml = |ending: &&str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    // Opening a pipe would take its content away.
+    if !["yaml", "yml"].iter().any(is_yaml) || !path.is_file() {
+        return files;
+    }
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(MAX_YAML_BYTES).read_to_string(&mut text));
+    let image = text.lines().find_map(|line| line.trim_start().strip_prefix("image:"));
+    if let (Ok(_), Some(image)) = (read, image) {
+        let image = image.split(" #").next().unwrap_or_default().trim().trim_matches(['"', '\'']);
+        // The reader takes the image beside the YAML file if its folder is absolute or absent.
+        let name = image.rsplit(['/', '\\']).next().unwrap_or_default();
+        let found = [image, name].map(|image| path.with_file_name(image));
+        files.extend(found.into_iter().filter(|image| image.is_file()));
+    }
+    files
 }
 
 /// Returns the JSON of the levels whose maps are Valetudo's.
@@ -95,5 +124,34 @@ mod tests {
         assert!(capital.starts_with("`Upper` cannot name a level"), "{capital}");
         let many: Vec<LevelArgument> = (0..9).map(|n| parse(format!("l{n}=a.json").into())).collect();
         assert!(open(&many).unwrap_err().to_string().contains("at most 8"));
+    }
+
+    #[test]
+    fn a_ros_map_has_two_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("maps")).unwrap();
+        for image in ["plan.png", "maps/home.pgm"] {
+            std::fs::write(at(image), "").unwrap();
+        }
+        for (file, text, image) in [
+            ("map.yaml", "image: plan.png\nresolution: 0.05\n", Some("plan.png")),
+            ("map.YML", "resolution: 0.05\nimage: \"./plan.png\" # the image\n", Some("plan.png")),
+            ("map.yaml", "image: /home/me/plan.png\n", Some("plan.png")),
+            ("map.yaml", "image: maps/home.pgm\n", Some("maps/home.pgm")),
+            ("map.yaml", "image: missing.png\n", None),
+            ("map.yaml", "image:\n", None),
+            ("map.csv", "image: plan.png\n", None),
+        ] {
+            std::fs::write(at(file), text).unwrap();
+            let files = files_of(&at(file));
+            let images: Vec<PathBuf> = files[1..].iter().map(|path| path.canonicalize().unwrap()).collect();
+            let expected = image.map(|image| at(image).canonicalize().unwrap());
+            assert!(
+                files[0] == at(file) && images.iter().all(|image| Some(image) == expected.as_ref()),
+                "{text}"
+            );
+            assert_eq!(images.is_empty(), expected.is_none(), "{text}");
+        }
     }
 }

@@ -45,9 +45,27 @@ pub const EXIT_CODES: &str = "Exit codes:
   2  wrong arguments
   3  the map was written, and at least one clip could not be read or has no pose; map.json says why";
 
-/// The files of a level that a LiDAR map could have the name of.
-const LEVEL_FILES: [&str; 6] =
-    ["valetudo.json", "points.ply", "plan.json", "plan.png", "calibration.json", "nav2.zip"];
+/// The files of the home.
+const HOME_FILES: [&str; 4] = ["map.json", "objects.json", "rooms.json", "matter.json"];
+/// The files of each level.
+const LEVEL_FILES: [&str; 16] = [
+    "points.ply",
+    "points.e57",
+    "points.laz",
+    "plan.svg",
+    "plan.png",
+    "plan.pdf",
+    "plan.dxf",
+    "plan.geojson",
+    "plan.json",
+    "mesh.glb",
+    "mesh.usdz",
+    "mesh.obj",
+    "home.mcap",
+    "nav2.zip",
+    "valetudo.json",
+    "calibration.json",
+];
 
 #[derive(Args)]
 pub struct MapArguments {
@@ -78,17 +96,13 @@ pub struct MapArguments {
 }
 
 pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
-    // First, because a missing network is found immediately.
+    refuse_to_overwrite(arguments)?;
+    // Before the clips, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let params = JobParams { align, video: video_tools(), ..JobParams::default() };
     let out = &arguments.out;
-    for LevelArgument { level, path } in &arguments.lidar {
-        let folder = if level.is_main() { out.clone() } else { out.join(level.as_str()) };
-        output::refuse_to_overwrite(path, &folder, &LEVEL_FILES)?;
-        output::refuse_to_overwrite(path, out, &["map.json", "objects.json", "rooms.json", "matter.json"])?;
-    }
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let levels = level_maps(&maps);
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
@@ -113,6 +127,20 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let has_pose = |answer: &Alignment| answer.map_from_clip.is_some();
     let all_have_poses = clips.iter().all(|clip| clip.answer.as_ref().is_ok_and(has_pose));
     Ok(if all_have_poses { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_POSE) })
+}
+
+/// Refuses an output folder in which the map's files would replace a clip or a LiDAR map, or lie in a clip.
+fn refuse_to_overwrite(arguments: &MapArguments) -> Result<()> {
+    let out = &arguments.out;
+    let mut outputs = vec![out.clone()];
+    outputs.extend(HOME_FILES.map(|name| out.join(name)));
+    for LevelArgument { level, .. } in &arguments.lidar {
+        let folder = if level.is_main() { out.clone() } else { out.join(level.as_str()) };
+        outputs.extend(LEVEL_FILES.map(|name| folder.join(name)));
+    }
+    let mut inputs = levels::files(&arguments.lidar);
+    inputs.extend_from_slice(&arguments.clips);
+    output::refuse_to_overwrite(&inputs, &outputs)
 }
 
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.

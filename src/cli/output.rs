@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Writes a file beside `path` and gives it that name when it is whole: a command that fails or is interrupted replaces
 /// nothing. A pipe or a device is written directly.
@@ -17,7 +17,7 @@ pub fn write_whole<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> R
     let part = if is_direct { target.clone() } else { target.with_file_name(part) };
     let written = (|| {
         let mut to = BufWriter::new(File::create(&part).with_context(cannot)?);
-        let value = write(&mut to)?;
+        let value = write(&mut to).with_context(cannot)?;
         to.flush().with_context(cannot)?;
         if !is_direct {
             to.get_ref().sync_all().with_context(cannot)?;
@@ -32,6 +32,11 @@ pub fn write_whole<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> R
     written
 }
 
+/// [`write_whole`] of bytes.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole(path, |to| Ok(to.write_all(bytes)?))
+}
+
 /// Removes a file of an earlier run, if it is there.
 pub fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
@@ -42,14 +47,32 @@ pub fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses an input file that lies in the output folder under the name of an output.
-pub fn refuse_to_overwrite(input: &Path, out: &Path, outputs: &[&str]) -> Result<()> {
-    let Ok(input_path) = input.canonicalize() else { return Ok(()) };
-    let is_output = |name: &&str| out.join(name).canonicalize().is_ok_and(|path| path == input_path);
-    if outputs.iter().any(is_output) {
-        bail!("{} would be overwritten; choose another folder with --out", input.display());
+/// Refuses outputs that would replace an input file or lie in an input folder.
+pub fn refuse_to_overwrite(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
+    let real: Vec<PathBuf> = outputs.iter().map(|output| resolved(output)).collect();
+    for input in inputs {
+        // The reader reports a missing input.
+        let Ok(read) = input.canonicalize() else { continue };
+        let Some(at) = real.iter().position(|output| output.starts_with(&read)) else { continue };
+        let (input, output) = (input.display(), outputs[at].display());
+        if read.is_dir() {
+            bail!("{output} would be written into the input folder {input}; choose another --out");
+        }
+        bail!("the input {input} would be overwritten by {output}; choose another --out");
     }
     Ok(())
+}
+
+/// Returns the path without links, also of a file or folder that does not exist yet.
+fn resolved(path: &Path) -> PathBuf {
+    // An empty path is the working folder.
+    let here = Path::new(".").join(path);
+    let absolute = std::path::absolute(&here).unwrap_or(here);
+    let real = absolute.ancestors().find_map(|existing| {
+        let rest = absolute.strip_prefix(existing).ok()?;
+        Some(existing.canonicalize().ok()?.join(rest))
+    });
+    real.unwrap_or(absolute)
 }
 
 #[cfg(test)]
@@ -64,8 +87,9 @@ mod tests {
             to.write_all(b"half")?;
             bail!("no more")
         };
-        write_whole(&path, |to| Ok(to.write_all(b"first")?)).unwrap();
-        assert!(write_whole::<()>(&path, half).is_err());
+        write_bytes(&path, b"first").unwrap();
+        let error = write_whole::<()>(&path, half).unwrap_err();
+        assert!(error.to_string().starts_with("cannot write "), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
@@ -73,12 +97,59 @@ mod tests {
     #[test]
     fn an_input_is_not_overwritten() {
         let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at("clip/depth")).unwrap();
+        for file in ["home.mcap", "clip/cloud.ply", "clips.zip"] {
+            fs::write(at(file), "mine").unwrap();
+        }
+        for (input, outputs, words) in [
+            ("home.mcap", &["home.mcap"][..], "the input "),
+            ("home.mcap", &["plan.svg", "clip/../home.mcap"], "the input "),
+            ("home.mcap", &["", "plan.svg", "out/home.mcap"], ""),
+            ("clip", &["clip"], "would be written into the input folder "),
+            ("clip", &["clip/cloud.ply"], "would be written into the input folder "),
+            ("clip", &["clip/depth/new/answer"], "would be written into the input folder "),
+            ("clip", &["", "clip.zip", "clips", "answer/clip"], ""),
+            ("clip/cloud.ply", &["clip", "clip/result.json"], ""),
+            ("missing", &["", "missing"], ""),
+        ] {
+            let outputs: Vec<PathBuf> = outputs.iter().map(|name| at(name)).collect();
+            let answer = refuse_to_overwrite(&[at("clips.zip"), at(input)], &outputs[..]);
+            let told = answer.map_or_else(|error| error.to_string(), |()| String::new());
+            assert!(
+                told.contains(words) && told.is_empty() == words.is_empty(),
+                "{input} {outputs:?}: {told}"
+            );
+            assert!(told.is_empty() || told.ends_with("choose another --out"), "{told}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_an_input_is_not_overwritten() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("clip")).unwrap();
+        fs::write(at("clip/cloud.ply"), "mine").unwrap();
+        std::os::unix::fs::symlink(at("clip"), at("link")).unwrap();
+        std::os::unix::fs::symlink(at("clip/cloud.ply"), at("points.ply")).unwrap();
+        for (input, output, is_refused) in [
+            ("clip", "link/new", true),
+            ("clip", "points.ply", true),
+            ("clip/cloud.ply", "points.ply", true),
+            ("points.ply", "link/cloud.ply", true),
+            ("clip/cloud.ply", "link/new", false),
+        ] {
+            let answer = refuse_to_overwrite(&[at(input)], &[at(output)]);
+            assert_eq!(answer.is_err(), is_refused, "{input} {output}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_removed_if_it_is_there() {
+        let folder = tempfile::tempdir().unwrap();
         let map = folder.path().join("map.json");
         fs::write(&map, "{}").unwrap();
-        let refused = |out: &Path, outputs: &[&str]| refuse_to_overwrite(&map, out, outputs).is_err();
-        assert!(refused(folder.path(), &["plan.svg", "map.json"]));
-        assert!(!refused(folder.path(), &["plan.svg"]));
-        assert!(!refused(&folder.path().join("out"), &["map.json"]));
         remove(&map).unwrap();
         remove(&map).unwrap();
         assert!(!map.exists());

@@ -30,7 +30,11 @@ fn is_at_least(verbosity: Verbosity) -> bool {
 
 /// Returns whether progress is shown as bars: on a terminal and without `--quiet`.
 fn has_bars() -> bool {
-    std::io::stderr().is_terminal() && is_at_least(Verbosity::Normal)
+    shows_bars(std::io::stderr().is_terminal(), VERBOSITY.load(Ordering::Relaxed))
+}
+
+fn shows_bars(is_terminal: bool, verbosity: u8) -> bool {
+    is_terminal && verbosity >= Verbosity::Normal as u8
 }
 
 /// Returns a bar, which is hidden without a terminal and with `--quiet`.
@@ -183,11 +187,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_drawn_with_quiet() {
-        set_verbosity(Verbosity::Quiet);
-        let hidden = [bar(10, "{wide_bar}").is_hidden(), spinner("npm pack".into()).is_hidden()];
-        let has_bars = has_bars();
-        set_verbosity(Verbosity::Normal);
-        assert_eq!((hidden, has_bars), ([true, true], false));
+    fn bars_are_drawn_on_a_terminal_without_quiet() {
+        for (is_terminal, verbosity, expected) in [
+            (true, Verbosity::Quiet, false),
+            (true, Verbosity::Normal, true),
+            (false, Verbosity::Verbose, false),
+        ] {
+            assert_eq!(shows_bars(is_terminal, verbosity as u8), expected, "{is_terminal} {verbosity:?}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The program and the commit that made a result.
 
+use super::video_tools::own_program;
 use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -13,7 +14,7 @@ pub(super) fn commit() -> String {
 
 /// Returns the hash of this program's file, which separates the results of different builds.
 pub(super) fn program() -> Result<String> {
-    let path = std::env::current_exe().context("cannot find this program's own file")?;
+    let path = own_program().context("cannot find this program's own file")?;
     let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }

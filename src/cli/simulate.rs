@@ -6,7 +6,6 @@ use super::progress::tell;
 use anyhow::{Context, Result};
 use serde_json::json;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
     ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
@@ -87,7 +86,7 @@ fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipPar
 
 fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     let path = folder.join(name);
-    output::write_whole(&path, |to| Ok(to.write_all(bytes)?))?;
+    output::write_bytes(&path, bytes)?;
     println!("{}", path.display());
     Ok(())
 }

@@ -6,7 +6,7 @@
 use jiff::Timestamp;
 use std::time::Duration;
 
-/// Longer than any lease.
+/// Longer than any lease, and than any pause of an upload.
 const LONGEST_LEASE: Duration = Duration::from_mins(10);
 /// Longer than any pause between the attempts at a job or a merge.
 const LONGEST_PAUSE: Duration = Duration::from_mins(40);

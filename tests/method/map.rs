@@ -258,6 +258,34 @@ fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
 }
 
 #[test]
+fn no_clip_and_no_lidar_map_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, other) = (folder.path(), folder.path().join("other"));
+    for name in FILES {
+        let input = out.join(name);
+        fs::write(&input, "mine").unwrap();
+        for output in [map(&[&input], &other, out, 1), map(&[&other], &input, out, 1)] {
+            let told = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{name}: {told}");
+            assert!(told.contains(name) && told.contains("choose another --out"), "{name}: {told}");
+        }
+        assert_eq!(fs::read(&input).unwrap(), b"mine", "{name}");
+        fs::remove_file(&input).unwrap();
+    }
+    // The files of another level are in a folder of its name.
+    let upper = out.join("upper");
+    fs::create_dir(&upper).unwrap();
+    fs::write(upper.join("home.mcap"), "mine").unwrap();
+    let level = format!("upper={}", other.display());
+    for clip in [upper.join("home.mcap"), upper.clone()] {
+        let output = map(&[&clip], Path::new(&level), out, 1);
+        let told = text(&output.stderr);
+        assert!(output.status.code() == Some(1) && told.contains("choose another --out"), "{told}");
+    }
+    assert_eq!(fs::read(upper.join("home.mcap")).unwrap(), b"mine");
+}
+
+#[test]
 fn readers_of_other_programs_find_the_home_in_its_files() {
     let Some(python) = std::env::var_os("VIOLA_FOREIGN_READERS") else {
         let switch =

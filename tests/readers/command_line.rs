@@ -61,6 +61,43 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
 }
 
 #[test]
+fn align_overwrites_none_of_its_inputs() {
+    let yaml = b"image: overlay.png\nresolution: 0.05\n";
+    let files = [
+        ("result.json", &b"mine"[..]),
+        ("inputs.json", b"mine"),
+        ("overlay.png", b"mine"),
+        ("cloud.ply", b"mine"),
+        ("completion/plan_home.png", b"mine"),
+        ("map.yaml", yaml),
+        ("clip/cloud.ply", b"mine"),
+        ("clip/trajectory.txt", b"mine"),
+    ]
+    .map(|(name, bytes)| (name.to_string(), bytes.to_vec()));
+    let folder = as_folder(&files);
+    for (clip, lidar, out) in [
+        ("missing", "result.json", "."),
+        ("missing", "inputs.json", "."),
+        ("missing", "overlay.png", "."),
+        ("missing", "upper=cloud.ply", "clip/.."),
+        ("missing", "completion/plan_home.png", "."),
+        ("missing", "map.yaml", "."),
+        ("cloud.ply", "missing", "."),
+        ("clip", "missing", "clip"),
+        ("clip", "missing", "clip/new/answer"),
+        ("clip", "clip/cloud.ply", "clip"),
+    ] {
+        let (code, _, stderr) =
+            run(&["align", "--clip", clip, "--lidar", lidar, "--out", out], folder.path());
+        assert!(code == Some(1) && stderr.contains("choose another --out"), "{clip} {lidar} {out}: {stderr}");
+    }
+    for (name, bytes) in files {
+        assert_eq!(std::fs::read(folder.path().join(&name)).unwrap(), bytes, "{name}");
+    }
+    assert!(!folder.path().join("clip/new").exists());
+}
+
+#[test]
 fn output_that_nobody_reads_ends_quietly() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [&["models", "list"][..], &["man"], &["completions", "zsh"]] {

@@ -65,4 +65,14 @@ fn convert_writes_what_is_read_back() {
     }
     let bad = viola(&["convert", "map.rrmap", "--to", "ros", "--out", "map.pgm"], folder.path());
     assert!(!bad.status.success());
+    // The image of this ROS map is map.pgm.
+    let image = || std::fs::read(folder.path().join("map.pgm")).unwrap();
+    let before = image();
+    std::fs::rename(folder.path().join("map.yaml"), folder.path().join("old.yaml")).unwrap();
+    let bad = viola(&["convert", "old.yaml", "--to", "ros", "--out", "map.yaml"], folder.path());
+    let told = text_of(&bad.stderr);
+    assert!(!bad.status.success() && told.contains("choose another --out"), "{told}");
+    assert!(image() == before && !folder.path().join("map.yaml").exists());
+    let again = viola(&["convert", "old.yaml", "--to", "ros", "--out", "old.yaml"], folder.path());
+    assert!(again.status.success(), "{}", text_of(&again.stderr));
 }

@@ -1,6 +1,8 @@
 //! Conversion of maps.
 
 use super::write;
+use crate::cli::levels;
+use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
 use std::io::Cursor;
@@ -46,6 +48,11 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     let image = out.with_extension("pgm");
     if image == *out {
         bail!("--out is the yaml file: its image is written to {}", image.display());
+    }
+    // With --out as the input, the map is replaced as asked for, with its image.
+    let is_in_place = out.exists() && out.canonicalize()? == file.canonicalize()?;
+    if !is_in_place {
+        output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image))?;
     }
     let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let files = map.to_ros(&name)?;

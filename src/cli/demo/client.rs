@@ -109,8 +109,10 @@ pub struct Client {
 }
 
 impl Client {
-    pub fn new(address: SocketAddr) -> Client {
-        Client { http: reqwest::Client::new(), base: format!("http://{address}/v1") }
+    pub fn new(address: SocketAddr) -> Result<Client> {
+        // A proxy of the environment does not reach this machine's own service.
+        let http = reqwest::Client::builder().no_proxy().build()?;
+        Ok(Client { http, base: format!("http://{address}/v1") })
     }
 
     pub async fn make_home(&self, home: &str, name: &str) -> Result<()> {

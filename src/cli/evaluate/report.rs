@@ -73,7 +73,7 @@ fn described(arguments: &EvaluateArguments) -> Value {
         "methods": arguments.methods,
         "sets": arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>(),
         "seeds": format!("{:?}", arguments.seeds),
-        "frames": arguments.frames,
+        "frames": arguments.lengths(),
         "clips": arguments.clips,
         "seed": arguments.seed,
         "sensor": arguments.sensor,

@@ -56,6 +56,21 @@ fn leaves_tables_that_programs_can_read() {
 }
 
 #[test]
+fn options_without_an_effect_are_wrong_arguments() {
+    for (arguments, option) in [
+        (&["--track", "--scene", "missing", "--frames", "60"][..], "--frames"),
+        (&["--home", "--set", "normal", "--methods", "viola"], "--methods"),
+        (&["--scene", "missing", "--foreign"], "--foreign"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        let done = command.arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.code() == Some(2) && told.contains(option), "{arguments:?}: {told}");
+    }
+}
+
+#[test]
 fn wants_one_source_and_known_methods() {
     for arguments in [
         &["--methods", "viola"][..],
