@@ -143,7 +143,8 @@ impl<'a> Registration<'a> {
         let limits = &self.params.search;
         let mut placed = self.place(&limits.first, &blank, progress)?;
         if placed.answer.state != AlignmentState::Aligned && placed.complete {
-            // The right pose may score below the first limits. A search that ends at its budget tells no more.
+            // The right pose may score below the first limits. An incomplete resumed search is discarded: its unlisted poses
+            // may outrank its listed ones.
             let resumed = self.place(&limits.in_doubt, &blank, progress)?;
             if resumed.complete {
                 placed = resumed;

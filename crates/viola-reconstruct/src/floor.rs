@@ -61,7 +61,7 @@ pub struct Floor {
     pub first_camera_height_m: f64,
     pub support_points: usize,
     pub gravity_angle_rad: Option<f64>,
-    /// True if the floor was not seen; see [`assume`].
+    /// True if the floor was not seen; see [`floors`].
     pub assumed: bool,
 }
 
@@ -112,8 +112,8 @@ impl Floor {
 }
 
 /// Returns the possible floors of a clip, the likeliest first, and the reason if none of them was seen. Several compete if
-/// the seen one lies at an unusual height, or if a much larger level surface lies above it: it may be the top of a bed, or
-/// a step.
+/// the seen floor lies at an unusual height, since it may be a bed or a step, if something lies below it, or if a level
+/// surface at another, usual height has at least three times its area.
 pub fn floors(
     cloud: &PointCloud,
     key_frames: &[KeyFrame],
@@ -125,12 +125,12 @@ pub fn floors(
     let mut floors: Vec<Floor> = best.iter().cloned().collect();
     let Some(up) = up_in_world else { return (floors, best.err()) };
     if let Ok(planes) = &planes {
-        floors.extend(planes.rival(best.is_ok()));
+        floors.extend(planes.rival(best.as_ref().ok()));
     }
-    let none_seen = best.err().filter(|_| floors.is_empty());
-    let is_usual =
-        |floor: &Floor| USUAL_HEIGHT_M.contains(&median_height_m(&floor.plane_in_world, key_frames));
-    if !floors.first().is_some_and(is_usual) {
+    let cameras: Vec<Point3> = key_frames.iter().map(position).collect();
+    let is_usual = |floor: &Floor| USUAL_HEIGHT_M.contains(&median_height_m(&floor.plane_in_world, &cameras));
+    let none_seen = best.as_ref().err().copied().filter(|_| floors.is_empty());
+    if !best.as_ref().is_ok_and(is_usual) {
         for assumed in assume(cloud, key_frames, up) {
             let is_near =
                 |f: &Floor| (f.first_camera_height_m - assumed.first_camera_height_m).abs() < SAME_FLOOR_M;
@@ -219,20 +219,23 @@ impl<'a> Planes<'a> {
         Ok(self.floor(best))
     }
 
-    /// Returns the largest plane at a usual height that is much larger than the best one, or than nothing if that one was
-    /// refused.
-    fn rival(&self, best_is_floor: bool) -> Option<Floor> {
-        let best = self.candidates.first().filter(|_| best_is_floor);
+    /// Returns the largest plane at a usual height. If the best plane is a floor, it needs [`RIVAL_RATIO`] times its inliers,
+    /// and is made parallel to it: scans above other floors differ by their height only.
+    fn rival(&self, floor: Option<&Floor>) -> Option<Floor> {
+        let best = self.candidates.first().filter(|_| floor.is_some());
         let least = best.map_or(0, |best| RIVAL_RATIO * best.inliers);
         let first_m = |candidate: &Candidate| candidate.plane.height_m(&self.cameras[0]);
         let rivals = self.candidates.iter().filter(|candidate| {
             candidate.inliers >= least
                 && self.area_m2(candidate) >= RIVAL_AREA_M2
                 && best.is_none_or(|best| (first_m(best) - first_m(candidate)).abs() >= SAME_FLOOR_M)
-                && USUAL_HEIGHT_M.contains(&median_of(&candidate.plane, self.cameras.iter()))
+                && USUAL_HEIGHT_M.contains(&median_height_m(&candidate.plane, &self.cameras))
         });
         let largest = rivals.enumerate().max_by(|(i, a), (j, b)| a.inliers.cmp(&b.inliers).then(j.cmp(i)));
-        largest.map(|(_, candidate)| self.floor(candidate))
+        let rival = self.floor(largest?.1);
+        let Some(floor) = floor else { return Some(rival) };
+        let middle = self.scorer().middle_on(&rival.plane_in_world)?;
+        Some(self.floor_at(Plane::through(&middle, floor.plane_in_world.normal)))
     }
 
     /// A flat surface changes sign along about one axis, so each point stands for one voxel face.
@@ -247,6 +250,10 @@ impl<'a> Planes<'a> {
             Some(up) => scorer.steadied(&settled, self.area_m2(candidate), up),
             None => settled,
         };
+        self.floor_at(plane)
+    }
+
+    fn floor_at(&self, plane: Plane) -> Floor {
         let is_on = |point: &&CloudPoint| plane.height_m(&point.position()).abs() < 0.02;
         let known = self.up_in_world.map(|up| up.direction);
         Floor {
@@ -264,14 +271,9 @@ fn position(key: &KeyFrame) -> Point3 {
     Point3::from(key.world_from_camera.translation.vector)
 }
 
-fn median_height_m(plane: &Plane, key_frames: &[KeyFrame]) -> f64 {
-    let cameras: Vec<Point3> = key_frames.iter().map(position).collect();
-    median_of(plane, cameras.iter())
-}
-
 /// Returns the median height of cameras above a plane.
-fn median_of<'a>(plane: &Plane, cameras: impl Iterator<Item = &'a Point3>) -> f64 {
-    let mut heights_m: Vec<f64> = cameras.map(|camera| plane.height_m(camera)).collect();
+fn median_height_m(plane: &Plane, cameras: &[Point3]) -> f64 {
+    let mut heights_m: Vec<f64> = cameras.iter().map(|camera| plane.height_m(camera)).collect();
     heights_m.sort_by(f64::total_cmp);
     heights_m.get(heights_m.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -1,4 +1,4 @@
-//! What people stated about objects.
+//! Corrections of objects, as the matching of ids needs them.
 
 use super::super::assemble::LookedThrough;
 use super::super::objects::{Object, UprightBox};

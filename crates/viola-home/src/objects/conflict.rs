@@ -149,10 +149,11 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
     });
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in candidates {
-        let mut small = Vec::new();
+        // The small ones that were removed, with their places.
+        let mut small: Vec<(usize, Candidate)> = Vec::new();
         let result = loop {
             match placed(&kept, &candidate) {
-                Err(at) if kept[at].is_small_beside(&candidate) => small.push(kept.remove(at)),
+                Err(at) if kept[at].is_small_beside(&candidate) => small.push((at, kept.remove(at))),
                 result => break result,
             }
         };
@@ -160,12 +161,12 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
             Ok((hosts, bounds)) => {
                 kept.iter_mut().zip(hosts).for_each(|(host, bounds)| host.bounds = bounds);
                 let mut large = Candidate { bounds, ..candidate };
-                small.into_iter().for_each(|part| large.take_in(part));
+                small.into_iter().for_each(|(_, part)| large.take_in(part));
                 kept.push(large);
             }
             Err(at) => {
                 kept[at].take_in(candidate);
-                kept.extend(small);
+                small.into_iter().rev().for_each(|(at, part)| kept.insert(at, part));
             }
         }
     }

@@ -26,14 +26,14 @@ pub fn bridge(mask: &mut Grid<bool>, open: impl Fn(usize) -> bool) {
     let (piece, count) = pieces(mask);
     let mut sizes = vec![0usize; count + 1];
     piece.iter().for_each(|piece| sizes[*piece as usize] += 1);
-    let least = (MIN_PIECE_M2 / (frame.cell_m * frame.cell_m)) as usize;
+    let least = (MIN_PIECE_M2 / (frame.cell_m * frame.cell_m)).round() as usize;
     let is_large = |piece: u32| piece != 0 && sizes[piece as usize] >= least;
     if (1..=count as u32).filter(|piece| is_large(*piece)).count() < 2 {
         return;
     }
     let ways = ways(mask, &piece, is_large, &open);
     // A bridge is a side between two cells that are reached from different pieces.
-    let most = (MAX_GAP_M / frame.cell_m) as usize;
+    let most = (MAX_GAP_M / frame.cell_m).round() as usize;
     let mut bridges: Vec<(usize, usize, usize)> = Vec::new();
     for at in 0..frame.len() {
         for next in beside(at, frame.width, frame.height).into_iter().flatten().filter(|next| *next > at) {
@@ -69,7 +69,7 @@ fn ways(
     open: impl Fn(usize) -> bool,
 ) -> Vec<Option<Way>> {
     let frame = mask.frame;
-    let most = (MAX_GAP_M / frame.cell_m) as usize;
+    let most = (MAX_GAP_M / frame.cell_m).round() as usize;
     let mut ways: Vec<Option<Way>> = vec![None; frame.len()];
     let mut border: Vec<usize> = (0..frame.len()).filter(|at| is_large(piece[*at])).collect();
     for at in &border {
@@ -102,7 +102,7 @@ fn root(group: &mut [u32], mut piece: u32) -> u32 {
 /// Sets the open cells around a cell of a bridge.
 fn set_around(mask: &mut Grid<bool>, at: usize, open: impl Fn(usize) -> bool) {
     let (width, height) = (mask.frame.width, mask.frame.height);
-    let reach = (HALF_WIDTH_M / mask.frame.cell_m) as usize;
+    let reach = (HALF_WIDTH_M / mask.frame.cell_m).round() as usize;
     let (x, y) = (at % width, at / width);
     for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
         for x in x.saturating_sub(reach)..(x + reach + 1).min(width) {

@@ -113,11 +113,6 @@ impl ClipResult {
         self.rotation_error_deg.is_some_and(|e| e < 10.0) && self.translation_error_m.is_some_and(|e| e < 0.3)
     }
 
-    /// Returns whether the first alternative is the true pose, whatever the verdict.
-    pub fn first_is_right(&self) -> bool {
-        self.truth_rank == Some(0)
-    }
-
     pub(super) fn new(
         case: &Case,
         method: &str,

@@ -43,7 +43,7 @@ pub struct TableRow {
     pub unknowable_clips: Option<usize>,
     /// Fraction of those with state `ambiguous` and the truth among the alternatives; null if there are none.
     pub unknowable_admitted: Option<f64>,
-    /// Null unless the unit was withheld.
+    /// Null if no clip has a scale error.
     pub scale: Option<ScaleErrors>,
     /// Median time of search, refinement and decision, on one thread, over the clips that were registered.
     pub seconds_median: f64,

@@ -10,7 +10,7 @@ use viola_geometry::{Plane, Point3, Vector2, Vector3};
 const INLIER_M: f64 = 0.03;
 /// A point further below the plane than this counts against it: nothing is under a floor.
 const BELOW_M: f64 = 0.08;
-#[derive(Clone)]
+
 pub(super) struct Candidate {
     pub plane: Plane,
     pub inliers: usize,
@@ -91,6 +91,13 @@ impl Scorer<'_> {
                 && s.normal.dot(&plane.normal) > 0.9
         };
         self.scored.iter().filter(is_on).map(|s| &s.position_m)
+    }
+
+    /// Returns the middle of the floor points on a plane.
+    pub fn middle_on(&self, plane: &Plane) -> Option<Point3> {
+        let points = self.on(plane, INLIER_M);
+        let count = points.clone().count();
+        (count > 0).then(|| Point3::from(points.map(|p| p.coords).sum::<Vector3>() / count as f64))
     }
 
     /// Refits the plane to its inliers until it converges. The inlier distance starts wider, because a bent

@@ -163,9 +163,12 @@ fn other_floors_compete_where_the_seen_one_is_doubtful() {
     // Only a bed is in sight.
     let bed = level((0.2, 2.8), (0.5, 3.0), 0.5);
     check_floors(&[bed], &[&[(0.9, false)], &assumed[..]].concat());
+    // A platform with little floor beside it.
+    let (platform, strip) = (level((0.2, 2.8), (0.8, 3.0), 0.3), level((0.0, 3.0), (0.5, 0.61), 0.0));
+    check_floors(&[platform, strip, wall(2.4)], &[(1.1, false), (1.45, true), (1.65, true)]);
     // A sunken entrance beside a floor of seven times its area, and of five times.
     let entrance = || level((0.0, 1.0), (3.0, 4.1), -0.15);
-    check_floors(&[floor(), entrance(), wall(2.4)], &[(1.4, false)]);
+    check_floors(&[floor(), entrance(), wall(2.4)], &[(1.4, false), (1.65, true)]);
     let smaller = level((0.0, 3.0), (0.5, 2.35), 0.0);
     check_floors(&[smaller, entrance(), wall(2.4)], &[(1.55, false), (1.4, false)]);
     // The lowest step in sight below a landing.

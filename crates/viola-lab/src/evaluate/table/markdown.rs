@@ -6,7 +6,7 @@ use std::fmt::Write;
 /// Note below the tables.
 const CONDITIONS: &str = "\nR and T are of the clips with a pose on the true level, also of ambiguous ones. NEES/3 is of the right poses; 1 is expected.\n";
 
-/// Returns two tables, accuracy and confidence of the methods, and one of the scales if units were withheld.
+/// Returns two tables, accuracy and confidence of the methods, and one of the scales if a clip has one.
 pub fn markdown(rows: &[TableRow]) -> String {
     let mut out = accuracy_markdown(rows) + "\n" + &confidence_markdown(rows);
     if rows.iter().any(|row| row.scale.is_some()) {
