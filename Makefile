@@ -9,6 +9,6 @@ demo:
 test:
 	tests/run
 
-# Unit tests and the rules of the house: what to run after every edit.
+# Unit tests, the crates' own tests and the rules of the house: what to run after every edit.
 quick:
-	cargo test --workspace --lib --test house
+	cargo test --workspace --lib --test house --test named_rooms

@@ -20,7 +20,7 @@ SHARES = {"mixed": 0.2, "furnished": 0.5, "draped": 0.4, "varied": 0.8}
 def packed(sample: dict) -> dict:
     """A sample in 22 bytes a point: millimetres, 127ths, and boxes with 16 bits."""
     return {"xyz": (sample["xyz"] * 1000).round().to(torch.int16), "normal": (sample["normal"] * 127).round().to(torch.int8),
-            "label": sample["label"], "box": sample["box"].half(), "ways": sample["ways"], "path": sample["path"]}
+            "label": sample["label"], "box": sample["box"].half(), "ways": sample["ways"], "paths": sample["paths"]}
 
 
 def unpacked(sample: dict) -> dict:

@@ -46,13 +46,14 @@ FITTED = 150_000
 # Samples after which a worker looks for new surfaces.
 LOOK = 64
 # Other processors take many times longer with bf16 than with 32 bits.
-HAS_BF16 = torch.cpu._is_avx512_bf16_supported()
+HAS_BF16 = getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)()
 
 
 class Samples(Dataset):
     """Crops of augmented surfaces. A sample depends on its number and the surfaces there are, so that a resumed run is the same.
 
-    `shares` are the fractions of the samples that are made in each way; a sample's `ways` tells its own.
+    `shares` are the fractions of the samples that are made in each way; a sample's `ways` tells its own, and its `paths` the
+    names of all surfaces that it was made of.
     """
 
     def __init__(self, folders: list[Path], seed: int, count: int, shares: dict = SHARES):
@@ -75,19 +76,24 @@ class Samples(Dataset):
 
 
 def sample_of(paths: list[Path], ways: set[str], random: np.random.Generator) -> dict | None:
-    path = paths[random.integers(len(paths))]
-    other = lambda: load(paths[random.integers(len(paths))])
-    surface = load(path)
+    names = []
+
+    def drawn() -> dict:
+        path = paths[random.integers(len(paths))]
+        names.append(path.name)
+        return load(path)
+
+    surface = drawn()
     if "furnished" in ways:
-        surface = furnished(surface, [other(), other()], random)
+        surface = furnished(surface, [drawn(), drawn()], random)
     if "draped" in ways:
         surface = draped(surface, random)
-    surfaces = [surface] + [other()] * ("mixed" in ways)
+    surfaces = [surface, drawn()] if "mixed" in ways else [surface]
     surfaces = [augmented(surface, random, "varied" in ways) for surface in surfaces if len(surface["xyz"]) > 500]
     surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
     if not surfaces:
         return None
-    return {**cropped(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random), "path": path.name}
+    return {**cropped(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random), "paths": names}
 
 
 def rate_at(progress: float) -> float:
@@ -183,6 +189,17 @@ def surfaces_in(folders: list[Path]) -> list[Path]:
     return sorted(path for folder in folders for path in folder.glob("*.surface"))
 
 
+def halves(held_out: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Surfaces of the homes with an even seed, and of those with an odd one: all clips of a home are in the same half."""
+    parts = [], []
+    for path in held_out:
+        # The name is SET_SEED_FRAMES.
+        parts[int(path.stem.split("_")[-2]) % 2].append(path)
+    if not all(parts):
+        raise SystemExit("the held-out surfaces need homes with even and with odd seeds")
+    return parts
+
+
 def loss_of(network: torch.nn.Module, inputs: list, labels: torch.Tensor, boxes: torch.Tensor,
             weights: torch.Tensor) -> torch.Tensor:
     known = labels != UNKNOWN
@@ -204,17 +221,18 @@ def loss_of(network: torch.nn.Module, inputs: list, labels: torch.Tensor, boxes:
 def finish(network: Columns, held_out: list[Path], out: Path, told: dict) -> dict:
     """Fits bias and temperature, exports the network, and writes its scores beside it.
 
-    Fitted on one half of the held-out homes, told of the other. Varied surfaces leave more doubt than those of the
-    simulator alone, as real ones do.
+    Fitted to the held-out homes with even seeds, told of those with odd ones. Varied surfaces leave more doubt than those of
+    the simulator alone, as real ones do.
     """
-    logits, labels = answers(network, held_out[::2], vary=True)
+    even, odd = halves(held_out)
+    logits, labels = answers(network, even, vary=True)
     part = 1 + len(labels) // FITTED
     logits, labels = logits[::part], labels[::part]
     with torch.enable_grad():
         bias, temperature = fit_bias(logits, labels)
     network.bias.copy_(bias)
     network.temperature.copy_(temperature)
-    result = {**scores(*answers(network, held_out[1::2])), "temperature": temperature.item(), **told}
+    result = {**scores(*answers(network, odd)), "temperature": temperature.item(), **told}
     print(out.stem, json.dumps(result), flush=True)
     export(network.cpu(), out)
     out.with_suffix(".json").write_text(json.dumps(result, indent=1) + "\n")
@@ -239,7 +257,8 @@ def main() -> None:
     torch.multiprocessing.set_sharing_strategy("file_system")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    held_out = sorted(arguments.held_out.glob("*.surface"))
+    held_out = surfaces_in([arguments.held_out])
+    halves(held_out)  # Fails now, not after the training.
     fresh = max(1, arguments.batch // arguments.reuse)
     samples = Samples(arguments.data, arguments.seed, arguments.steps * fresh)
     # The layout that convolutions are fastest in.
@@ -257,7 +276,7 @@ def main() -> None:
         smooth.module.load_state_dict(network.state_dict())
     checkpoint, step, spent = arguments.out.with_suffix(".checkpoint"), 0, 0.0
     if checkpoint.exists():
-        state = torch.load(checkpoint)
+        state = torch.load(checkpoint, map_location=device)
         step, spent = state["step"], state["spent"]
         for name, part in parts.items():
             part.load_state_dict(state[name])

@@ -7,6 +7,7 @@ mod knobs;
 mod pages;
 mod reasons;
 mod sources;
+mod suites;
 
 use sources::{Source, sources};
 use std::collections::BTreeMap;

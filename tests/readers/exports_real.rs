@@ -5,6 +5,7 @@ use crate::exports::{EXPORTS, check_poses};
 use crate::recording::Recording;
 use crate::writers::{as_folder, as_zip};
 use std::path::Path;
+use std::sync::OnceLock;
 use viola_align::{AlignParams, Alignment, align};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
@@ -17,6 +18,16 @@ const FRAMES: std::ops::Range<u32> = 120..160;
 fn alignment(clip: &Clip, lidar: &LidarMap) -> Alignment {
     let range = (clip.frames().len() > FRAMES.len()).then_some(FRAMES);
     align(clip, range, lidar, &AlignParams::default(), &Silent).unwrap().alignment
+}
+
+/// Returns the apartment's LiDAR map and the answer for its original recording, which is aligned once for all tests.
+fn aligned_directly(scene: &Path) -> &'static (LidarMap, Alignment) {
+    static DIRECT: OnceLock<(LidarMap, Alignment)> = OnceLock::new();
+    DIRECT.get_or_init(|| {
+        let lidar = LidarMap::open(&scene.join("lidar/points.csv")).unwrap();
+        let direct = alignment(&Clip::open(scene).unwrap(), &lidar);
+        (lidar, direct)
+    })
 }
 
 /// Checks that an export of [`FRAMES`] gets the pose of the original recording.
@@ -38,16 +49,15 @@ pub fn check_aligned(path: &Path, layout: &str, recording: &Recording, direct: &
 fn the_apartment_in_every_layout_is_aligned_as_it_is_directly() {
     let Some(data) = data::root() else { return };
     let scene = data.join("scannet/scene0000_00");
-    let lidar = LidarMap::open(&scene.join("lidar/points.csv")).unwrap();
-    let direct = alignment(&Clip::open(&scene).unwrap(), &lidar);
+    let (lidar, direct) = aligned_directly(&scene);
     let recording = Recording::scannet(&scene, FRAMES);
     for (layout, write, _) in EXPORTS {
         let files = write("apartment/", &recording);
         // A folder is faster for layouts that need no unpacking; both are containers.
         if layout == "record3d" {
-            check_aligned(as_zip(&files).path(), layout, &recording, &direct, &lidar);
+            check_aligned(as_zip(&files).path(), layout, &recording, direct, lidar);
         } else {
-            check_aligned(as_folder(&files).path(), layout, &recording, &direct, &lidar);
+            check_aligned(as_folder(&files).path(), layout, &recording, direct, lidar);
         }
     }
 }
@@ -75,8 +85,7 @@ fn video(recording: &Recording, coding: &[&str]) -> Vec<u8> {
 fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
     let Some(data) = data::root() else { return };
     let scene = data.join("scannet/scene0000_00");
-    let lidar = LidarMap::open(&scene.join("lidar/points.csv")).unwrap();
-    let direct = alignment(&Clip::open(&scene).unwrap(), &lidar);
+    let (lidar, direct) = aligned_directly(&scene);
     let mut recording = Recording::scannet(&scene, FRAMES);
     // The app's matrix is in the video's pixels.
     recording.color_size = (640, 480);
@@ -91,7 +100,7 @@ fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
     ] {
         let files = stray_with_video("", &recording, video(&recording, &coding));
         let zip = as_zip(&files);
-        check_aligned(zip.path(), "stray_scanner", &recording, &direct, &lidar);
+        check_aligned(zip.path(), "stray_scanner", &recording, direct, lidar);
         // Each frame's colour is that of its own picture, and not of its neighbour.
         let clip = Clip::open(zip.path()).unwrap();
         for index in [0, 17, 30, 39] {

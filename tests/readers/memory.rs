@@ -24,6 +24,11 @@ unsafe impl GlobalAlloc for Counting {
         count(layout.size() as isize);
         unsafe { System.alloc(layout) }
     }
+    // The default would write the zeros itself, although fresh pages of the system have them.
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc_zeroed(layout) }
+    }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         count(-(layout.size() as isize));
         unsafe { System.dealloc(pointer, layout) }
