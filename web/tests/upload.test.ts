@@ -91,7 +91,9 @@ beforeEach(() => {
 });
 afterEach(() => void Object.assign(globalThis, real));
 
-const clipOf = (name = "kitchen.zip"): SentClip => ({ home: "h", file: new File([new Uint8Array(SIZE_BYTES)], name), key: "k", path: null });
+const clipOf = (name = "kitchen.zip"): SentClip => ({
+  home: "h", file: new File([new Uint8Array(SIZE_BYTES)], name), key: "k", path: null, acknowledged_bytes: 0,
+});
 const send = (clip: SentClip, onSent: (bytes: number) => void = () => {}) => sendClip(clip, onSent, new AbortController().signal);
 const refusal = (status: number) => (error: unknown) => error instanceof Refusal && error.status === status;
 
@@ -154,6 +156,10 @@ test("losses and faults are retried after growing delays, refusals are not", () 
     assert.equal(retryDelay_ms(new Refusal(status, ""), 1), null, String(status));
   }
   assert.equal(retryDelay_ms(new Error("unreadable"), 1), null);
+  // A fault that comes again and again ends; a lost connection does not.
+  const faults = [1, 5, 6].map((failures) => retryDelay_ms(new Refusal(500, ""), failures) === null);
+  assert.deepEqual(faults, [false, false, true]);
+  assert.notEqual(retryDelay_ms(new Refusal(0, ""), 60), null);
   assert.ok([401, 429, 507].every((status) => mayTryAgain(new Refusal(status, ""))));
   assert.ok([404, 415, 422].every((status) => !mayTryAgain(new Refusal(status, ""))));
 });

@@ -49,7 +49,7 @@ const ADVICE_ON_CHOICE: Record<string, string> = {
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
-  if ( clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
+  if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set(clip.reasons.map(({ code }) => code));
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;

@@ -5,7 +5,7 @@ import { parse, toHome } from "../route.ts";
 /** Browsers refuse an address that changes many times a second. */
 const WRITE_MS = 250;
 
-/** How far the side and the page are scrolled, in pixels. */
+/** Scroll offsets of the side and of the page. */
 interface Scrolled {
   side_px: number;
   page_px: number;
@@ -48,7 +48,8 @@ export class Address {
     if (page_px) scrollTo(0, page_px);
   }
 
-  private soon(): void {
+  /** Writes the address soon; the view only if a person changed it. */
+  soon(): void {
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => this.replace(), WRITE_MS);
   }

@@ -4,7 +4,7 @@ import type { Point3 } from "../cloud/pick.ts";
 import { h } from "../dom.ts";
 import type { Measure } from "./measure.ts";
 
-/** The point is told once the view rests, so that a screen reader is not told of every step. */
+/** Delay before the point is announced: a screen reader hears the last step only. */
 const REST_MS = 200;
 
 export class Aim {

@@ -51,7 +51,8 @@ export class ClipsPanel {
     const shown = clips.filter((clip) => !filter || clip.state === filter).reverse();
     const rows = shown.map((clip) => this.row(clip));
     if (clips.length === 0) {
-      fill(this.list, h("li", { class: "hint" }, mayChange() ? "No clips yet. Drop zips of RGB-D recordings anywhere on this page." : "No clips yet."));
+      const advice = mayChange() ? " Drop zips of RGB-D recordings anywhere on this page." : "";
+      fill(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
     } else if (!sameChildren(this.list, rows)) {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
     }
@@ -125,7 +126,8 @@ export class ClipsPanel {
     const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : stateMeaning(clip.state)));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const level = this.data.hasLevels ? this.data.levelOf(clip) : null;
-    const when = [twin ? `Same file as ${this.data.nameOf(twin)}` : null, sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
+    const same = twin ? `Same file as ${this.data.nameOf(twin)}` : null;
+    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
     const [advice] = adviceOf(clip);
     const title = h("a", { class: "title", title: name, href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },

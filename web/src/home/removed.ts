@@ -10,7 +10,8 @@ import { withoutLevel } from "./selection.ts";
 
 export class RemovedPanel {
   readonly element = h("div", {});
-  private shown = 0;
+  /** Revision of the shown list; -1 before the first one. */
+  private shown = -1;
 
   constructor(
     private readonly data: HomeData,
@@ -34,7 +35,7 @@ export class RemovedPanel {
       putAgain(this.element, h("ul", { class: "removed" }, ...removed.map((object) => this.row(object))));
     } catch (error) {
       if (this.signal.aborted) return;
-      this.shown = 0;
+      this.shown = -1;
       put(this.element, h("p", { class: "reason", role: "status" }, messageOf(error)));
     }
   }

@@ -117,7 +117,8 @@ class ClipPage {
     this.job = job?.id;
     putAgain(this.head, h("div", { class: "head" },
       h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), mayChange() && this.actions(),
-      clip.duplicate_of && h("p", { class: "hint" }, "Same file as ", h("a", { href: toClip(clip.home, clip.duplicate_of) }, this.twin ?? "another clip"))));
+      clip.duplicate_of && h("p", { class: "hint" }, "Same file as ",
+        h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin" }, this.twin ?? "another clip"))));
     this.drawVerdict();
     put(this.rest,
       clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Answer"), answer(clip)),

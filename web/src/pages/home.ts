@@ -80,6 +80,8 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     for (const panel of panels) panel.draw();
     for (const panel of [compare, removed]) void panel.draw();
     scene.update();
+    // Another level has another camera.
+    address.soon();
   });
 
   const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");

@@ -24,6 +24,7 @@ export class UploadPanel {
     const queue = queueOf(data.home.id);
     this.queue = queue;
     queue.onDone = onDone;
+    queue.resume();
     this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), queue.list, queue.said);
     this.takeDrops();
   }
@@ -71,6 +72,8 @@ export class UploadPanel {
   }
 
   private async sort(file: File, said: Kind | undefined): Promise<void> {
+    // The page ended while other files were asked for.
+    if (this.signal.aborted) return;
     const found = await kindOf(file).catch(() => null);
     const isOther = said && found && said !== found;
     const kind = isOther ? await this.askOther(file, said, found) : (said ?? found ?? (await this.askKind(file)));
@@ -83,6 +86,7 @@ export class UploadPanel {
     const { data: { home, level, lidars }, queue, signal } = this;
     const { levels } = queue;
     const maps = await lidarMaps(home.id, signal).catch(() => lidars);
+    if (signal.aborted) return;
     const taken = [...new Set([...levels, ...maps.map((map) => map.level)])];
     const now = { level, replaces: maps.find((map) => map.level === level)?.revision ?? null };
     const target = taken.includes(level) ? await askTarget(file, now, taken) : now;

@@ -66,6 +66,11 @@ class UploadQueue {
     this.add(file, `LiDAR map · ${target.level}`, target);
   }
 
+  /** Sends the files that still wait, for example after a new sign-in. */
+  resume(): void {
+    if (this.waiting.length > 0) void this.work();
+  }
+
   stop(): void {
     for (const { stop } of this.waiting) stop.abort();
     this.waiting = [];
@@ -74,7 +79,9 @@ class UploadQueue {
 
   private add(file: File, kind: string, target: Target | null): void {
     const row = new UploadRow(file, kind, () => this.cancel(upload));
-    const upload: Upload = { home: this.home, file, key: randomKey(), path: null, target, row, stop: new AbortController() };
+    const upload: Upload = {
+      home: this.home, file, key: randomKey(), path: null, acknowledged_bytes: 0, target, row, stop: new AbortController(),
+    };
     this.list.append(row.element);
     this.enter(upload);
   }
@@ -99,11 +106,11 @@ class UploadQueue {
     if (this.isSending) return;
     this.isSending = true;
     addEventListener("beforeunload", this.askBeforeLeaving);
-    for (let next = this.waiting[0], goesOn = true; next && goesOn; next = this.waiting[0]) {
-      goesOn = await this.sendOne(next);
+    for (let next = this.waiting[0], mayContinue = true; next && mayContinue; next = this.waiting[0]) {
+      mayContinue = await this.sendOne(next);
       this.waiting = this.waiting.filter((other) => other !== next);
     }
-    removeEventListener("beforeunload", this.askBeforeLeaving);
+    if (this.waiting.length === 0) removeEventListener("beforeunload", this.askBeforeLeaving);
     this.isSending = false;
   }
 
@@ -113,6 +120,7 @@ class UploadQueue {
     this.said.textContent = `${file.name} is being sent.`;
     row.progress(0);
     for (let failures = 1; !signal.aborted; failures++) {
+      const before_bytes = upload.acknowledged_bytes;
       try {
         await this.send(upload);
         row.element.remove();
@@ -120,11 +128,12 @@ class UploadQueue {
         return true;
       } catch (error) {
         if (signal.aborted) return true;
+        if (upload.acknowledged_bytes > before_bytes) failures = 1;
         const unreadable = (await isReadable(file)) ? null : new Error("The file cannot be read any more. Add it again.");
         const wait_ms = unreadable ? null : retryDelay_ms(error, failures);
         if (wait_ms === null) return this.fail(upload, unreadable ?? error);
         row.wait(navigator.onLine ? "waits for the service" : "waits for the network");
-        if (failures === 1) this.said.textContent = `${file.name} waits: ${messageOf(error)} It goes on by itself.`;
+        if (failures === 1) this.said.textContent = `${file.name} waits: ${messageOf(error)} The upload resumes by itself.`;
         await pause(wait_ms, signal);
       }
     }

@@ -4,6 +4,8 @@ import { Refusal } from "../api.ts";
 
 const FIRST_MS = 1000;
 const LONGEST_MS = 30_000;
+/** A fault of the service that comes again and again is of this file: the others must not wait for it. */
+const MOST_FAULTS = 5;
 /** A lost connection, a body that stalled, and faults of the service or of a proxy before it. */
 const PASSING = [0, 408, 500, 502, 503, 504];
 
@@ -12,6 +14,7 @@ export function retryDelay_ms(error: unknown, failures: number): number | null {
   if (!(error instanceof Refusal)) return null;
   const { status, retryAfter_s } = error;
   if (!PASSING.includes(status) && !(status === 429 && retryAfter_s !== null)) return null;
+  if (status === 500 && failures > MOST_FAULTS) return null;
   return Math.max(1000 * (retryAfter_s ?? 0), Math.min(LONGEST_MS, FIRST_MS * 2 ** (failures - 1)));
 }
 

@@ -24,7 +24,7 @@ export class UploadRow {
     this.wait("waits");
   }
 
-  /** Shows the reason for which no byte is sent. */
+  /** Shows why the upload waits. */
   wait(reason: string): void {
     this.clear();
     this.bar.hidden = this.bar.value === 0;
@@ -33,7 +33,7 @@ export class UploadRow {
 
   /** Shows how much of the file is sent. */
   progress(sent_bytes: number): void {
-    const share = sent_bytes / this.file.size;
+    const share = this.file.size > 0 ? sent_bytes / this.file.size : 0;
     this.bar.hidden = false;
     this.bar.value = share;
     this.hint.textContent = share < 1 ? `${percent(share)} of ${bytes(this.file.size)}` : "being read";

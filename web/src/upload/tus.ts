@@ -18,13 +18,16 @@ export interface SentClip {
   key: string;
   /** The path of the upload; null before it is created. */
   path: string | null;
+  /** Bytes that the service has for sure. */
+  acknowledged_bytes: number;
 }
 
 /** Sends the rest of a clip; returns when the clip is stored. `onSent` gets the number of sent bytes. */
 export async function sendClip(clip: SentClip, onSent: (bytes: number) => void, signal: AbortSignal): Promise<void> {
   clip.path ??= await create(clip, signal);
-  if (await sendRest(clip.path, clip.file, onSent, signal)) return;
+  if (await sendRest(clip, clip.path, onSent, signal)) return;
   clip.path = null;
+  clip.acknowledged_bytes = 0;
   throw new Refusal(503, "The service lost the begun upload, so that it begins again.");
 }
 
@@ -48,10 +51,12 @@ function encoded(values: Record<string, string>): string {
 }
 
 /** Sends a file from the service's offset on; false if the service does not have the upload any more. */
-async function sendRest(path: string, file: File, onSent: (bytes: number) => void, signal: AbortSignal): Promise<boolean> {
+async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) => void, signal: AbortSignal): Promise<boolean> {
+  const { file } = clip;
   try {
     let answer = await request("HEAD", path, { headers: VERSION, signal });
     for (let at = offsetOf(answer); at < file.size; at = offsetOf(answer)) {
+      clip.acknowledged_bytes = at;
       onSent(at);
       const headers = { ...VERSION, "upload-offset": String(at), "content-type": "application/offset+octet-stream" };
       const body = file.slice(at, at + PART_BYTES);
@@ -61,7 +66,7 @@ async function sendRest(path: string, file: File, onSent: (bytes: number) => voi
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;
     // The last bytes of a broken request have moved the offset.
-    if (error.status === 409) return sendRest(path, file, onSent, signal);
+    if (error.status === 409) return sendRest(clip, path, onSent, signal);
     if (![404, 410].includes(error.status)) throw error;
   }
   return isStored(path, signal);

@@ -27,7 +27,7 @@ export function lossSteps({ page, base, go, file, shot }) {
   }
 
   /** An upload outlives its page, waits for the network, and sends only what the service lacks. */
-  async function aBrokenUploadGoesOn() {
+  async function aBrokenUploadResumes() {
     const uploads = `${base}/v1/uploads**`;
     const [made, resumed] = [[], []];
     page.on("request", (request) => {
@@ -75,5 +75,5 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.unroute(all);
   }
 
-  return [aRefusedStreamIsOpenedAgain, aBrokenUploadGoesOn, anEndedSessionAsksForAKey];
+  return [aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anEndedSessionAsksForAKey];
 }
