@@ -1,4 +1,4 @@
--- Merges of a home that failed or lost their worker, since the last one that ended, and the time before which no further one begins.
+-- map_faults: merges without a result since the last one with a result. map_due_at: time of the next attempt.
 ALTER TABLE homes ADD COLUMN map_faults BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE homes ADD COLUMN map_due_at BIGINT NOT NULL DEFAULT 0;
 -- Finds the merges whose worker was lost.

@@ -143,7 +143,7 @@ impl Modify for Security {
     modifiers(&Security),
     components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
-        Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor. An answer with an `ETag` \
+        Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. An answer with an `ETag` \
         and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),
     tags(
         (name = "homes", description = "Homes; each has LiDAR maps and clips"),
@@ -252,16 +252,19 @@ fn health_router(storage: Arc<Storage>) -> Router {
     router.fallback(error::no_such_route).with_state(storage)
 }
 
-fn router(app: App) -> Router {
+/// Returns the router of the service. With a second listener for operators, this one has no metrics: its keys are those of
+/// tenants, and metrics tell of all.
+fn router(app: App, has_admin_listener: bool) -> Router {
     let parameters = Parameters::of(&described());
     let refuse_unknown = axum::middleware::from_fn_with_state(parameters, parameters::refuse_unknown);
+    let operators = if has_admin_listener { OpenApiRouter::new() } else { health::routes() };
     let health = health::open_routes().split_for_parts().0.with_state(app.storage.clone());
     let cors = layers::cors(&app.cors_origins);
     let allow_origins = |cors| axum::middleware::from_fn_with_state(cors, layers::allow_origins);
     routes()
         .split_for_parts()
         .0
-        .merge(health::routes().split_for_parts().0.with_state(app.storage.clone()))
+        .merge(operators.split_for_parts().0.with_state(app.storage.clone()))
         .route_layer(refuse_unknown.clone())
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
         .merge(open_routes().split_for_parts().0.route_layer(refuse_unknown.clone()))

@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+import uuid
 
 from viola_client import AuthenticatedClient, Client
 from viola_client.api.changes import list_changes
@@ -31,8 +32,11 @@ assert isinstance(report, LidarMapDryRun), report
 with open(lidar, "rb") as file:
     assert accepted(put_lidar_map.sync(home, client=api, body=File(file))).revision == 1
 
+# One key for each recording: a retry with it makes no second clip.
+recording_key = str(uuid.uuid4())
 with open(clip, "rb") as file:
-    added = accepted(add_clip.sync(home, client=api, body=File(file), filename="tour.zip", idempotency_key="tour"))
+    body = File(file)
+    added = accepted(add_clip.sync(home, client=api, body=body, filename="tour.zip", idempotency_key=recording_key))
 now = added
 while now.state in (ClipState.QUEUED, ClipState.ALIGNING):
     time.sleep(0.1)

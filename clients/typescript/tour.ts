@@ -17,9 +17,11 @@ const revision = accepted(
 assert.ok("revision" in revision);
 assert.equal(revision.revision, 1);
 
+// One key for each recording: a retry with it makes no second clip.
+const recordingKey = crypto.randomUUID();
 const added = accepted(
   await api.POST("/v1/homes/{home}/clips", {
-    params: { path: { home }, header: { "Idempotency-Key": "tour" } },
+    params: { path: { home }, header: { "Idempotency-Key": recordingKey } },
     body: new Blob([await readFile(clip)]),
     ...octets,
   }),

@@ -113,13 +113,15 @@ pub(super) async fn check(
     tracing::Span::current().record("tenant", caller.tenant.name());
     let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
     if !may(caller.role, request.method(), route) {
+        let is_for_readers = may(Role::Reader, request.method(), route);
         return Err(Error::Forbidden(match caller.role {
             Role::Reader => {
                 "a key with the role `reader` changes nothing and sees no webhooks; this takes `admin`"
             }
-            _ => {
+            _ if is_for_readers => {
                 "a key with the role `uploader` uploads clips and follows them; this takes `reader` or `admin`"
             }
+            _ => "a key with the role `uploader` uploads clips and follows them; this takes `admin`",
         }));
     }
     app.limits.pass(&caller.tenant)?;

@@ -50,12 +50,13 @@ pub(super) struct ChangesPage {
 /// gets a new change. An item only says that something changed; GET the resource for its present state.
 ///
 /// Removed resources stay in the feed for 30 days, with `deleted`; a home comes after everything that was in
-/// it. A client that has not reached the end of the feed for 30 days gets `cursor-expired` and must begin
-/// again without `after`: resources that the new reading does not name are gone.
+/// it. A client that has not reached the end of the feed for 30 days gets `cursor-expired`, as does one whose
+/// newest change was lost by a restore of the database. It must begin again without `after`, and then delete
+/// from its copy everything that the new reading does not name.
 #[utoipa::path(get, path = "/v1/changes", tag = "changes", params(ListQuery, WaitQuery),
     responses(
         (status = 200, description = "The changes after the cursor, perhaps none", body = ChangesPage),
-        (status = 410, description = "The cursor is too old: `cursor-expired`", body = Problem,
+        (status = 410, description = "The cursor is too old, or its change was lost by a restore: `cursor-expired`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn list_changes(

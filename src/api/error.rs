@@ -73,7 +73,10 @@ pub(super) enum Error {
     Clip(#[from] ClipError),
     #[error("{0}")]
     Lidar(#[from] LidarError),
-    #[error("this Idempotency-Key came with another file before; use a new key for a new file")]
+    #[error(
+        "this Idempotency-Key came with other bytes before; for the same recording send the same bytes again, and a new \
+         key only for another recording"
+    )]
     KeyReused,
     #[error("the home has no LiDAR map to align to; put one first")]
     NothingToAlignTo,
@@ -83,7 +86,7 @@ pub(super) enum Error {
     JobEnded(&'static str),
     #[error("the tenant has {MOST_WEBHOOKS} webhooks already; remove one first")]
     TooManyWebhooks,
-    #[error("no job has this id")]
+    #[error("no job has this id; a job is removed with its clip")]
     NoSuchJob,
     #[error("{0}")]
     Correction(CorrectionError),
@@ -239,7 +242,7 @@ impl Error {
                 (S::CONFLICT, "last_level", "The home has no other level")
             }
             Error::Storage(StorageError::CursorExpired) => {
-                (S::GONE, "cursor_expired", "The cursor is too old to go on from")
+                (S::GONE, "cursor_expired", "The feed cannot go on from this cursor")
             }
             Error::Storage(error) if error.is_full() => {
                 (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
@@ -311,12 +314,17 @@ impl Error {
             self,
             Error::Storage(StorageError::TenantFull { .. })
                 | Error::TooManyExports { .. }
+                | Error::Upload(UploadRefusal::Waits { .. })
                 | Error::Defence(_)
         );
         let is_ours = status.is_server_error() && !is_bound;
         let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");
-            let advice = if code == "unavailable" { "Try again in a few seconds. " } else { "" };
+            let advice = match code {
+                "unavailable" => "Try again in a few seconds. ",
+                "storage_full" => "Try again when the service has room; acknowledged bytes are kept. ",
+                _ => "",
+            };
             format!("{advice}The cause is in the service's log, under this answer's x-request-id.")
         } else {
             self.to_string()
@@ -361,6 +369,9 @@ impl IntoResponse for Error {
                 if let Some(wait) = refusal.retry_after() {
                     response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs() + 1));
                 }
+            }
+            Error::Upload(UploadRefusal::Waits { pause, .. }) => {
+                response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(pause.as_secs()));
             }
             error if error.is_passing() => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));

@@ -62,8 +62,8 @@ async fn healthz() -> Json<Health> {
 ///
 /// The service is ready if its database answers and can write, its blobs can be written and read, and the
 /// disk has room for incoming files. After a write that failed for lack of room, the answer is 503 for at
-/// least five seconds. The length of the queue says nothing about this process and has no effect. A second
-/// listener (`--admin-listen`) serves this without a key.
+/// least five seconds. The length of the queue says nothing about this process and has no effect. With
+/// `--admin-listen` only that listener serves this, without a key.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = 200, description = "The service is ready", body = Readiness),

@@ -16,7 +16,8 @@ use futures::StreamExt;
 ///
 /// Every `change` event has a change as in `GET /v1/changes`: of the home, its LiDAR map, a clip, the fused map or
 /// its objects. The `id` of an event is the change's place in the feed; a client that reconnects with it as
-/// `Last-Event-ID` misses nothing. The stream begins with the next change, so open it first and read the home then.
+/// `Last-Event-ID` misses nothing. If a restore of the database lost that change, the newest change of everything in the
+/// home comes again. The stream begins with the next change, so open it first and read the home then.
 /// It ends when the home is removed, or when the key or session is no longer valid.
 #[utoipa::path(get, path = "/v1/homes/{home}/events", tag = "homes",
     params(HomePath,
@@ -32,13 +33,12 @@ pub(super) async fn watch_home(
 ) -> Result<Response, Error> {
     app.storage.home(&home).await?;
     let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
-    let end = app.storage.last_change().await?;
-    // A number above the feed's end is from before a restore of the database.
-    let after = seen.filter(|seen| (0..=end).contains(seen)).unwrap_or(end);
+    let after = app.storage.home_position(seen).await?;
     let stop = app.stop.clone();
-    let events = app.queue.clone().watch_home(home.clone(), after).map(move |change| match change {
+    let events = app.queue.clone().watch_home(home.clone(), after.seq).map(move |change| match change {
         Ok(change) => {
-            Event::default().event("change").id(change.seq.to_string()).json_data(Change::from(change))
+            let position = after.at(change.seq);
+            Event::default().event("change").id(position.to_string()).json_data(Change::from(change))
         }
         Err(error) => {
             tracing::error!(%home, %error, "the events of a home end");

@@ -10,7 +10,7 @@ use super::fair::FairPlaces;
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, may_change, unmet};
+use super::reply::{Document, may_change, may_repeat, unmet};
 use super::types::Home;
 use crate::storage::{self, HomeFilter, HomeId, Tenant};
 use axum::extract::State;
@@ -28,7 +28,7 @@ const SEARCHES_OF_TENANT: usize = 1;
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct HomeBody {
-    /// For people; 1 to 200 characters on one line.
+    /// For people; 1 to 200 characters on one line. Absent or null: no name.
     #[serde(default)]
     #[schema(
         min_length = 1,
@@ -41,7 +41,8 @@ pub(super) struct HomeBody {
 
 /// Create or rename a home
 ///
-/// Repeating the request changes nothing.
+/// Repeating the request changes nothing. Without `name`, the home has no name afterwards. With `If-None-Match: *` the request
+/// only creates; 412 means that the home exists.
 #[utoipa::path(put, path = "/v1/homes/{home}", tag = "homes",
     params(HomePath,
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the home that is renamed"),
@@ -63,10 +64,12 @@ pub(super) async fn put_home(
         let detail = "name has 1 to 200 characters, and no control characters; null removes it".to_owned();
         return Err(Error::InvalidMember { field: "name", detail });
     }
-    let is_expected = |home: Option<&storage::Home>| {
-        may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
-    };
     let name = body.name.as_deref();
+    let is_expected = |home: Option<&storage::Home>| {
+        let is_same = home.is_some_and(|home| home.name.as_deref() == name);
+        is_same && may_repeat(&headers)
+            || may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
+    };
     let put = app.storage.put_home(&home, name, is_expected, Timestamp::now()).await;
     let (home, is_new) = put.map_err(|error| unmet(&headers, error))?;
     app.queue.wake();

@@ -9,7 +9,7 @@ use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
-use super::reply::{Document, may_change, tag_of, unless_known, unmet};
+use super::reply::{Document, may_change, may_repeat, tag_of, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
 use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap};
 use axum::extract::{Request, State};
@@ -126,7 +126,11 @@ pub(super) async fn put(
         new.from_earlier = from_current(&app, &home, level, bytes).await;
     }
     to_the_end(async move {
-        let is_expected = is_expected(&headers);
+        let (sha256, is_as_read) = (new.file.sha256.clone(), is_expected(&headers));
+        let is_expected = |map: Option<&storage::LidarMapRevision>| {
+            let is_same = map.is_some_and(|map| map.sha256 == sha256);
+            is_same && may_repeat(&headers) || is_as_read(map)
+        };
         let put = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
         app.queue.wake();

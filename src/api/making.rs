@@ -39,8 +39,8 @@ impl Making {
         place(&self.files, tenant).await
     }
 
-    /// Waits for the place that a made file has until its client has it. It is taken before the place of the making, so that
-    /// a slow client keeps only the own tenant waiting.
+    /// Waits for the place that a made file has until it is sent. It comes before the place of the making, so that a tenant
+    /// whose clients are slow does not keep that one.
     pub async fn unsent(&self, tenant: &str) -> Result<FairPlace, Error> {
         place(&self.unsent, tenant).await
     }

@@ -79,7 +79,7 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
 
 /// Get the metrics
 ///
-/// A second listener (`--admin-listen`) serves them without a key.
+/// With `--admin-listen` only that listener serves them, without a key.
 #[utoipa::path(get, path = "/metrics", tag = "service",
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain"), KeyProblems))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {

@@ -1,8 +1,8 @@
 //! Range requests (RFC 9110, section 14) for every answer of known length that has an entity tag.
 //!
 //! One range of bytes is served. A blob is opened at its first byte; of a file that was made, the bytes around it are left
-//! out. A request for several ranges gets the whole
-//! answer, as does one that accepts a compressed answer of a compressible type, because its bytes would be others.
+//! out. A request for several ranges gets the whole answer, as does one that accepts a compressed answer of a compressible
+//! type, because its bytes would be others.
 
 use super::error::Error;
 use super::layers::is_text_or_points;

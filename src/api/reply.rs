@@ -67,6 +67,12 @@ pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>)
     is_wanted(headers, &tag) && !is_known(headers, &tag)
 }
 
+/// Returns whether a change that changes nothing goes ahead whatever `If-Match` says (RFC 9110, section 13.1.1): it may be
+/// the repetition of one with a lost answer. A client with `If-None-Match` asks whether there is something.
+pub(super) fn may_repeat(headers: &HeaderMap) -> bool {
+    !headers.contains_key(header::IF_NONE_MATCH)
+}
+
 /// Returns whether `If-Match` has the tag, or is absent (RFC 9110, section 13.1.1).
 pub(super) fn is_wanted(headers: &HeaderMap, tag: &str) -> bool {
     let wanted = headers.get_all(header::IF_MATCH).iter().filter_map(|value| value.to_str().ok());

@@ -105,6 +105,7 @@ pub async fn serve(
     }));
     tasks.spawn(clean(app.clone()));
     tasks.spawn(app.queue.clone().tell_watchers(stop.clone()));
+    let has_admin_listener = admin_listener.is_some();
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));
     }
@@ -112,8 +113,8 @@ pub async fn serve(
         let app = app.clone();
         Arc::new(move |headers| access::known_tenant(&app, headers))
     };
-    connections::answer(listener, super::router(app), &params.connections, tenant_of, &stop, listening)
-        .await?;
+    let router = super::router(app, has_admin_listener);
+    connections::answer(listener, router, &params.connections, tenant_of, &stop, listening).await?;
     end(tasks, &storage, &stop).await;
     Ok(())
 }

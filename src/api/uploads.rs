@@ -107,13 +107,16 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 ///
 /// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
 /// `home`, and optionally its `filename`, its `title`, its time of recording (`recorded_at`, RFC 3339), its
-/// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
+/// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header
+/// `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one always: if an upload must begin anew, it makes no second clip.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
-/// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body.
+/// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body. The
+/// same final request again returns the same upload.
 ///
 /// The request with the last byte is answered when the clip is durable and its job queued: `Viola-Clip` and
-/// `Viola-Job` are their paths. A file that is no clip is refused, as by `POST /v1/homes/{home}/clips`.
+/// `Viola-Job` are their paths. If `Viola-Clip` is missing then, the bytes are safe: GET the upload until it is `finished`
+/// or `refused`. A file that is no clip is refused, as by `POST /v1/homes/{home}/clips`.
 #[utoipa::path(post, path = "/v1/uploads", tag = "uploads",
     params(
         ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
@@ -130,8 +133,9 @@ async fn speak_tus(request: Request, next: Next) -> Response {
             headers(("Location" = String, description = "The upload's path"),
                 ("Upload-Offset" = u64, description = "Number of durable bytes"),
                 ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
-                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
-                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
+                    GET the upload until it is `finished` or `refused`. A partial upload has none"),
+                ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
         (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
             content_type = "application/problem+json"),
         (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`", body = Problem,
@@ -226,8 +230,9 @@ async fn get_upload(
                 ("Upload-Metadata" = String, description = "As it was sent"),
                 ("Upload-Concat" = String, description = "As it was sent"),
                 ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
-                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
-                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
+                    GET the upload until it is `finished` or `refused`. A partial upload has none"),
+                ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
         (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
             GET says which", body = Problem, content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
@@ -247,7 +252,8 @@ async fn head_upload(
 /// two requests resume the same upload, the one that began later succeeds; the other gets 409.
 ///
 /// When the file is complete, the answer has the clip's path in `Viola-Clip`, or the reason why it is not a
-/// clip. A file that comes in more than 10 000 pieces is refused with 413, `too-many-pieces`.
+/// clip. If the answer has neither, the bytes are safe: GET the upload until it is `finished` or `refused`. A file that comes
+/// in more than 10 000 pieces is refused with 413, `too-many-pieces`.
 #[utoipa::path(patch, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
         ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
@@ -259,8 +265,9 @@ async fn head_upload(
         (status = 204, description = "The body is durable",
             headers(("Upload-Offset" = u64, description = "Number of durable bytes"),
                 ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
-                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
-                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
+                    GET the upload until it is `finished` or `refused`. A partial upload has none"),
+                ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
         (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
             content_type = "application/problem+json"),
         (status = 409, description = "The service has another number of bytes, or another request has resumed it: \

@@ -56,10 +56,12 @@ pub(super) struct Webhooks {
 /// and not always in order: the one with the higher `seq` is newer.
 ///
 /// Every answer except 2xx is retried after 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 14 h, 20 h and 24 h; 410
-/// disables the webhook until a test or a retry of a delivery. Redirects are not followed. While 1000
-/// messages wait, further changes stay in the feed, which keeps only the newest change of each resource. A
-/// receiver without answers for three days reads `/v1/changes` from its own cursor; after 30 days from the
-/// beginning.
+/// disables the webhook until a test or a retry of a delivery. Redirects are not followed. A
+/// `Retry-After` in seconds lengthens the pause, to at most 24 h. With 1000 pending messages, new ones are
+/// delayed until the queue is shorter; the feed keeps only the newest change of each resource. A receiver
+/// without answers for three days reads `/v1/changes` from its own cursor; after 30 days from the beginning.
+///
+/// A repeated request makes another webhook: after a lost answer, list the webhooks and delete the unknown one.
 #[utoipa::path(post, path = "/v1/webhooks", tag = "webhooks", request_body = WebhookBody,
     responses(
         (status = 201, description = "The webhook and its secret", body = NewWebhook,

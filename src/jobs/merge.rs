@@ -283,8 +283,8 @@ fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeErro
     Ok(new)
 }
 
-/// Takes what the clips looked through in the tiles of a level that were made anew. A level without such a tile still
-/// has the times of its clips: a correction must not erase them from the history of the objects.
+/// Removes and returns the observations of the changed tiles of a level. For a level without a changed tile it returns only
+/// the times of the clips: a correction must not erase them from the history of the objects.
 fn looked_through(
     looked: &mut BTreeMap<LevelName, LookedThrough>,
     level: LevelName,

@@ -172,8 +172,9 @@ impl Queue {
             Some(after) if after < last => self.storage.changed_homes(after).await?,
             // Nobody read the feed before, or the database was restored from a copy.
             _ => {
-                tenants.iter().for_each(|tenant| self.watched_tenants.tell(tenant));
-                homes
+                // Those that came while the position was read are told, too.
+                self.watched_tenants.list().iter().for_each(|tenant| self.watched_tenants.tell(tenant));
+                self.watched_homes.list()
             }
         };
         changed.iter().for_each(|home| self.watched_homes.tell(home));

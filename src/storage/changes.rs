@@ -9,6 +9,10 @@
 //! reader at a time. A number is therefore higher than all that were assigned before, and lower than all
 //! later ones.
 
+mod position;
+
+pub use position::FeedPosition;
+
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, Tenant};
@@ -38,9 +42,9 @@ pub(super) const CHANGED_HOMES: &str = "SELECT home_id FROM changes WHERE seq > 
 pub enum ChangeKind {
     /// The home was made, renamed, or removed with everything in it.
     Home,
-    /// The home's LiDAR map has a new revision.
+    /// The home's LiDAR map has a new revision, or a level was removed.
     LidarMap,
-    /// The clip is new, or its state, placement or choice changed, or it was removed.
+    /// The clip is new, or its state, placement, choice or title changed, or it was removed.
     Clip,
     /// The home's fused map has a new revision.
     Map,
@@ -74,7 +78,7 @@ pub struct Change {
 /// Position of a reader in the feed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChangesCursor {
-    seq: i64,
+    position: FeedPosition,
     /// Whole hour in which the reader last reached the end of the feed, or started: it knows all earlier deletions.
     knows_until: Timestamp,
 }
@@ -91,7 +95,7 @@ pub struct Changes {
 
 impl fmt::Display for ChangesCursor {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}.{}", self.seq, self.knows_until.as_millisecond())
+        write!(formatter, "{}.{}", self.knows_until.as_millisecond(), self.position)
     }
 }
 
@@ -99,11 +103,14 @@ impl FromStr for ChangesCursor {
     type Err = ();
 
     fn from_str(text: &str) -> Result<ChangesCursor, ()> {
-        let (seq, knows_until) = text.split_once('.').ok_or(())?;
-        let seq = seq.parse().ok().filter(|seq| *seq >= 0).ok_or(())?;
+        let (knows_until, position) = match text.split_once('.').ok_or(())? {
+            (knows_until, position) if position.contains('.') => (knows_until, position.parse()?),
+            // As earlier versions wrote it.
+            (seq, knows_until) => (knows_until, seq.parse()?),
+        };
         let knows_until =
             Timestamp::from_millisecond(knows_until.parse().map_err(|_| ())?).map_err(|_| ())?;
-        Ok(ChangesCursor { seq, knows_until })
+        Ok(ChangesCursor { position, knows_until })
     }
 }
 
@@ -138,30 +145,31 @@ impl Storage {
     ) -> Result<Changes, StorageError> {
         self.number_changes().await?;
         let hour = whole_hour(now);
-        let after = after.unwrap_or(ChangesCursor { seq: 0, knows_until: hour });
         let mut snapshot = self.database.snapshot().await?;
-        let last = query("SELECT last_seq FROM change_counter").fetch_one(&mut snapshot).await?;
-        // A number that was not assigned yet comes from before the database was restored from a copy.
+        let end = position::end(&mut snapshot).await?;
+        let begin = || ChangesCursor { position: end.at(0), knows_until: hour };
+        let after = after.unwrap_or_else(begin);
         // The last read was somewhere in that hour.
         if now.duration_since(after.knows_until) >= CURSOR_LIFE + HOUR
-            || after.seq > last.number("last_seq")?
+            || !after.position.is_of_past(&mut snapshot).await?
         {
             return Err(StorageError::CursorExpired);
         }
         let rows = query("SELECT * FROM changes WHERE tenant = $1 AND seq > $2 ORDER BY seq LIMIT $3")
             .bind(tenant.name())
-            .bind(after.seq)
+            .bind(after.position.seq)
             .bind(i64::from(limit) + 1)
             .fetch_all(&mut snapshot)
             .await?;
         let more = rows.len() > limit as usize;
         let items = rows.iter().take(limit as usize).map(from_row).collect::<Result<Vec<Change>, _>>()?;
-        let seq = items.last().map_or(after.seq, |change| change.seq);
+        let seq = items.last().map_or(after.position.seq, |change| change.seq);
         let knows_until = if more { after.knows_until } else { after.knows_until.max(hour) };
-        Ok(Changes { items, next: ChangesCursor { seq, knows_until }, more })
+        let next = ChangesCursor { position: end.at(seq), knows_until };
+        Ok(Changes { items, next, more })
     }
 
-    /// Returns the position of the feed's end, from which [`Storage::home_changes`] continues.
+    /// Returns the newest number of the feed, from which [`Storage::home_changes`] continues.
     pub async fn last_change(&self) -> Result<i64, StorageError> {
         self.number_changes().await?;
         let last = query("SELECT last_seq FROM change_counter");

@@ -5,7 +5,10 @@ use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS};
 use super::columns::{Columns, stored, to_json};
 use super::database::{Transaction, query};
-use super::{Clip, ClipState, FromEarlier, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
+use super::{
+    Clip, ClipState, FromEarlier, HomeId, LidarMapRevision, Storage, StorageError, clips, home_maps,
+    lidar_maps,
+};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
@@ -54,7 +57,7 @@ fn own_verdict(clip: &Clip) -> Verdict {
 
 impl Storage {
     /// Records a person's choice in place of the previous one, if the clip is as `expected`. The same choice again
-    /// changes nothing.
+    /// changes nothing, and is no error: its first answer may have been lost.
     pub async fn choose(
         &self,
         home: &HomeId,
@@ -65,32 +68,18 @@ impl Storage {
     ) -> Result<Clip, ChoiceError> {
         let mut transaction = self.database.begin().await?;
         let clip = clips::find_locked(&mut transaction, home, id).await?;
+        let maps = lidar_maps::levels(&mut transaction, home).await?;
+        let choice = choice_of(&clip, &maps, chosen, now);
+        let is_same =
+            |choice: &Choice| clip.choice.as_ref().is_some_and(|before| before.says_the_same(choice));
+        if choice.as_ref().is_ok_and(is_same) {
+            return Ok(clip);
+        }
         if !expected(&clip) {
             return Err(StorageError::Changed { what: "clip" }.into());
         }
-        let maps = lidar_maps::levels(&mut transaction, home).await?;
-        if maps.is_empty() {
-            return Err(StorageError::NoLidarMap.into());
-        }
-        let map_of =
-            |level| maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level));
-        let (level, map_from_clip, alternative) = match chosen {
-            Chosen::Alternative(index) => alternative(&clip, index)?,
-            Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),
-        };
-        let lidar_map_revision = map_of(level)?.revision;
-        let choice = Choice {
-            level,
-            map_from_clip,
-            alternative,
-            lidar_map_revision,
-            carried_from: None,
-            chosen_at: stored(now),
-        };
-        if clip.choice.as_ref().is_some_and(|before| before.says_the_same(&choice)) {
-            return Ok(clip);
-        }
-        let verdict = choice.over(own_verdict(&clip), clip.result_key.is_some(), lidar_map_revision);
+        let choice = choice?;
+        let verdict = choice.over(own_verdict(&clip), clip.result_key.is_some(), choice.lidar_map_revision);
         Ok(settle(transaction, &clip, Some(&choice), verdict, now).await?)
     }
 
@@ -105,11 +94,11 @@ impl Storage {
     ) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = clips::find_locked(&mut transaction, home, id).await?;
-        if !expected(&clip) {
-            return Err(StorageError::Changed { what: "clip" });
-        }
         if clip.choice.is_none() {
             return Ok(clip);
+        }
+        if !expected(&clip) {
+            return Err(StorageError::Changed { what: "clip" });
         }
         let verdict = own_verdict(&clip);
         settle(transaction, &clip, None, verdict, now).await
@@ -140,6 +129,26 @@ pub(super) async fn carry_over(
         }
     }
     Ok(())
+}
+
+/// Returns what a person chose, in the frame of the level's current LiDAR map.
+fn choice_of(
+    clip: &Clip,
+    maps: &[LidarMapRevision],
+    chosen: Chosen,
+    now: Timestamp,
+) -> Result<Choice, ChoiceError> {
+    if maps.is_empty() {
+        return Err(StorageError::NoLidarMap.into());
+    }
+    let map_of = |level| maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level));
+    let (level, map_from_clip, alternative) = match chosen {
+        Chosen::Alternative(index) => alternative(clip, index)?,
+        Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),
+    };
+    let lidar_map_revision = map_of(level)?.revision;
+    let (carried_from, chosen_at) = (None, stored(now));
+    Ok(Choice { level, map_from_clip, alternative, lidar_map_revision, carried_from, chosen_at })
 }
 
 fn alternative(clip: &Clip, index: u64) -> Result<(LevelName, Pose2, Option<u32>), ChoiceError> {

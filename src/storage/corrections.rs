@@ -95,7 +95,7 @@ impl Storage {
     }
 
     /// Corrects an object if its state is as `expected`; returns its new state. A change that changes nothing
-    /// is no correction.
+    /// is no correction, and no error: the answer to its first request may have been lost.
     pub async fn correct_object(
         &self,
         home: &HomeId,
@@ -112,9 +112,6 @@ impl Storage {
             }
             let kept = find(&mut transaction, home, "object", id).await?;
             let state = object_state(&current, kept, id)?;
-            if !expected(&state) {
-                return Err(CorrectionError::Changed { kind: "object", id: id.to_owned() });
-            }
             let seen = state.object.as_ref().map(seen);
             let before = state.kept.as_ref().map(|kept| kept.correction.clone());
             let Some(base) = before.clone().or_else(|| seen.clone().map(ObjectCorrection::of)) else {
@@ -125,6 +122,9 @@ impl Storage {
             if after == before {
                 return Ok(state);
             }
+            if !expected(&state) {
+                return Err(CorrectionError::Changed { kind: "object", id: id.to_owned() });
+            }
             let kept = write(&mut transaction, home, ("object", id), after, &current, now).await?;
             transaction.commit().await?;
             return Ok(ObjectState { object: state.object, kept });
@@ -132,7 +132,7 @@ impl Storage {
         Err(CorrectionError::Changed { kind: "object", id: id.to_owned() })
     }
 
-    /// Corrects a room if its state is as `expected`; returns its new state.
+    /// Corrects a room as [`Storage::correct_object`] does an object.
     pub async fn correct_room(
         &self,
         home: &HomeId,
@@ -150,17 +150,17 @@ impl Storage {
             }
             let kept = find(&mut transaction, home, "room", &key).await?;
             let state = room_state(&current, kept, id)?;
+            let before = state.kept.as_ref().map(|kept| kept.correction.clone());
+            let order = version(&mut transaction, home).await? + 1;
+            let after = corrected_room(&current, &state, change, order);
+            let after = after.map(|after| Some(after).filter(|after| !after.is_empty()));
+            if after.as_ref().is_ok_and(|after| *after == before) {
+                return Ok(state);
+            }
             if !expected(&state) {
                 return Err(CorrectionError::Changed { kind: "room", id: id.to_owned() });
             }
-            let before = state.kept.as_ref().map(|kept| kept.correction.clone());
-            let order = version(&mut transaction, home).await? + 1;
-            let after = corrected_room(&current, &state, change, order)?;
-            let after = Some(after).filter(|after| !after.is_empty());
-            if after == before {
-                return Ok(state);
-            }
-            let kept = write(&mut transaction, home, ("room", &key), after, &current, now).await?;
+            let kept = write(&mut transaction, home, ("room", &key), after?, &current, now).await?;
             transaction.commit().await?;
             return Ok(RoomState { room: state.room, kept });
         }

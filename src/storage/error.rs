@@ -62,9 +62,9 @@ pub enum StorageError {
         "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
     )]
     TenantFull { used: u64, limit: u64 },
-    #[error("no such home")]
+    #[error("the tenant has no home of this id; PUT /v1/homes/{{home}} makes one")]
     NoSuchHome,
-    #[error("no such clip")]
+    #[error("the home has no clip of this id; it may have been removed")]
     NoSuchClip,
     #[error("the home has no LiDAR map")]
     NoLidarMap,
@@ -76,11 +76,14 @@ pub enum StorageError {
     LastLevel,
     #[error("the {what} was changed since it was read; read it again")]
     Changed { what: &'static str },
-    #[error("no such webhook")]
+    #[error("the tenant has no webhook of this id; GET /v1/webhooks lists them")]
     NoSuchWebhook,
-    #[error("no such delivery")]
+    #[error("the webhook has no delivery of this id; its log lists those that are kept")]
     NoSuchDelivery,
-    #[error("the cursor is too old for what was deleted since to be told; begin again without one")]
+    #[error(
+        "the feed does not tell all that was removed since this cursor; begin again without `after`, and delete all that \
+         the new reading does not name"
+    )]
     CursorExpired,
 }
 

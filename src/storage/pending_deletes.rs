@@ -38,7 +38,7 @@ pub(super) async fn take_over(
     prefix: &str,
 ) -> Result<(), StorageError> {
     // A semicolon sorts right after a colon.
-    query("UPDATE doomed_blobs SET owner = $1 WHERE owner > $2 AND owner < $3")
+    query("UPDATE doomed_blobs SET owner = $1 WHERE owner >= $2 AND owner < $3")
         .bind(owner)
         .bind(format!("{prefix}:"))
         .bind(format!("{prefix};"))

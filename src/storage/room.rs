@@ -7,7 +7,7 @@ use super::database::{Connection, Transaction, query};
 /// The room of a new file among its tenant's files.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Room {
-    /// Its upload has it already.
+    /// Its upload was counted already. Concurrent uploads of deferred length may exceed the limit.
     Taken,
     /// `max_bytes` is the limit of a tenant without one of its own; `None` means unlimited.
     Needed { max_bytes: Option<u64> },

@@ -21,6 +21,10 @@ impl Storage {
 
     async fn check_contents(&self) -> Result<(), StorageError> {
         self.compare_blobs().await?;
+        if let Err(error) = self.begin_epoch(Timestamp::now()).await {
+            // A full disk must not keep the service from being read.
+            tracing::warn!(%error, "if the database was restored, readers of the changes may miss some");
+        }
         self.fill_searches().await?;
         self.seal_secrets().await
     }

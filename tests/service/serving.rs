@@ -225,7 +225,7 @@ async fn metrics_and_readiness_are_for_operators() {
     let server = Process::serve_logged(&data, &log, &["--admin-listen", "127.0.0.1:0"]);
     let operators = Client::new(format!("http://{}", admin_address(&log).await));
     for path in ["/readyz", "/metrics"] {
-        server.client.get(path).await.problem(401, "key-missing");
+        server.client.get(path).await.problem(404, "route-not-found");
         assert_eq!(operators.get(path).await.status, 200, "{path}");
     }
     server.client.get("/healthz").await.ok(200);

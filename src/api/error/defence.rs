@@ -25,7 +25,7 @@ pub(in crate::api) enum Defence {
     TooManyFailures { wait: Duration },
     #[error("other files are being read, and none of them ended within {} s; send the file again later", .wait.as_secs_f64())]
     ReadersBusy { wait: Duration },
-    #[error("other files are being made, and none of them ended within {} s; ask again later", .wait.as_secs_f64())]
+    #[error("other files are being made or sent, and none of them ended within {} s; ask again later", .wait.as_secs_f64())]
     MakersBusy { wait: Duration },
     #[error("reading the file took longer than {} s; send the recording in parts", .limit.as_secs_f64())]
     TookTooLong { limit: Duration },

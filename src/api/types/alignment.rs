@@ -102,8 +102,10 @@ answer! {
     /// device's own pose of that frame.
     struct ReferenceCamera from viola_align::ReferenceCamera {
         /// Number of the frame in the clip.
+        #[schema(example = 0)]
         frame: u32,
         /// Pose of the camera (x right, y down, z forward) in the clip frame, row by row; translation in metres.
+        #[schema(example = json!([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.45], [0.0, 0.0, 0.0, 1.0]]))]
         clip_from_camera: [[f64; 4]; 4],
     }
 }

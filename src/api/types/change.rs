@@ -11,9 +11,9 @@ answer! {
     enum ChangeKind from crate::storage::ChangeKind {
         /// The home was made, renamed, or removed with everything in it.
         Home,
-        /// The home's LiDAR map has a new revision.
+        /// The home's LiDAR map has a new revision, or a level was removed.
         LidarMap,
-        /// The clip is new, or its state, placement or choice changed, or it was removed.
+        /// The clip is new, or its state, placement, choice or title changed, or it was removed.
         Clip,
         /// The home's fused map has a new revision.
         Map,
@@ -34,7 +34,8 @@ answer! {
         /// Id of the clip, for kind `clip`.
         #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
         clip: Option<Uuid>,
-        /// Current revision, for kinds `lidar_map`, `map` and `objects`.
+        /// Current revision, for kinds `lidar_map`, `map` and `objects`. After the removal of a level, that of `lidar_map` is the
+        /// newest of the other levels, and may be the same as before.
         revision: Option<i64>,
         /// State of the clip, for kind `clip`; null if it was removed.
         state: Option<ClipState>,

@@ -16,7 +16,7 @@ use uuid::Uuid;
 const PAUSE: Duration = Duration::from_secs(10);
 
 /// Delay after an attempt whose fault may be the service's or the file's: each may take minutes of a reader.
-const LONG_PAUSE: Duration = Duration::from_mins(10);
+const LONG_PAUSE: Duration = Duration::from_mins(5);
 
 /// Timeout and polling interval of a request while another one, or the cleaner, makes the clip.
 const MAX_WAIT: Duration = Duration::from_secs(15);
@@ -102,7 +102,7 @@ pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
                     storage.give_back_upload(&claim, after, now).await?;
                     // The client must not take the error for a refusal, and send all bytes again.
                     Err(if error.is_refusal() {
-                        UploadRefusal::Waits(error.to_string()).into()
+                        UploadRefusal::Waits { cause: error.to_string(), pause: after }.into()
                     } else {
                         error
                     })
@@ -179,6 +179,8 @@ mod tests {
         for (error, is_old, expected) in cases {
             assert_eq!(Next::after(&error, is_old), *expected, "{error}, {is_old}");
         }
-        assert!(!Error::from(UploadRefusal::Waits(slow().to_string())).is_refusal());
+        assert!(
+            !Error::from(UploadRefusal::Waits { cause: slow().to_string(), pause: LONG_PAUSE }).is_refusal()
+        );
     }
 }

@@ -3,6 +3,7 @@
 use crate::api::error::Error;
 use crate::storage::UploadError;
 use axum::http::StatusCode;
+use std::time::Duration;
 
 #[derive(Debug, thiserror::Error)]
 pub(in crate::api) enum UploadRefusal {
@@ -21,8 +22,10 @@ pub(in crate::api) enum UploadRefusal {
     #[error("the process that opened this file died; the file is damaged, or made to do so")]
     Unreadable,
     /// The attempt failed for this cause, for which the service may be at fault.
-    #[error("the complete upload waits to be made a clip: {0}")]
-    Waits(String),
+    #[error(
+        "the file is complete, but could not be opened yet; do not send it again, the service retries: {cause}"
+    )]
+    Waits { cause: String, pause: Duration },
 }
 
 impl From<UploadError> for Error {
@@ -56,7 +59,7 @@ impl UploadRefusal {
                 (status, "checksum_mismatch", "The body was damaged on its way")
             }
             UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
-            UploadRefusal::Waits(_) => {
+            UploadRefusal::Waits { .. } => {
                 (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
             }
             UploadRefusal::Unreadable => {

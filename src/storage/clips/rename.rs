@@ -19,11 +19,11 @@ impl Storage {
     ) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = find_locked(&mut transaction, home, id).await?;
-        if !expected(&clip) {
-            return Err(StorageError::Changed { what: "clip" });
-        }
         if clip.title.as_deref() == title {
             return Ok(clip);
+        }
+        if !expected(&clip) {
+            return Err(StorageError::Changed { what: "clip" });
         }
         query("UPDATE clips SET title = $2, updated_at = $3 WHERE id = $1")
             .bind(id.to_string())

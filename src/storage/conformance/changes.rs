@@ -14,6 +14,7 @@ on_every_back_end!(
     what_was_not_committed_is_not_told,
     what_was_deleted_is_told_for_a_month,
     a_cursor_ends_where_deletions_may_be_missed,
+    a_restored_database_is_told_from_the_one_before,
     a_page_without_news_stays_the_same_for_an_hour,
     a_feed_begins_with_what_was_there_before_it,
     homes_that_changed_are_named,
@@ -260,15 +261,77 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     assert!(kept_up.items.is_empty() && !expired(kept_up.next, 50 * DAY_S).await);
     // A number that this database never assigned.
     let text = end.next.to_string();
-    let (seq, time) = text.split_once('.').unwrap();
-    let ahead = format!("{}.{time}", seq.parse::<i64>().unwrap() + 1);
+    let [time, seq, epoch] = text.split('.').collect::<Vec<_>>()[..] else { panic!("{text}") };
+    let ahead = format!("{time}.{}.{epoch}", seq.parse::<i64>().unwrap() + 1);
     assert!(expired(ahead.parse().unwrap(), 10).await);
     assert_eq!(text.parse::<ChangesCursor>(), Ok(end.next));
-    for bad in
-        ["", ".", "1", "1.", ".1", "-1.0", "1.x", "x.1", "1.9223372036854775807", "9223372036854775808.1"]
-    {
+    // As earlier versions wrote it, of a time before the first start of this one.
+    assert!(!expired(format!("0.{time}").parse().unwrap(), 10).await);
+    for bad in [
+        "",
+        ".",
+        "1",
+        "1.",
+        ".1",
+        "-1.0",
+        "1.x",
+        "x.1",
+        "1.9223372036854775807",
+        "9223372036854775808.1",
+        "1.1.",
+        "1..1",
+        "1.1.x",
+        "1.1.1.1",
+    ] {
         assert_eq!(bad.parse::<ChangesCursor>(), Err(()), "{bad}");
     }
+}
+
+/// The copy was made after the first home. The processes start anew on it, and number other changes as the lost ones.
+async fn a_restored_database_is_told_from_the_one_before(storage: Storage) {
+    let put = |id: &'static str| {
+        let storage = &storage;
+        async move { storage.put_home(&home(id), None, |_| true, at(0)).await.unwrap() }
+    };
+    let home_seen = |text: String| {
+        let storage = &storage;
+        async move { storage.home_position(Some(text.parse().unwrap())).await.unwrap().seq }
+    };
+    put("kept").await;
+    let kept = part(&storage, None, 9, 0).await;
+    storage.begin_epoch(at(1)).await.unwrap();
+    assert!(part(&storage, Some(kept.next), 9, 1).await.items.is_empty());
+    let watched = storage.home_position(None).await.unwrap();
+
+    put("lost").await;
+    let lost = part(&storage, Some(kept.next), 9, 1).await;
+    let lost_watched = watched.at(watched.seq + 1).to_string();
+    assert_eq!(home_seen(lost_watched.clone()).await, watched.seq + 1);
+    storage.begin_epoch(at(2)).await.unwrap();
+    let lost_later = part(&storage, Some(lost.next), 9, 2).await;
+
+    let mut transaction = storage.database.begin().await.unwrap();
+    for undo in [
+        "DELETE FROM homes WHERE id LIKE '%lost'",
+        "DELETE FROM changes WHERE home_id LIKE '%lost'",
+        "UPDATE change_counter SET last_seq = last_seq - 1",
+        "DELETE FROM feed_epochs WHERE begun_at = 1800000002000",
+    ] {
+        assert_eq!(query(undo).execute(&mut transaction).await.unwrap(), 1, "{undo}");
+    }
+    transaction.commit().await.unwrap();
+    storage.begin_epoch(at(3)).await.unwrap();
+    for id in ["new", "newer"] {
+        put(id).await;
+    }
+    let news = part(&storage, Some(kept.next), 9, 3).await.items;
+    assert_eq!(news.iter().map(shown).collect::<Vec<_>>(), ["new home", "newer home"]);
+    for cursor in [lost.next, lost_later.next] {
+        let read = storage.changes(&Tenant::default(), Some(cursor), 9, at(3)).await;
+        assert!(matches!(read, Err(StorageError::CursorExpired)), "{cursor}");
+    }
+    assert_eq!(home_seen(lost_watched).await, 0);
+    assert_eq!(home_seen(watched.to_string()).await, watched.seq);
 }
 
 /// Its text has an entity tag, which a reader sends back; the cursor in it names the hour.

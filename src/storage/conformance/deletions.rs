@@ -10,6 +10,7 @@ on_every_back_end!(
     one_pass_finishes_all_deletions,
     a_deletion_is_of_the_resource_as_it_was_read,
     files_that_a_change_replaces_are_deleted_once_the_store_works,
+    a_home_is_removed_with_the_files_that_its_maps_left,
 );
 
 /// Creates a home with a map, a clip with results, and an unfinished upload.
@@ -198,4 +199,29 @@ async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut stora
     let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
     let left: Vec<_> = blobs.iter().filter(|key| !rows.contains(*key)).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let repair = removals_fail(&mut storage);
+    // More revisions than are kept.
+    for n in 0..7u8 {
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 200).await.expect("the home is due");
+        assert!(finish(&storage, &claim, &[n], 200).await);
+        storage.align_clip(&home, clip.id, at(100)).await.unwrap();
+    }
+    assert!(pending_of_maps(&storage).await > 0);
+    assert!(storage.delete_home(&home, |_| true, at(300)).await.is_err());
+    repair();
+    storage.delete_home(&home, |_| true, at(301)).await.unwrap();
+    assert_eq!(pending_of_maps(&storage).await, 0);
+}
+
+async fn pending_of_maps(storage: &Storage) -> u64 {
+    use crate::storage::columns::Columns;
+    let pending = crate::storage::database::query(
+        "SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE 'home-map:%'",
+    );
+    pending.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()
 }

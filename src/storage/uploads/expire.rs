@@ -45,8 +45,8 @@ impl Storage {
                     .await?;
             }
             pending_deletes::add(&mut transaction, OWNER, &keys, now).await?;
+            // The cleaner finishes the deletions.
             transaction.commit().await?;
-            self.discard_pending(OWNER, &keys).await;
             expired += rows.len() as u64;
             if (rows.len() as i64) < BATCH {
                 return Ok(expired);
