@@ -48,7 +48,7 @@ mod uploads;
 mod webhooks;
 
 pub use blobs::{BlobParts, BlobPlace, BlobReader, LocalFile, S3Params};
-pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
+pub use changes::{Change, ChangeKind, Changes, ChangesCursor, FeedPosition};
 pub use choice::Choice;
 pub use choices::{ChoiceError, Chosen};
 pub use clip_list::ClipFilter;
