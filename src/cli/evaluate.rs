@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 use viola_align::{AlignParams, MadeBy};
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{
-    self, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene, SceneClips,
-    Suite, SurveyParams,
+    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
+    SceneClips, Suite, SurveyParams,
 };
 use viola_lab::simulate::{ClipParams, Sensor, Set};
 use viola_reconstruct::TrackParams;
@@ -209,29 +209,34 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let results = run.results(&Silent, &|result| steps.advance(&report::line(result)))?;
     drop(steps);
     if let Some(path) = &arguments.fit {
-        let fitted_to = format!(
-            "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
-            arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
-            arguments.seeds,
-            arguments.lengths(),
-            results.len()
-        );
-        let made_by = MadeBy {
-            command: std::env::args().collect::<Vec<_>>().join(" "),
-            fitted_to,
-            commit: commit(),
-            note: None,
-        };
-        let model = evaluate::fit(&results, made_by)
-            .context("the probability cannot be fitted: the results are all right or all wrong")?;
-        fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        fit(arguments, &results, path)?;
     }
     let left_out = run.left_out(&results);
     if results.is_empty() {
         bail!("none of the {left_out} clips has a true pose");
     }
     report::write_all(arguments, workers, &observe.label.networks(), &results, left_out)
+}
+
+/// Fits the model to the results and writes it.
+fn fit(arguments: &EvaluateArguments, results: &[ClipResult], path: &Path) -> Result<()> {
+    let fitted_to = format!(
+        "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
+        arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
+        arguments.seeds,
+        arguments.lengths(),
+        results.len()
+    );
+    let made_by = MadeBy {
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+        fitted_to,
+        commit: commit(),
+        note: None,
+    };
+    let model = evaluate::fit(results, made_by)
+        .context("the probability cannot be fitted: the results are all right or all wrong")?;
+    fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
