@@ -260,6 +260,8 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
         assert!(matches!(storage.living_upload(gone, at(end)).await, Err(UploadError::NotFound)));
     }
     assert_eq!(storage.living_upload(arrived, at(99 * HOUR)).await.unwrap().received_bytes, 5);
+    // The cleaner calls both.
+    storage.finish_deletions().await.unwrap();
     assert_eq!(storage.blobs_that_exist().await.len(), 1);
     // More than one transaction removes.
     for _ in 0..150 {

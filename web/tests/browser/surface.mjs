@@ -89,7 +89,11 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
   async function namesDoNotCollide() {
     for (const view of ["3d", "2d"]) {
       await page.locator(`label:has(#view-${view})`).click();
-      if (view === "3d") await isDrawn();
+      if (view === "3d") {
+        // A step before may have left the view at one room.
+        await page.getByRole("button", { name: "Fit" }).click();
+        await isDrawn();
+      }
       const boxes = await page.evaluate((selector) => [...document.querySelectorAll(selector)]
         .map((name) => ({ text: name.textContent, box: name.getBoundingClientRect().toJSON() }))
         .filter(({ box }) => box.width > 0), view === "3d" ? ".stage-3d .name" : "svg.plan text");
