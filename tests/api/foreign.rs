@@ -79,17 +79,17 @@ async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
     merged(&server, &home, &[&clip["id"]]).await;
     // The first bytes are those of the formats' specifications.
     for (path, media_type, name, begin) in [
-        ("map/points?format=e57", "model/e57", "e57", &b"ASTM-E57"[..]),
-        ("map/points?format=laz", "application/vnd.laszip", "laz", b"LASF"),
-        ("map/recording", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
-        ("map/recording?format=mcap&level=main", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
+        ("map/points?format=e57", "model/e57", "points.e57", &b"ASTM-E57"[..]),
+        ("map/points?format=laz", "application/vnd.laszip", "points.laz", b"LASF"),
+        ("map/recording", "application/vnd.mcap", "recording.mcap", b"\x89MCAP0\r\n"),
+        ("map/recording?format=mcap&level=main", "application/vnd.mcap", "recording.mcap", b"\x89MCAP0\r\n"),
     ] {
         let path = format!("{home}/{path}");
         let answer = server.get(&path).await;
         assert_eq!((answer.status, answer.header("content-type")), (200, media_type), "{path}");
         assert!(answer.bytes.starts_with(begin), "{path}");
         assert_eq!(answer.header("content-length"), answer.bytes.len().to_string(), "{path}");
-        assert!(answer.header("content-disposition").ends_with(&format!(".{name}\"")), "{path}");
+        assert!(answer.header("content-disposition").ends_with(&format!("-{name}\"")), "{path}");
         let tag = answer.header("etag").to_owned();
         let known = server.request(Method::GET, &path).header("if-none-match", &tag);
         assert_eq!(server.send(known).await.status, 304, "{path}");
