@@ -4,7 +4,7 @@ use super::assemble::Tile;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
 use super::objects::{Object, ObjectsParams, objects};
-use super::plan::{Plan, plan};
+use super::plan::{Plan, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
@@ -32,12 +32,13 @@ pub fn describe_revised(
     revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>),
 ) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
-    let mut rooms = rooms(lidar, &points);
+    let found = rooms(lidar, &points);
+    let mut rooms = found.clone();
     let mut objects = objects(&points, &rooms, &ObjectsParams::default());
     revise(&mut rooms, &mut objects);
     Description {
         coverage: coverage(lidar, &points, &rooms),
-        plan: plan(lidar, &points, &rooms, &objects),
+        plan: plan_of_corrected(lidar, &points, &found, &rooms, &objects),
         rooms,
         objects,
     }

@@ -22,6 +22,7 @@ pub use known::{KnownObject, MIN_MOVE_M};
 pub use stated::{Stated, Statement};
 
 use super::assemble::LookedThrough;
+use super::level_ids::{on_level, own_part};
 use super::objects::{Object, UprightBox};
 use super::rooms::{Room, RoomSource};
 use assignment::{Candidate, best_pairs};
@@ -38,19 +39,6 @@ const REMEMBERED: u32 = 5;
 const MAX_MISSING: usize = 500;
 /// Name of the counter of computed rooms. No class has it.
 const ROOM_NUMBERS: &str = "room";
-
-/// Stands between the name of a level other than `main` and the rest of an id. Names of levels do not have it.
-const AFTER_LEVEL: char = '~';
-
-/// Returns the level of an object's or a room's id.
-pub fn level_of_id(id: &str) -> LevelName {
-    id.split_once(AFTER_LEVEL).and_then(|(level, _)| level.parse().ok()).unwrap_or_default()
-}
-
-/// Returns an id without its level.
-fn own_part(id: &str) -> &str {
-    id.split_once(AFTER_LEVEL).map_or(id, |(_, own)| own)
-}
 
 /// A room that had an id, where it was last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -158,7 +146,7 @@ impl History {
         for (object, id) in named.collect::<Vec<_>>() {
             let id = id.unwrap_or_else(|| {
                 let number = self.next_number(object.class.name());
-                self.on_level(format!("{}-{number}", object.class.name()))
+                on_level(self.level, format!("{}-{number}", object.class.name()))
             });
             objects.push(Object { id, ..object });
         }
@@ -183,11 +171,11 @@ impl History {
         let mut renamed = BTreeMap::new();
         for (room, id) in rooms.iter_mut().zip(ids) {
             let id = match (room.source, id) {
-                (RoomSource::LidarMap, _) => self.on_level(room.id.clone()),
+                (RoomSource::LidarMap, _) => on_level(self.level, room.id.clone()),
                 (RoomSource::Computed, Some(id)) => id,
                 (RoomSource::Computed, None) => {
                     let number = self.next_number(ROOM_NUMBERS);
-                    self.on_level(number.to_string())
+                    on_level(self.level, number.to_string())
                 }
             };
             renamed.insert(std::mem::replace(&mut room.id, id.clone()), id);
@@ -212,11 +200,6 @@ impl History {
             let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
             self.objects.push(KnownObject::found(id.clone(), class, &statement.bounds));
         }
-    }
-
-    /// Returns the id in the home of an id on this level.
-    fn on_level(&self, id: String) -> String {
-        if self.level.is_main() { id } else { format!("{}{AFTER_LEVEL}{id}", self.level) }
     }
 
     fn next_number(&mut self, of: &str) -> u32 {

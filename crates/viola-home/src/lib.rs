@@ -13,6 +13,7 @@ mod frame_pictures;
 mod identity;
 mod info;
 mod lettering;
+mod level_ids;
 mod light;
 mod map_point;
 mod mesh;
@@ -46,10 +47,11 @@ pub use features::{features_bytes, read_features};
 pub use frame_pictures::{FramePictures, frame_pictures};
 pub use identity::{
     History, KnownObject, KnownPoint, MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, Stated,
-    Statement, level_of_id, map_from_earlier, object_changes,
+    Statement, map_from_earlier, object_changes,
 };
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
+pub use level_ids::level_of_id;
 pub use map_point::MapPoint;
 pub use mesh::{MESH_TRIANGLES, Mesh, MeshObject};
 pub use objects::{

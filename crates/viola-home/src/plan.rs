@@ -16,6 +16,7 @@ mod gaps;
 mod geojson;
 mod islands;
 mod masonry;
+mod merges;
 mod model;
 mod oblique;
 mod page;
@@ -36,6 +37,7 @@ use super::rooms::outline::Outline;
 use super::rooms::space::Space;
 use cells::Cells;
 use evidence::Evidence;
+use merges::Merges;
 use spaces::Spaces;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Point2;
@@ -49,6 +51,17 @@ pub use page::svg::{plan_png, plan_svg};
 
 /// Returns the plan of a home. `points` is its fused map; it may be empty.
 pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
+    plan_of_corrected(lidar, points, rooms, rooms, objects)
+}
+
+/// Returns the plan of a home whose rooms people may have merged. `found` are the rooms before that.
+pub(super) fn plan_of_corrected(
+    lidar: &LidarMap,
+    points: &[MapPoint],
+    found: &[Room],
+    rooms: &[Room],
+    objects: &[Object],
+) -> Plan {
     let space = Space::reaching(lidar, points);
     let map_from_plan = direction::map_from_plan(lidar, points);
     let evidence = Evidence::new(map_from_plan, &space, points, rooms);
@@ -60,7 +73,8 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
     let mut cells = Cells::new(&evidence, &faces, &oblique, rooms);
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
-    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, rooms);
+    let merges = Merges::new(found, rooms);
+    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, rooms, &merges);
     let mut outlines = shape::outlines(&cells, &spaces);
     let sides = straighten::straighten(&mut outlines, &oblique);
     let mut walls = shape::walls(&cells, &spaces, &outlines);

@@ -8,6 +8,7 @@ pub(super) mod space;
 
 pub use edit::{merged, split};
 
+use super::level_ids::own_part;
 use super::map_point::MapPoint;
 use outline::{Outline, contains, distance_m};
 use partition::MIN_AREA_M2;
@@ -66,6 +67,11 @@ impl Room {
 }
 
 impl Room {
+    /// Returns the room's name in what people read.
+    pub fn title(&self) -> String {
+        title(self.name.as_deref(), Some(&self.id))
+    }
+
     pub fn contains(&self, point: &Point2) -> bool {
         contains(&self.polygon_m, point) && !self.holes_m.iter().any(|hole| contains(hole, point))
     }
@@ -73,6 +79,16 @@ impl Room {
     /// Returns the distance from a point to the outer ring; 0 inside.
     pub fn distance_m(&self, point: &Point2) -> f64 {
         if contains(&self.polygon_m, point) { 0.0 } else { distance_m(&self.polygon_m, point) }
+    }
+}
+
+/// Returns a room's name. A room without a name is `Room` and its id, without the level before it.
+pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
+    let is_shown = |name: &&str| name.chars().any(|letter| !letter.is_control() && !letter.is_whitespace());
+    match (name.filter(is_shown), id) {
+        (Some(name), _) => name.to_owned(),
+        (None, Some(id)) => format!("Room {}", own_part(id)),
+        (None, None) => "Room".to_owned(),
     }
 }
 

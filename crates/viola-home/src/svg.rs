@@ -2,7 +2,7 @@
 
 use notosans::{BOLD_TTF, REGULAR_TTF};
 use resvg::tiny_skia::{Pixmap, Transform};
-use resvg::usvg::{Options, Tree, fontdb};
+use resvg::usvg::{GlyphId, Group, Node, Options, Tree, fontdb};
 use std::sync::{Arc, LazyLock};
 
 /// Name of the font in the binary. Browsers that lack it use the others.
@@ -22,6 +22,27 @@ static FONTS: LazyLock<Arc<fontdb::Database>> = LazyLock::new(|| {
 pub fn parse(svg: &str) -> Tree {
     let options = Options { fontdb: FONTS.clone(), ..Options::default() };
     Tree::from_str(svg, &options).expect("our own SVG parses")
+}
+
+/// Returns whether the fonts in the binary have all letters of a text. They have those of Latin, Greek and Cyrillic.
+pub fn has_letters(words: &str) -> bool {
+    fn is_whole(group: &Group) -> bool {
+        group.children().iter().all(|node| match node {
+            Node::Group(group) => is_whole(group),
+            Node::Text(text) => {
+                let mut glyphs = text.layouted().iter().flat_map(|span| &span.positioned_glyphs);
+                // Glyph 0 is the box of a missing letter.
+                glyphs.all(|glyph| glyph.id != GlyphId(0))
+            }
+            Node::Path(_) | Node::Image(_) => true,
+        })
+    }
+    let svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\" font-family=\"{FONT_FAMILY}\">\
+         <text>{}</text></svg>",
+        escape(words)
+    );
+    is_whole(parse(&svg).root())
 }
 
 /// Renders `svg` with `px_per_unit` pixels for each of its units.
@@ -57,4 +78,30 @@ pub fn escape(text: &str) -> String {
 
 pub fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_that_the_fonts_lack_are_known() {
+        for words in [
+            "",
+            "K\u{fc}che 2",
+            "\u{41a}\u{443}\u{445}\u{43d}\u{44f}",
+            "\u{39a}\u{3bf}\u{3c5}\u{3b6}\u{3af}\u{3bd}\u{3b1}",
+            "<&>\n",
+        ] {
+            assert!(has_letters(words), "{words}");
+        }
+        for words in [
+            "\u{53a8}\u{623f}",
+            "\u{30ea}\u{30d3}\u{30f3}\u{30b0}",
+            "Bad \u{1f6c1}",
+            "\u{645}\u{637}\u{628}\u{62e}",
+        ] {
+            assert!(!has_letters(words), "{words}");
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
+use super::points::file_name;
 use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
@@ -109,7 +110,7 @@ pub(in crate::api) async fn get_map_mesh(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let name = format!("{home}-{}.{}", map.revision, format.name());
+    let name = file_name(&home, map.revision, "mesh", level.level, format.name());
     let wanted = Wanted { home: &home, map: &map, level, format, budget };
     let answer = match wanted.made(&app).await? {
         Some(blob) => send(blob, format.media_type()),

@@ -17,9 +17,11 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
+use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
 
 /// The filter and the format of points.
@@ -161,7 +163,7 @@ pub(in crate::api) async fn get_map_points(
     let level = level(&map, of.level.as_deref())?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
-    let name = format!("{home}-{}.{}", map.revision, format.name());
+    let name = file_name(&home, map.revision, "points", level.level, format.name());
     let body = match format {
         Format::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
         Format::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
@@ -181,6 +183,18 @@ fn laz(out: File, points: Spool) -> io::Result<()> {
 
 fn e57(out: File, points: Spool) -> io::Result<()> {
     write_e57(out, points.id, points)
+}
+
+/// Returns the name under which a browser saves a file of one level: what it is, and the level unless that is `main`.
+pub(super) fn file_name(
+    home: impl Display,
+    revision: impl Display,
+    what: &str,
+    level: LevelName,
+    ending: &str,
+) -> String {
+    let level = if level.is_main() { String::new() } else { format!("-{level}") };
+    format!("{home}-{revision}-{what}{level}.{ending}")
 }
 
 /// A stream of points.
@@ -258,5 +272,18 @@ impl Points {
         let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
         self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn different_files_have_different_names() {
+        let name = |what, level: &str, ending| file_name("elm", 7, what, level.parse().unwrap(), ending);
+        assert_eq!(name("points", "main", "glb"), "elm-7-points.glb");
+        assert_eq!(name("mesh", "main", "glb"), "elm-7-mesh.glb");
+        assert_eq!(name("mesh", "upper", "glb"), "elm-7-mesh-upper.glb");
     }
 }

@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
 use super::made_file::{answer, make};
-use super::points::Points;
+use super::points::{Points, file_name};
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
@@ -84,7 +84,7 @@ pub(in crate::api) async fn get_map_recording(
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
     let points = Points { app, clips, filter: PointFilter::default() };
     let body = make([unsent, place], &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
-    let name = format!("{home}-{}.mcap", map.revision);
+    let name = file_name(&home, map.revision, "recording", level.level, "mcap");
     Ok(answer(body, MCAP, &name, &tag))
 }
 

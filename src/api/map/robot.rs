@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
+use super::points::file_name;
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send_made};
@@ -109,7 +110,14 @@ pub(in crate::api) async fn get_map_robot(
     };
     let bytes = apart(make).await?;
     let answer = send_made(bytes.into(), format.media_type(), unsent);
-    let name = format!("{home}-{}-{}.{}", map.revision, format.name(), format.ending());
+    let name = match levels {
+        // The other file of this format has all levels.
+        [one] if format == RobotFormat::Matter && map.levels.len() > 1 && one.level.is_main() => {
+            file_name(&home, map.revision, "matter-main", one.level, format.ending())
+        }
+        [one] => file_name(&home, map.revision, format.name(), one.level, format.ending()),
+        _ => file_name(&home, map.revision, format.name(), LevelName::MAIN, format.ending()),
+    };
     Ok(tagged(attachment(answer, &name), &tag))
 }
 

@@ -1,5 +1,6 @@
 //! The plan's plane, divided by the lines of all wall faces into cells; each is inside or outside the rooms.
 
+mod lines;
 mod refine;
 
 use super::cut::Graph;
@@ -8,24 +9,11 @@ use super::faces::Face;
 use super::islands;
 use super::oblique::{self, Oblique};
 use crate::rooms::Room;
+use lines::{SAME_LINE_M, WALL, lines};
 use viola_geometry::{GridFrame, Point2};
 
-/// Lines of faces nearer than this are one.
-const SAME_LINE_M: f64 = 0.02;
-/// Lines at ends of faces and between rooms are left out this near another line.
-const NEAR_LINE_M: f64 = 0.08;
-/// Lines at the stairs of oblique faces are left out this near another line.
-const STAIR_LINE_M: f64 = 0.03;
 /// Cells this near an oblique face are right behind or before it.
 const BESIDE_M: f64 = 0.15;
-/// Maximum lines of each axis.
-const MAX_LINES: usize = 300;
-/// Minimum evidence of a wall in a column.
-const WALL: f32 = 0.25;
-/// Shortest stretch without wall that gets lines of its own.
-const GAP_M: f64 = 0.4;
-/// The outside reaches this far.
-const MARGIN_M: f64 = 0.5;
 /// Wall up to the ceiling has another face this far behind the seen one, which counts as if this much of it was seen.
 const BACK_M: std::ops::RangeInclusive<f64> = 0.04..=0.3;
 const BACK: f64 = 0.6;
@@ -291,82 +279,6 @@ impl Cells {
             }
         }
     }
-}
-
-/// Returns the lines across an axis, in order.
-fn lines(axis: usize, evidence: &Evidence, faces: &[Face], oblique: &[Oblique], rooms: &[Room]) -> Vec<f64> {
-    let mut on_faces: Vec<&Face> = faces.iter().filter(|face| face.facing.axis == axis).collect();
-    on_faces.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.line_m.total_cmp(&b.line_m)));
-    let bounds = [evidence.low_m[axis] - MARGIN_M, evidence.high_m[axis] + MARGIN_M];
-    let mut lines = bounds.to_vec();
-    let mut add = |metres: f64, near_m: f64| {
-        let is_within = metres > bounds[0] && metres < bounds[1];
-        if is_within && lines.len() < MAX_LINES && lines.iter().all(|line| (line - metres).abs() > near_m) {
-            lines.push(metres);
-        }
-    };
-    on_faces.iter().for_each(|face| add(face.line_m, SAME_LINE_M));
-    oblique.iter().flat_map(Oblique::stairs).for_each(|corner| add(corner[axis], STAIR_LINE_M));
-    let across = faces.iter().filter(|face| face.facing.axis != axis);
-    across.flat_map(ends).for_each(|end| add(end, NEAR_LINE_M));
-    borders(axis, evidence, rooms).into_iter().for_each(|border| add(border, NEAR_LINE_M));
-    lines.sort_by(f64::total_cmp);
-    lines
-}
-
-/// Returns where a face ends, and where its gaps begin and end.
-fn ends(face: &Face) -> Vec<f64> {
-    let mut ends = vec![face.from_m, face.to_m];
-    let mut gap = 0usize;
-    for (place, seen) in face.cover.iter().enumerate() {
-        if *seen < WALL {
-            gap += 1;
-            continue;
-        }
-        if gap as f64 * face.along_m >= GAP_M {
-            ends.extend([place - gap, place].map(|place| face.from_m + place as f64 * face.along_m));
-        }
-        gap = 0;
-    }
-    ends
-}
-
-/// Returns the straight borders across an axis between given rooms that no wall divides.
-fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
-    const STEP_M: f64 = 0.05;
-    /// Rooms this near each other have a common border.
-    const REACH: i64 = 4;
-    /// Minimum length of a border, in steps.
-    const LEAST: usize = 10;
-    let mut places: std::collections::BTreeMap<(u32, u32), Vec<f64>> = std::collections::BTreeMap::new();
-    if rooms.len() < 2 {
-        return Vec::new();
-    }
-    let count =
-        |axis: usize| ((evidence.high_m[axis] - evidence.low_m[axis]) / STEP_M).min(2000.0) as i64 + 1;
-    for row in 0..count(1 - axis) {
-        let (mut last, mut last_at) = (0, i64::MIN);
-        for at in 0..count(axis) {
-            let mut p = [0.0; 2];
-            p[axis] = evidence.low_m[axis] + at as f64 * STEP_M;
-            p[1 - axis] = evidence.low_m[1 - axis] + row as f64 * STEP_M;
-            let point = Point2::from(p);
-            let room = evidence.room(&point);
-            if room == 0 {
-                continue;
-            }
-            if last != 0 && room != last && at - last_at <= REACH && evidence.is_open(&point) {
-                let middle_m = evidence.low_m[axis] + (at + last_at) as f64 / 2.0 * STEP_M;
-                places.entry((last.min(room), last.max(room))).or_default().push(middle_m);
-            }
-            (last, last_at) = (room, at);
-        }
-    }
-    let median = |mut places: Vec<f64>| {
-        places.sort_by(f64::total_cmp);
-        places[places.len() / 2]
-    };
-    places.into_values().filter(|places| places.len() >= LEAST).map(median).collect()
 }
 
 /// Returns the faces that look in a direction and stand on a line of cells.

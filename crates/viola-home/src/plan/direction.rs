@@ -16,7 +16,7 @@ const MIN_FUSED: usize = 300;
 const BIN_M: f64 = 0.02;
 const RASTER_BIN_M: f64 = 0.06;
 
-/// Returns the rotation of the upright plan into the map's frame, at most 45 degrees.
+/// Returns the rotation of the upright plan into the map's frame: from -45 degrees on, and less than 45.
 pub(super) fn map_from_plan(lidar: &LidarMap, points: &[MapPoint]) -> Pose2 {
     let mut seen = FxHashSet::default();
     let fused: Vec<Point2> = points
@@ -37,7 +37,9 @@ pub(super) fn map_from_plan(lidar: &LidarMap, points: &[MapPoint]) -> Pose2 {
     };
     let coarse = best(&mut (-45..45).map(f64::from), 2.0 * bin_m);
     let fine = best(&mut (-15..=15).map(|i| coarse + f64::from(i) * 0.1), bin_m);
-    Pose2::new(0.0, 0.0, fine.to_radians())
+    // The fine search reaches beyond the coarse one; a quarter turn gives the same axes.
+    let turn = (fine + 45.0).rem_euclid(90.0) - 45.0;
+    Pose2::new(0.0, 0.0, turn.to_radians())
 }
 
 /// Returns the sum of the squared profiles along both axes: largest if walls fall into few bins.

@@ -78,9 +78,8 @@ fn entities(plan: &Plan, out: &mut Dxf) {
     for room in &plan.rooms {
         out.polyline("ROOMS", &room.outline.ring_m, true);
         room.outline.holes_m.iter().for_each(|hole| out.polyline("ROOMS", hole, true));
-        let name = room.name.clone().or_else(|| room.id.as_ref().map(|id| format!("Room {id}")));
         let [x, y] = room.label_at_m;
-        out.text("ROOM_NAMES", [x, y], &name.unwrap_or_else(|| "Room".to_owned()));
+        out.text("ROOM_NAMES", [x, y], &room.title());
         out.text("ROOM_NAMES", [x, y - 1.6 * TEXT_M], &format!("{:.1} m2", room.area_m2));
     }
     for stroke in plan.furniture.iter().flat_map(strokes) {

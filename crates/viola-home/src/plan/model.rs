@@ -96,6 +96,11 @@ pub struct Furniture {
 }
 
 impl PlanRoom {
+    /// Returns the room's name in what people read.
+    pub fn title(&self) -> String {
+        crate::rooms::title(self.name.as_deref(), self.id.as_deref())
+    }
+
     /// Returns whether a point of the plan is in the room.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         let point = Point2::new(x, y);

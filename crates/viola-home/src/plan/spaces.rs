@@ -4,6 +4,7 @@ use super::cells::Cells;
 use super::evidence::Evidence;
 use super::faces::Face;
 use super::gaps::{Gap, gaps};
+use super::merges::Merges;
 use super::oblique::Oblique;
 use super::passages::{MIN_PART_M2, Passage, passages};
 use crate::corrections::is_divided;
@@ -28,20 +29,25 @@ pub(super) struct Spaces {
 
 impl Spaces {
     /// Rooms of the robot's software divide pieces without a wall between them, as do those that a person divided; other
-    /// computed ones only at narrow passages.
+    /// computed ones only at narrow passages. No doorway divides a room that people merged.
     pub fn new(
         cells: &mut Cells,
         evidence: &Evidence,
         faces: &[Face],
         oblique: &[Oblique],
         rooms: &[Room],
+        merges: &Merges,
     ) -> Spaces {
         let known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
         let is_kept_apart = |owner: u32| {
             let room = (owner as usize).checked_sub(1).and_then(|at| rooms.get(at));
             known || room.is_some_and(|room| is_divided(&room.id, rooms))
         };
-        let mut closed = closed(cells, evidence, faces, oblique);
+        let closed_in = |cells: &Cells| {
+            let gaps = gaps(cells, evidence, faces, oblique);
+            closed(cells, evidence, gaps, merges)
+        };
+        let mut closed = closed_in(cells);
         let mut pieces = pieces(cells, &closed);
         let mut found: Vec<Passage> = Vec::new();
         for _ in 0..if known { 0 } else { ROUNDS } {
@@ -51,7 +57,7 @@ impl Spaces {
             }
             more.iter().for_each(|passage| passage.refine(cells));
             found.extend(more);
-            closed = self::closed(cells, evidence, faces, oblique);
+            closed = closed_in(cells);
             closed.extend(found.iter().map(|passage| passage.gap(cells)));
             pieces = self::pieces(cells, &closed);
         }
@@ -85,11 +91,11 @@ impl Spaces {
     }
 }
 
-/// Returns the gaps that may divide rooms, without those in the cells of narrower ones.
-fn closed(cells: &Cells, evidence: &Evidence, faces: &[Face], oblique: &[Oblique]) -> Vec<Gap> {
+/// Returns those of all gaps, the narrowest first, that may divide rooms, without those in the cells of narrower ones.
+fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -> Vec<Gap> {
     let mut closed: Vec<Gap> = Vec::new();
     let mut taken = vec![false; cells.inside.len()];
-    for gap in gaps(cells, evidence, faces, oblique) {
+    for gap in gaps.into_iter().filter(|gap| !merges.hold(gap, evidence)) {
         let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
         if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {
             gap.cells.iter().for_each(|at| taken[*at] = true);
@@ -189,27 +195,34 @@ fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Ve
     (of_cell, order.iter().map(owner).collect())
 }
 
-/// Returns the region of each cell, since another room may lie between the parts of a given one. A part that is too small
-/// for a room belongs to the largest region beside it.
+/// Returns the region of each cell, since another room may lie between the parts of a given one. Parts that are too small
+/// for a room belong to the largest region beside them, the smallest part first.
 fn joined(cells: &Cells, pieces: &[u32], key: &mut [Option<(u32, u32)>]) -> Vec<u32> {
-    let region = regions(cells, |at| key[at]);
-    let area_m2 = areas(cells, &region);
-    let mut into: Vec<Option<usize>> = vec![None; area_m2.len()];
-    for at in (0..region.len()).filter(|at| region[*at] != 0 && area_m2[region[*at] as usize] < MIN_AREA_M2) {
-        let into = &mut into[region[at] as usize];
-        for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
-            let is_other = region[next] != 0 && region[next] != region[at] && pieces[next] == pieces[at];
-            let area = |at: usize| area_m2[region[at] as usize];
-            if is_other && into.is_none_or(|into| area(next) > area(into)) {
-                *into = Some(next);
+    let mut alone = std::collections::BTreeSet::new();
+    loop {
+        let region = regions(cells, |at| key[at]);
+        let area_m2 = areas(cells, &region);
+        let small = (1..area_m2.len()).filter(|at| area_m2[*at] < MIN_AREA_M2);
+        let first = |of: usize| region.iter().position(|region| *region as usize == of);
+        let smallest = small
+            .filter(|of| first(*of).is_some_and(|at| !alone.contains(&at)))
+            .min_by(|a, b| area_m2[*a].total_cmp(&area_m2[*b]).then(a.cmp(b)));
+        let Some(smallest) = smallest else { return region };
+        let own = |at: &usize| region[*at] as usize == smallest;
+        let beside = (0..region.len()).filter(own).flat_map(|at| {
+            let beside = crate::rooms::outline::beside(at, cells.count(0), cells.count(1));
+            beside.into_iter().flatten().filter(move |next| pieces[*next] == pieces[at])
+        });
+        let others = beside.filter(|next| region[*next] != 0 && !own(next));
+        let area = |at: &usize| area_m2[region[*at] as usize];
+        match others.max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a))) {
+            Some(into) => {
+                let into = key[into];
+                (0..region.len()).filter(own).for_each(|at| key[at] = into);
             }
+            None => alone.extend(first(smallest)),
         }
     }
-    let target: Vec<_> = into.iter().map(|into| into.and_then(|at| key[at])).collect();
-    for (at, region) in region.iter().enumerate() {
-        key[at] = target[*region as usize].or(key[at]);
-    }
-    regions(cells, |at| key[at])
 }
 
 /// Gives each cell of a piece to one of `parts`: its own largest, else that of the nearest cell.
@@ -263,5 +276,7 @@ mod tests {
         // A part that is too small for a room belongs to the room beside it.
         let (of_cell, owners) = divided(&[(3.0, 1), (5.0, 2), (5.5, 1)]);
         assert_eq!((of_cell, owners), (vec![1, 2, 2], vec![1, 2]));
+        let (of_cell, owners) = divided(&[(0.5, 1), (1.2, 2), (5.0, 3)]);
+        assert_eq!((of_cell, owners), (vec![1, 1, 1], vec![3]));
     }
 }

@@ -4,7 +4,8 @@ mod gaps;
 mod oblique;
 
 use super::*;
-use crate::corrections::{RoomCorrection, RoomSplit};
+use crate::corrections::{RoomCorrection, RoomMerge, RoomSplit};
+use crate::points::ClipNumbers;
 use crate::rooms::RoomSource;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
@@ -175,4 +176,55 @@ fn a_person_divides_a_computed_room() {
     let mut ids: Vec<_> = plan.rooms.iter().filter_map(|room| room.id.as_deref()).collect();
     ids.sort_unstable();
     assert_eq!(ids, ["1", "1-b", "2"]);
+}
+
+#[test]
+fn a_room_that_people_merged_is_one_in_spite_of_its_doorway() {
+    let lidar = flat(0.0);
+    let merge = RoomMerge { with_m: vec![[5.5, 1.5]], order: 1 };
+    let correction = RoomCorrection { name: None, merge: Some(merge), split: None, at_m: [2.0, 1.5] };
+    let merged = crate::describe_revised(&lidar, &[], &ClipNumbers::new(std::iter::empty()), |rooms, _| {
+        crate::correct_rooms(rooms, &[("1".to_owned(), correction)]);
+    });
+    assert_eq!(merged.rooms.len(), 1);
+    let plan = merged.plan;
+    assert_eq!((plan.rooms.len(), plan.openings.len()), (1, 0), "{:?} {:?}", plan.rooms, plan.openings);
+    assert_eq!(plan.rooms[0].id.as_deref(), Some("1"));
+    assert!((plan.rooms[0].area_m2 - 21.1).abs() < 0.8, "{}", plan.rooms[0].area_m2);
+    // The wall beside the doorway stays.
+    assert!(!plan.rooms[0].contains([4.05, 0.5]) && plan.rooms[0].contains([4.05, 1.4]));
+}
+
+#[test]
+fn names_without_letters_in_the_font_are_numbers_in_pictures() {
+    let unnamed = plan_of("");
+    for name in ["\u{53a8}\u{623f}", "\u{30ea}\u{30d3}\u{30f3}\u{30b0}", "Bad \u{1f6c1}"] {
+        let plan = plan_of(name);
+        assert!(plan_svg(&plan).contains(name));
+        assert_eq!(plan_json(&plan)["rooms"][0]["name"], name);
+        assert!(plan_png(&plan) == plan_png(&unnamed) && plan_pdf(&plan) == plan_pdf(&unnamed), "{name}");
+    }
+    assert!(plan_pdf(&plan_of("K\u{fc}che")) != plan_pdf(&unnamed));
+}
+
+#[test]
+fn a_room_without_a_name_is_called_by_its_number_in_its_level() {
+    let mut plan = plan_of("");
+    plan.rooms[0].id = Some("upper~3".to_owned());
+    plan.rooms[1].id = None;
+    let (svg, dxf) = (plan_svg(&plan), plan_dxf(&plan));
+    assert!(svg.contains("<title>Room 3</title>") && svg.contains("<title>Room</title>"));
+    assert!(svg.contains(">Room 3</text>") && svg.contains(">Room</text>"));
+    assert!(dxf.contains("\nRoom 3\n") && dxf.contains("\nRoom\n"));
+    assert!(!svg.contains("upper") && !dxf.contains("upper"));
+}
+
+#[test]
+fn a_plan_is_turned_by_less_than_half_a_quarter() {
+    for degrees in [-45.0f64, -44.9, 44.4, 44.6, 44.8, 45.0, 45.3] {
+        let turned = super::direction::map_from_plan(&flat(degrees.to_radians()), &[]).yaw_rad.to_degrees();
+        assert!((-45.0..45.0).contains(&turned), "{degrees}: {turned}");
+        let off = (turned - degrees + 45.0).rem_euclid(90.0) - 45.0;
+        assert!(off.abs() < 0.6, "{degrees}: {turned}");
+    }
 }

@@ -6,7 +6,7 @@ use super::places::{Place, places};
 use super::segments::{Segment, segments};
 use super::{RobotLevel, round};
 use crate::plan::PlanImage;
-use crate::rooms::Room;
+use crate::rooms::{Room, rooms};
 use serde::Serialize;
 use viola_formats::lidar::RobotFrame;
 use viola_geometry::taxonomy::Class;
@@ -49,6 +49,8 @@ pub struct Xy {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MapMode {
     pub template: &'static str,
+    /// Kind of the selections: in older releases of the card some templates have another one.
+    pub selection_type: &'static str,
     pub predefined_selections: Vec<Selection>,
 }
 
@@ -89,16 +91,23 @@ pub struct Icon {
 pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
     let frame = &level.lidar.frames.own;
     let places = places(level);
-    let rooms = segments(level).iter().filter_map(|segment| room(frame, segment)).collect();
+    // A robot cleans its own segments, whatever rooms people made of them.
+    let own = rooms(level.lidar, &[]);
+    let rooms = segments(level).iter().filter_map(|segment| room(frame, segment, &own)).collect();
     let zones = places.iter().filter_map(|place| zone(frame, place)).collect();
     let positions = places.iter().filter_map(|place| position(frame, place)).collect();
-    let modes: [(&'static str, Vec<Selection>); 3] = [
-        ("vacuum_clean_segment", rooms),
-        ("vacuum_clean_zone_predefined", zones),
-        ("vacuum_goto_predefined", positions),
+    let mode = |template, selection_type, predefined_selections: Vec<Selection>| MapMode {
+        template,
+        selection_type,
+        predefined_selections,
+    };
+    let modes = [
+        mode("vacuum_clean_segment", "ROOM", rooms),
+        mode("vacuum_clean_zone_predefined", "PREDEFINED_RECTANGLE", zones),
+        mode("vacuum_goto_predefined", "PREDEFINED_POINT", positions),
     ];
     // The card refuses a mode that needs selections and has none.
-    let modes = modes.into_iter().filter(|(_, selections)| !selections.is_empty());
+    let modes = modes.into_iter().filter(|mode| !mode.predefined_selections.is_empty());
     CalibrationFile {
         vacuum: Vacuum {
             format: level.lidar.info.format.clone(),
@@ -107,9 +116,7 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
         },
         image_px: image.size_px,
         calibration_points: points(level, image),
-        map_modes: modes
-            .map(|(template, predefined_selections)| MapMode { template, predefined_selections })
-            .collect(),
+        map_modes: modes.collect(),
     }
 }
 
@@ -130,14 +137,15 @@ fn xy([x, y]: [f64; 2]) -> Xy {
     Xy { x, y }
 }
 
-/// Returns the selection of a segment, with the outline of its room.
-fn room(frame: &RobotFrame, segment: &Segment) -> Option<Selection> {
-    let Room { polygon_m, label_at_m, name, id, .. } = segment.room?;
-    let at = frame.rounded(*label_at_m);
+/// Returns the selection of a segment: the outline of its own cells with the name of its room. `own` are the segments as
+/// rooms.
+fn room(frame: &RobotFrame, segment: &Segment, own: &[Room]) -> Option<Selection> {
+    let own = own.iter().find(|room| room.id == segment.id)?;
+    let at = frame.rounded(own.label_at_m);
     Some(Selection {
         id: Some(segment.id.to_owned()),
-        outline: Some(polygon_m.iter().map(|corner| frame.rounded(*corner)).collect()),
-        ..selection(name.as_deref().unwrap_or(id), None, at)
+        outline: Some(own.polygon_m.iter().map(|corner| frame.rounded(*corner)).collect()),
+        ..selection(&segment.room?.title(), None, at)
     })
 }
 
@@ -146,15 +154,13 @@ fn zone(frame: &RobotFrame, place: &Place) -> Option<Selection> {
     let first = zones.first()?;
     let middle = [(first[0] + first[2]) / 2.0, (first[1] + first[3]) / 2.0];
     let at = frame.rounded(frame.to_map(middle));
-    let name = place.name.as_deref().unwrap_or(&place.id);
-    Some(Selection { zones: Some(zones), ..selection(name, place.class, at) })
+    Some(Selection { zones: Some(zones), ..selection(&place.title, place.class, at) })
 }
 
 fn position(frame: &RobotFrame, place: &Place) -> Option<Selection> {
     let goal = place.goal?;
     let at = frame.rounded([goal.x_m, goal.y_m]);
-    let name = place.name.as_deref().unwrap_or(&place.id);
-    Some(Selection { position: Some(at), ..selection(name, place.class, at) })
+    Some(Selection { position: Some(at), ..selection(&place.title, place.class, at) })
 }
 
 /// Returns rectangles as the smaller and the larger coordinates.

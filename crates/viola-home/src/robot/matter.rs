@@ -148,7 +148,7 @@ fn location(level: &RobotLevel, room: Option<&str>) -> LocationInfo {
     let in_room = level.objects.iter().filter(|object| object.room.as_deref() == Some(room.id.as_str()));
     let classes: Vec<Class> = in_room.map(|object| object.class).collect();
     LocationInfo {
-        location_name: room.name.clone().unwrap_or_else(|| room.id.clone()),
+        location_name: room.title(),
         floor_number,
         area_type: tags::area(room.name.as_deref(), &classes),
     }

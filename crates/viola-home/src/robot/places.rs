@@ -15,6 +15,8 @@ pub struct Place {
     /// Id of the room or the object.
     pub id: String,
     pub name: Option<String>,
+    /// Its name in what people read, which every place has.
+    pub title: String,
     /// The object's class; none for a room.
     pub class: Option<Class>,
     /// Id of the room that it is in; of a room its own.
@@ -39,6 +41,7 @@ pub fn places(level: &RobotLevel) -> Vec<Place> {
     let rooms = level.rooms.iter().map(|room| Place {
         id: room.id.clone(),
         name: room.name.clone(),
+        title: room.title(),
         class: None,
         room: Some(room.id.clone()),
         zone: cover([f64::NEG_INFINITY; 2], [f64::INFINITY; 2], Some(room)),
@@ -56,6 +59,7 @@ fn of_object(level: &RobotLevel, object: &RobotObject, drive: &Drive) -> Place {
     Place {
         id: object.id.clone(),
         name: Some(object.title()),
+        title: object.title(),
         class: Some(object.class),
         room: room.map(|room| room.id.clone()),
         zone: cover(low, high, room),

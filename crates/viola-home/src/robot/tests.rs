@@ -1,5 +1,6 @@
 //! A level with two rooms, drawn as Valetudo's JSON with known coordinates.
 
+mod calibration;
 mod matter;
 mod nav2;
 

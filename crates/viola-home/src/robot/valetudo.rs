@@ -176,7 +176,7 @@ fn named(json: Option<&[u8]>, segments: &[Segment]) -> Result<Value, Absent> {
 }
 
 fn target(place: Place, frame: &RobotFrame) -> Target {
-    let Place { id, name, class, room, zone, goal } = place;
+    let Place { id, name, class, room, zone, goal, .. } = place;
     let zones: Vec<Zone> = zone.rectangles.iter().map(|rectangle| of_rectangle(rectangle, frame)).collect();
     Target {
         id,

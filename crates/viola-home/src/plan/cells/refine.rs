@@ -1,6 +1,8 @@
 //! Finer cells, where rooms are divided without a wall.
 
-use super::{Cells, MAX_LINES, SAME_LINE_M};
+use super::Cells;
+use super::lines::MAX_REFINED;
+use super::lines::SAME_LINE_M;
 
 impl Cells {
     /// Adds a line across an axis, unless one is there. The parts of a divided cell are what it was.
@@ -9,7 +11,7 @@ impl Cells {
         let after = lines.partition_point(|line| *line <= metres);
         let is_within = (1..lines.len()).contains(&after);
         if !is_within
-            || lines.len() >= MAX_LINES
+            || lines.len() >= MAX_REFINED
             || lines.iter().any(|line| (line - metres).abs() < SAME_LINE_M)
         {
             return;

@@ -43,11 +43,9 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
 }
 
 fn name(room: &PlanRoom) -> String {
-    let given = room.name.as_deref().map(|name| {
-        name.chars().filter(|c| !c.is_control()).take(LONGEST).collect::<String>().trim().to_owned()
-    });
-    let unnamed = || room.id.as_ref().map_or_else(|| "Room".to_owned(), |id| format!("Room {id}"));
-    given.filter(|name| !name.is_empty()).unwrap_or_else(unnamed)
+    let shown: String = room.title().chars().filter(|letter| !letter.is_control()).collect();
+    let cut: String = shown.trim().chars().take(LONGEST).collect();
+    cut.trim_end().to_owned()
 }
 
 fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {

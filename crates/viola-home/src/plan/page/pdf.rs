@@ -1,7 +1,7 @@
 //! A plan as PDF: the elements of its SVG page, one to one, in true scale. Text is outlines, so that the file
-//! needs no font and shows names in any script that the picture shows.
+//! needs no font. It shows the names that the fonts in the binary can show, as the picture does.
 
-use super::svg::plan_svg;
+use super::svg::drawn_svg;
 use crate::plan::model::Plan;
 use crate::svg::parse;
 use flate2::Compression;
@@ -14,9 +14,9 @@ use std::io::Write as _;
 /// Points of PDF for each pixel of SVG.
 const POINTS_PER_PX: f32 = 72.0 / 96.0;
 
-/// Returns the page of [`plan_svg`] as PDF 1.4.
+/// Returns the page of [`drawn_svg`] as PDF 1.4.
 pub fn plan_pdf(plan: &Plan) -> Vec<u8> {
-    let tree = parse(&plan_svg(plan));
+    let tree = parse(&drawn_svg(plan));
     let [width, height] = [tree.size().width(), tree.size().height()].map(|px| px * POINTS_PER_PX);
     // SVG counts down from the upper edge, PDF up from the lower one.
     let mut content = format!("{POINTS_PER_PX} 0 0 -{POINTS_PER_PX} 0 {height:.2} cm\n");

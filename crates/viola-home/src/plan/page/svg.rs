@@ -5,7 +5,7 @@ use super::{
     INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title,
 };
 use crate::plan::model::Plan;
-use crate::svg::{FONT_FAMILY, escape, render};
+use crate::svg::{FONT_FAMILY, escape, has_letters, render};
 use std::fmt::Write;
 
 /// Returns the plan as a standalone SVG page. Names are escaped.
@@ -26,7 +26,7 @@ pub fn plan_svg(plan: &Plan) -> String {
     for (place, room) in plan.rooms.iter().enumerate() {
         let mut path = page.ring(&room.outline.ring_m);
         room.outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
-        let name = escape(room.name.as_deref().or(room.id.as_deref()).unwrap_or("Room"));
+        let name = escape(&room.title());
         let _ = writeln!(
             out,
             "<path d=\"{path}\" fill=\"{}\"><title>{name}</title></path>",
@@ -59,10 +59,21 @@ pub fn plan_svg(plan: &Plan) -> String {
     out + "</g>\n</svg>\n"
 }
 
-/// Renders [`plan_svg`] as PNG.
+/// Returns the page as PNG and PDF draw it: a room whose name has a letter that the fonts in the binary lack is drawn like
+/// one without a name.
+pub(super) fn drawn_svg(plan: &Plan) -> String {
+    let mut plan = plan.clone();
+    for room in &mut plan.rooms {
+        room.name = room.name.take().filter(|name| has_letters(name));
+        room.id = room.id.take().filter(|id| has_letters(id));
+    }
+    plan_svg(&plan)
+}
+
+/// Returns the plan as PNG.
 pub fn plan_png(plan: &Plan) -> Vec<u8> {
     let page = Page::of(plan);
     // The renderer takes a millimetre for 96 / 25.4 pixels.
-    let picture = render(&plan_svg(plan), (px_per_mm(&page) * 25.4 / 96.0) as f32);
+    let picture = render(&drawn_svg(plan), (px_per_mm(&page) * 25.4 / 96.0) as f32);
     picture.encode_png().expect("an RGBA picture in memory always encodes")
 }

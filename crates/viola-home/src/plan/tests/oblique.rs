@@ -86,3 +86,50 @@ fn masonry_of_oblique_walls_leaves_rooms_and_doors_free() {
     let corners: usize = plan.masonry.iter().map(|outline| outline.ring_m.len()).sum();
     assert!(corners <= 24, "{:?}", plan.masonry);
 }
+
+/// Rows of points across a wall: no floor is seen in it.
+const ROWS_M: [f64; 5] = [0.0, 0.03, 0.06, 0.09, THICKNESS_M];
+
+/// Two rooms in a row of 30 m by 3 m, with a door between them, and a wing of four rooms that is turned by 75 degrees. The
+/// second value has places of the wing in the map.
+fn with_wing() -> (LidarMap, impl Fn(f64, f64) -> [f64; 2]) {
+    let mut walls = vec![[[0.0, 0.0], [0.0, 3.0]], [[30.0, 0.0], [30.0, 3.0]]];
+    let (sin, cos) = 75f64.to_radians().sin_cos();
+    let at = move |u: f64, v: f64| [40.0 + cos * u - sin * v, 6.0 + sin * u + cos * v];
+    let wing = [at(0.0, 0.0), at(24.0, 0.0), at(24.0, 4.0), at(0.0, 4.0)];
+    walls.extend((0..4).map(|i| [wing[i], wing[(i + 1) % 4]]));
+    for row_m in ROWS_M {
+        // The long walls make their direction the plan's.
+        walls.extend([-row_m, 3.0 + row_m].map(|y| [[0.0, y], [30.0, y]]));
+        let x = 12.0 + row_m;
+        walls.extend([[[x, 0.0], [x, 1.0]], [[x, 1.8], [x, 3.0]]]);
+        walls.extend([6.0, 12.0, 18.0].map(|u| [at(u + row_m, 0.0), at(u + row_m, 4.0)]));
+    }
+    (lidar_of(&walls), at)
+}
+
+/// The stairs of the wing need more than 400 lines across y. The edges of the door come after them.
+#[test]
+fn a_turned_wing_leaves_a_door_its_lines() {
+    let (lidar, in_wing) = with_wing();
+    let plan = plan(&lidar, &[], &crate::rooms(&lidar, &[]), &[]);
+    assert!(plan.map_from_plan.yaw_rad.to_degrees().abs() < 0.2);
+    assert_eq!(plan.openings.len(), 1, "{:?}", plan.openings);
+    let door = &plan.openings[0];
+    assert!((door.width_m() - 0.8).abs() < 0.16 && (door.from_m[0] - 12.06).abs() < 0.1, "{door:?}");
+    let area_m2 = |place: [f64; 2]| {
+        let room = plan.rooms.iter().find(|room| room.contains(place));
+        room.map_or(0.0, |room| room.area_m2)
+    };
+    let inner_m2 = 4.0 * (6.0 - THICKNESS_M);
+    for (place, true_m2) in [
+        ([6.0, 1.5], 36.0),
+        ([20.0, 1.5], 53.64),
+        (in_wing(3.0, 2.0), 24.0),
+        (in_wing(9.06, 2.0), inner_m2),
+        (in_wing(15.06, 2.0), inner_m2),
+        (in_wing(21.06, 2.0), inner_m2),
+    ] {
+        assert!((area_m2(place) / true_m2 - 1.0).abs() < 0.05, "{} {true_m2}", area_m2(place));
+    }
+}

@@ -1,0 +1,70 @@
+//! The modes of the map card.
+
+use super::*;
+use crate::rooms::outline::contains;
+
+fn modes(level: &RobotLevel) -> Vec<Value> {
+    let image = PlanImage::of(&plan(level.lidar, &[], &level.rooms, &[]));
+    calibration(level, &image).map_modes.iter().map(json_of).collect()
+}
+
+#[test]
+fn each_mode_has_its_type_of_selection() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let modes = modes(&level(&lidar));
+    let types: Vec<_> = modes.iter().map(|mode| (&mode["template"], &mode["selection_type"])).collect();
+    let want = [
+        (json!("vacuum_clean_segment"), json!("ROOM")),
+        (json!("vacuum_clean_zone_predefined"), json!("PREDEFINED_RECTANGLE")),
+        (json!("vacuum_goto_predefined"), json!("PREDEFINED_POINT")),
+    ];
+    assert_eq!(types, want.iter().map(|(template, of)| (template, of)).collect::<Vec<_>>());
+}
+
+#[test]
+fn segments_keep_their_cells_when_people_merge_and_split_rooms() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let own = [
+        ("16", [[100.0, 900.0], [500.0, 900.0], [500.0, 600.0], [100.0, 600.0]]),
+        ("17", [[510.0, 900.0], [810.0, 900.0], [810.0, 600.0], [510.0, 600.0]]),
+    ];
+    let merged =
+        vec![Room { name: Some("Flat".to_owned()), ..Room::rectangle("16", [1.0, 1.0], [8.1, 4.0]) }];
+    let split = vec![
+        Room { name: Some("Flat".to_owned()), ..Room::rectangle("16", [1.0, 1.0], [4.0, 4.0]) },
+        Room::rectangle("16-b", [4.0, 1.0], [5.0, 4.0]),
+        Room::rectangle("17", [5.1, 1.0], [8.1, 4.0]),
+    ];
+    for (rooms, names) in [(merged, ["Flat", "Flat"]), (split, ["Flat", "Room 17"])] {
+        let modes = modes(&RobotLevel { rooms, ..level(&lidar) });
+        let selections = modes[0]["predefined_selections"].as_array().unwrap();
+        assert_eq!(selections.len(), 2);
+        for ((selection, (id, outline)), name) in selections.iter().zip(own).zip(names) {
+            assert_eq!((&selection["id"], &selection["outline"]), (&json!(id), &json!(outline)));
+            assert_eq!(selection["label"]["text"], name);
+            for part in ["label", "icon"] {
+                let [x, y] = ["x", "y"].map(|axis| selection[part][axis].as_f64().unwrap());
+                assert!(contains(&outline, &Point2::new(x, y)), "{selection}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rooms_without_a_name_are_called_by_their_number_in_their_level() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    level.level = "upper".parse().unwrap();
+    level.rooms[1].name = None;
+    level.rooms[1].id = "upper~3".to_owned();
+    level.objects[1].room = Some("upper~3".to_owned());
+    for mode in modes(&level) {
+        let selections = mode["predefined_selections"].as_array().unwrap();
+        let names: Vec<&str> = selections.iter().map(|one| one["label"]["text"].as_str().unwrap()).collect();
+        assert_eq!(names[..2], ["Kitchen", "Room 3"], "{mode}");
+    }
+    let matter = matter(&[level]);
+    let names: Vec<&str> =
+        matter.supported_areas.iter().map(|area| area.info.location_info.location_name.as_str()).collect();
+    assert_eq!(names, ["Kitchen", "Room 3", "Kitchen: table", "Room 3: sofa"]);
+}
