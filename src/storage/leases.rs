@@ -69,8 +69,7 @@ pub enum Ending {
     GivenUp,
 }
 
-/// Takes the next due job. Jobs that another worker is taking are skipped, so that workers do not wait for
-/// each other.
+/// Takes the next due job.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
@@ -92,13 +91,22 @@ impl Storage {
     /// [`Storage::release_lost`].
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let statement = transaction.either(claim!(""), claim!("FOR UPDATE SKIP LOCKED"));
-        let row = query(statement)
-            .bind(now.as_millisecond())
-            .bind((now + lease).as_millisecond())
-            .bind(clock::no_pause_after(now))
-            .fetch_optional(&mut transaction)
-            .await?;
+        // Jobs that another worker is taking are skipped, so that workers do not wait for each other. If no other one is due,
+        // the lock may be that of a change of the clip, and the job would wait for the next poll.
+        let ways = transaction
+            .either(&[claim!("")][..], &[claim!("FOR UPDATE SKIP LOCKED"), claim!("FOR UPDATE")][..]);
+        let mut row = None;
+        for statement in ways {
+            row = query(*statement)
+                .bind(now.as_millisecond())
+                .bind((now + lease).as_millisecond())
+                .bind(clock::no_pause_after(now))
+                .fetch_optional(&mut transaction)
+                .await?;
+            if row.is_some() {
+                break;
+            }
+        }
         let Some(row) = row else { return Ok(None) };
         let id = row.id("id")?;
         change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;

@@ -133,7 +133,8 @@ impl History {
         for (row, known) in self.objects.iter().enumerate() {
             let statement = stated.get(&known.id);
             for (column, score) in likeness::of_objects(known, statement, objects, looked) {
-                candidates.push(Candidate { row, column, score });
+                // Squared: otherwise a third, weak pair is worth an exchange of two objects that stayed.
+                candidates.push(Candidate { row, column, score: score * score });
             }
         }
         let mut ids: Vec<Option<String>> = vec![None; objects.len()];

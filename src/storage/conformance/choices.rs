@@ -17,9 +17,6 @@ on_every_back_end!(
     a_choice_during_a_claim_keeps_the_state_of_the_clip,
 );
 
-/// Limit of the wait for a job's lock, as in the connections to PostgreSQL.
-const LOCK_TIMEOUT: Duration = Duration::from_secs(10);
-
 fn pose(x_m: f64) -> Pose2 {
     Pose2 { x_m, y_m: 0.5, yaw_rad: -1.0 }
 }
@@ -41,17 +38,9 @@ fn two_modes(state: AlignmentState) -> Ending {
     Ending::Answered(alignment)
 }
 
-/// Runs the clip's next job. A claim skips locked jobs, and a refused choice keeps its lock until the driver of PostgreSQL has
-/// rolled back, which may be after its answer.
+/// Runs the clip's next job.
 async fn end(storage: &Storage, ending: Ending) -> Clip {
-    let free = async {
-        loop {
-            if let Some(claim) = storage.claim(LEASE, at(900)).await.unwrap() {
-                return claim;
-            }
-        }
-    };
-    let claim = tokio::time::timeout(LOCK_TIMEOUT, free).await.expect("a job is due");
+    let claim = storage.claim(LEASE, at(900)).await.unwrap().expect("a job is due");
     storage.put_result(&claim, "cloud.ply", b"points".to_vec()).await.unwrap();
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(901)).await.unwrap());
     storage.clip(&claim.job.home, claim.job.clip).await.unwrap()
