@@ -30,6 +30,8 @@ use super::types::{self, LeftOut};
 use crate::storage::{HomeId, HomeMap, MapLevel};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
+use std::fmt::Display;
+use viola_geometry::LevelName;
 
 /// A revision of a home's map, and the clips that are not in it
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
@@ -121,4 +123,29 @@ pub(super) async fn list_map_revisions(
 ) -> Result<Document<List<types::HomeMap>>, Error> {
     let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
     Ok(Document(query.list(maps, |map| map.revision)?))
+}
+
+/// Returns the name under which a browser saves a file of one level: what it is, and the level unless that is `main`.
+fn file_name(
+    home: impl Display,
+    revision: impl Display,
+    what: &str,
+    level: LevelName,
+    ending: &str,
+) -> String {
+    let level = if level.is_main() { String::new() } else { format!("-{level}") };
+    format!("{home}-{revision}-{what}{level}.{ending}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn different_files_have_different_names() {
+        let name = |what, level: &str, ending| file_name("elm", 7, what, level.parse().unwrap(), ending);
+        assert_eq!(name("points", "main", "glb"), "elm-7-points.glb");
+        assert_eq!(name("mesh", "main", "glb"), "elm-7-mesh.glb");
+        assert_eq!(name("mesh", "upper", "glb"), "elm-7-mesh-upper.glb");
+    }
 }

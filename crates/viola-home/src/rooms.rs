@@ -67,7 +67,7 @@ impl Room {
 }
 
 impl Room {
-    /// Returns the room's name in what people read.
+    /// Returns the name to show: the given one, else `Room` and the id.
     pub fn title(&self) -> String {
         title(self.name.as_deref(), Some(&self.id))
     }
@@ -82,7 +82,7 @@ impl Room {
     }
 }
 
-/// Returns a room's name. A room without a name is `Room` and its id, without the level before it.
+/// Returns the name to show for a room: the given one, else `Room` and the id without its level.
 pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
     let is_shown = |name: &&str| name.chars().any(|letter| !letter.is_control() && !letter.is_whitespace());
     match (name.filter(is_shown), id) {

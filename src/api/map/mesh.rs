@@ -1,7 +1,6 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
-use super::points::file_name;
-use super::{App, LevelQuery, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};

@@ -2,7 +2,7 @@
 
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -17,11 +17,9 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
-use std::fmt::Display;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
-use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
 
 /// The filter and the format of points.
@@ -185,18 +183,6 @@ fn e57(out: File, points: Spool) -> io::Result<()> {
     write_e57(out, points.id, points)
 }
 
-/// Returns the name under which a browser saves a file of one level: what it is, and the level unless that is `main`.
-pub(super) fn file_name(
-    home: impl Display,
-    revision: impl Display,
-    what: &str,
-    level: LevelName,
-    ending: &str,
-) -> String {
-    let level = if level.is_main() { String::new() } else { format!("-{level}") };
-    format!("{home}-{revision}-{what}{level}.{ending}")
-}
-
 /// A stream of points.
 pub(in crate::api) struct Points {
     pub app: App,
@@ -272,18 +258,5 @@ impl Points {
         let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
         self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn different_files_have_different_names() {
-        let name = |what, level: &str, ending| file_name("elm", 7, what, level.parse().unwrap(), ending);
-        assert_eq!(name("points", "main", "glb"), "elm-7-points.glb");
-        assert_eq!(name("mesh", "main", "glb"), "elm-7-mesh.glb");
-        assert_eq!(name("mesh", "upper", "glb"), "elm-7-mesh-upper.glb");
     }
 }

@@ -1,9 +1,9 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
 use super::made_file::{answer, make};
-use super::points::{Points, file_name};
+use super::points::Points;
 use super::scene::scene;
-use super::{App, LevelQuery, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};

@@ -1,8 +1,7 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
-use super::points::file_name;
 use super::scene::scene;
-use super::{App, LevelQuery, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};

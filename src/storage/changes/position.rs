@@ -93,7 +93,8 @@ impl Storage {
     }
 
     /// Returns the position from which the changes of a home are told to a reader that has `seen` them up to one: all that
-    /// is there, if the numbers are others now; the end without any.
+    /// is there, if the numbers are others now; the end without any. Numbers that a stream told after another process had
+    /// started count as others, too: what is told twice does no harm.
     pub async fn home_position(&self, seen: Option<FeedPosition>) -> Result<FeedPosition, StorageError> {
         self.number_changes().await?;
         let mut snapshot = self.database.snapshot().await?;

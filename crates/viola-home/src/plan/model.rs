@@ -96,7 +96,7 @@ pub struct Furniture {
 }
 
 impl PlanRoom {
-    /// Returns the room's name in what people read.
+    /// Returns the name to show: the given one, else `Room` and the id.
     pub fn title(&self) -> String {
         crate::rooms::title(self.name.as_deref(), self.id.as_deref())
     }

@@ -15,7 +15,7 @@ pub struct Place {
     /// Id of the room or the object.
     pub id: String,
     pub name: Option<String>,
-    /// Its name in what people read, which every place has.
+    /// Name to show; every place has one.
     pub title: String,
     /// The object's class; none for a room.
     pub class: Option<Class>,
