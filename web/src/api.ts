@@ -3,8 +3,8 @@
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
 import type {
-  Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Session, Thing, ThingPatch,
-  Upload,
+  Changes, Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, LidarRevision, List, MapChanges, Room, RoomPatch, Scan, Session,
+  Thing, ThingPatch, Upload,
 } from "./types.ts";
 
 /** The service said no; the message is its own explanation. */
@@ -39,6 +39,11 @@ export function explanation(status: number, body: string): string {
   return status === 0 ? "The service does not answer." : `The service answered with status ${status}.`;
 }
 
+/** The seconds of a header `Retry-After`; null if it is missing or a date. */
+export function delay_s(retryAfter: string | null): number | null {
+  return /^\d+$/.test(retryAfter ?? "") ? Number(retryAfter) : null;
+}
+
 async function ask(path: string, options: RequestInit): Promise<Response> {
   let answer: Response;
   try {
@@ -47,8 +52,8 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     if (options.signal?.aborted) throw error;
     throw new Refusal(0, "The service does not answer. Is it still running?");
   }
-  if (!answer.ok) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
-  return answer;
+  if (answer.ok) return answer;
+  throw new Refusal(answer.status, explanation(answer.status, await answer.text()), delay_s(answer.headers.get("retry-after")));
 }
 
 async function get<T>(path: string, signal: AbortSignal): Promise<T> {
@@ -105,6 +110,12 @@ export function homes(asked: Asked, signal: AbortSignal): Promise<List<Home>> {
   return get(`/v1/homes?${query}`, signal);
 }
 
+/** The changes of all homes after a cursor; null is the start of the feed. Waits for a change at the end of the feed. */
+export function feed(after: string | null, signal: AbortSignal): Promise<Changes> {
+  const cursor = after ? `&after=${encodeURIComponent(after)}` : "";
+  return get(`/v1/changes?limit=200&wait=30${cursor}`, signal);
+}
+
 export function home(id: string, signal: AbortSignal): Promise<Home> {
   return get(homePath(id), signal);
 }
@@ -116,6 +127,11 @@ export async function makeHome(name: string): Promise<Home | null> {
     const id = number === 1 ? idOf(name) : `${idOf(name)}-${number}`;
     if (!(await getIfThere(homePath(id), signal))) return send("PUT", homePath(id), { name });
   }
+}
+
+/** Gives a home another name; null takes its name away. */
+export async function renameHome(id: string, name: string | null): Promise<void> {
+  await send("PUT", homePath(id), { name });
 }
 
 export async function deleteHome(id: string): Promise<void> {
@@ -136,6 +152,17 @@ export function lidarPicture(id: string, level: string): string {
 /** Makes an earlier LiDAR map of a level the current one again. */
 export async function restoreLidarMap(id: string, level: string, revision: number): Promise<void> {
   await send("POST", homePath(id, "lidar-maps", encodeURIComponent(level), "revisions", String(revision), "restore"));
+}
+
+/** The revisions of a level's LiDAR map, the newest first. */
+export async function lidarRevisions(id: string, level: string, signal: AbortSignal): Promise<LidarRevision[]> {
+  const page: List<LidarRevision> = await get(homePath(id, "lidar-maps", encodeURIComponent(level), "revisions?limit=50"), signal);
+  return page.items;
+}
+
+/** Removes the LiDAR maps of a level, and the choices and corrections on it. */
+export async function deleteLevel(id: string, level: string): Promise<void> {
+  await send("DELETE", homePath(id, "lidar-maps", encodeURIComponent(level)));
 }
 
 /** An upload in parts, by its path; null if the service does not have it any more. */
@@ -167,12 +194,21 @@ export async function clip(home: string, id: string, signal: AbortSignal): Promi
   return clip;
 }
 
+/** Gives a clip another name; null shows its file name again. */
+export async function renameClip(clip: Clip, title: string | null): Promise<void> {
+  await send("PATCH", clipPath(clip), { title });
+}
+
 export async function deleteClip(clip: Clip): Promise<void> {
   await send("DELETE", clipPath(clip));
 }
 
 export async function alignAgain(clip: Clip): Promise<void> {
   await send("POST", clipPath(clip, "align"));
+}
+
+export async function cancelJob(id: string): Promise<void> {
+  await send("POST", `/v1/jobs/${encodeURIComponent(id)}/cancel`);
 }
 
 export async function choose(clip: Clip, alternative: number): Promise<void> {
@@ -203,9 +239,15 @@ export async function things(home: string, signal: AbortSignal): Promise<Thing[]
   return answer?.objects ?? [];
 }
 
-/** The share of a level's LiDAR map that the clips explain, as a whole and by room; null where it is not told. */
+/** The fraction of a level's LiDAR map that the clips explain, as a whole and by room; null without a map. */
 export function coverage(home: string, level: string, signal: AbortSignal): Promise<Coverage | null> {
   return getIfThere(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal);
+}
+
+/** The surface of a level as GLB. */
+export async function surface(home: string, level: string, signal: AbortSignal): Promise<ArrayBuffer> {
+  const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal });
+  return answer.arrayBuffer();
 }
 
 /** The revisions of the map that are kept, the newest first. */

@@ -18,7 +18,7 @@ export function corners(centre: readonly number[], size: readonly number[], yaw_
   return signs.map(([u, v]) => place({ x_m, y_m, yaw_rad }, [(u * length) / 2, (v * width) / 2]));
 }
 
-/** Whether a point lies in a ring of corners. */
+/** True if a point lies in a ring of corners. */
 export function isInside(ring: readonly Point2[], [x, y]: Point2): boolean {
   let isIn = false;
   ring.forEach(([x1, y1], i) => {

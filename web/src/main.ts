@@ -7,11 +7,14 @@ import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
 import { showUploader } from "./pages/uploader.ts";
+import { confirm } from "./parts/dialog.ts";
 import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { readSession } from "./session.ts";
 import { themeButton } from "./theme.ts";
-import { stopUploads } from "./upload/queue.ts";
+import { refuseDrops } from "./upload/panel.ts";
+import { stopUploads, unsentFiles } from "./upload/queue.ts";
+import { many } from "./words.ts";
 import "./styles/main.css";
 
 const crumbs = h("nav", { class: "crumbs", "aria-label": "Breadcrumb" });
@@ -19,6 +22,9 @@ const main = h("main", { id: "main", tabindex: -1 });
 
 const leave = h("button", { type: "button", class: "quiet", hidden: true }, "Sign out");
 leave.addEventListener("click", () => void attempt(leave, async () => {
+  const unsent = unsentFiles();
+  const text = `${many(unsent, "file")} that the service does not have yet will not be sent.`;
+  if (unsent > 0 && !(await confirm("Sign out and stop the uploads?", text, "Sign out"))) return;
   await signOut();
   stopUploads();
   await show();
@@ -73,6 +79,10 @@ function skip(event: Event): void {
 }
 
 addEventListener("hashchange", () => {
-  void show().then(() => main.focus({ preventScroll: true }));
+  void show().then(() => {
+    // The form to sign in focuses its field.
+    if (!main.contains(document.activeElement)) main.focus({ preventScroll: true });
+  });
 });
+refuseDrops();
 void show();

@@ -1,4 +1,4 @@
-// The service draws the LiDAR map dark on white paper. Here the paper is taken away, so that the picture lies on
+// The service draws the LiDAR map dark on white paper. Here the paper is removed, so the picture lies on
 // any ground, and in the dark its inks are turned light.
 
 /** Takes white away from every pixel: what remains is ink with as much opacity as it has darkness. */
@@ -25,13 +25,13 @@ export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
 /** A picture without its paper. */
 export async function inkOf(path: string, isDark: boolean, signal: AbortSignal): Promise<HTMLCanvasElement> {
   const answer = await fetch(path, { signal });
-  if (!answer.ok) throw new Error(`the picture was answered with ${answer.status}`);
+  if (!answer.ok) throw new Error(`The picture could not be loaded (status ${answer.status}).`);
   const picture = await createImageBitmap(await answer.blob());
   const canvas = document.createElement("canvas");
   canvas.width = picture.width;
   canvas.height = picture.height;
   const context = canvas.getContext("2d");
-  if (!context) throw new Error("this browser gives no canvas");
+  if (!context) throw new Error("This browser does not support canvases.");
   context.drawImage(picture, 0, 0);
   picture.close();
   const image = context.getImageData(0, 0, canvas.width, canvas.height);
@@ -45,7 +45,7 @@ export function addressOf(canvas: HTMLCanvasElement): Promise<string> {
   return new Promise((resolve, reject) => {
     canvas.toBlob((blob) => {
       if (blob) resolve(URL.createObjectURL(blob));
-      else reject(new Error("the canvas is empty"));
+      else reject(new Error("The picture is empty."));
     });
   });
 }

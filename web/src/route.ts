@@ -1,4 +1,4 @@
-// The page's addresses: everything after the `#`, so that the service serves one page.
+// The page's addresses: everything after the `#`, so the service serves one page.
 
 /** The part of all homes that a list shows. */
 export interface Asked {

@@ -5,7 +5,7 @@ import type { Session } from "./types.ts";
 
 let role: Session["role"] = "admin";
 
-/** Reads the session anew: another page of this browser may have signed in with another key. */
+/** Reads the session again: another page of this browser may have signed in with another key. */
 export async function readSession(signal: AbortSignal): Promise<Session> {
   const read = await session(signal);
   ({ role } = read);

@@ -51,6 +51,7 @@ export type MapChanges = Omit<Sent<Schemas["MapChanges"]>, "added" | "discovered
 export type Corrections = Sent<Schemas["Corrections"]>;
 
 type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: With<"RoomInfo", { centre_m: Point2 }>[] }>;
+export type LidarRevision = With<"LidarMapRevision", { info: LidarInfo }>;
 export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;
 
 type HomeMapInfo = With<"HomeMapInfo", { min_m: Point3 | null; max_m: Point3 | null }>;
@@ -59,6 +60,8 @@ export type HomeMap = With<"HomeMap", { info: HomeMapInfo; levels: With<"MapLeve
 /** The hits and cameras of a clip, in its own frame. */
 export type Scan = With<"ClipScan", { hits_m: Point2[]; cameras: ScanCamera[] }>;
 type ScanCamera = With<"ScanCamera", { position_m: Point3; forward: Point3 }>;
+
+export type Changes = Schemas["ChangesPage"];
 
 /** A page of a list. */
 export interface List<T> {

@@ -5,7 +5,7 @@ import type { Clip, ClipState, Job, Pose2 } from "./types.ts";
 export const STATES: ClipState[] = ["aligning", "queued", "uploaded", "ambiguous", "failed", "aligned"];
 
 const STATE_WORDS: Record<ClipState, string> = {
-  uploaded: "Waiting",
+  uploaded: "Not queued",
   queued: "Queued",
   aligning: "Aligning",
   aligned: "Aligned",
@@ -14,12 +14,12 @@ const STATE_WORDS: Record<ClipState, string> = {
 };
 
 const STATE_MEANING: Record<ClipState, string> = {
-  uploaded: "Stored, not aligned yet.",
+  uploaded: "No LiDAR map yet, or the job was cancelled.",
   queued: "Waits for its turn.",
-  aligning: "Its place in the map is being sought.",
+  aligning: "The pose is being computed.",
   aligned: "Its place in the map is known.",
   ambiguous: "Several places explain it about equally well. Choose one, or upload a longer clip.",
-  failed: "No place in the map can be given.",
+  failed: "No pose was found in the map.",
 };
 
 /** The order in which a clip goes through them. */
@@ -29,16 +29,16 @@ export const STAGES = [
 
 const STAGE_WORDS: Record<string, string> = {
   decode: "Reading frames",
-  track: "Following the camera",
+  track: "Tracking the camera",
   fuse: "Fusing depth",
-  label: "Naming surfaces",
+  label: "Classifying surfaces",
   floor: "Finding the floor",
   raycast: "Virtual LiDAR",
   search: "Searching the map",
   refine: "Refining",
-  decide: "Weighing",
+  decide: "Scoring poses",
   complete: "Filling gaps",
-  report: "Drawing",
+  report: "Writing results",
 };
 
 export function stateWord(state: ClipState): string {
@@ -53,7 +53,7 @@ export function stageWord(stage: string | null): string {
   return stage ? (STAGE_WORDS[stage] ?? plain(stage)) : "Starting";
 }
 
-/** What a job does now. */
+/** The present work of a job. */
 export function jobWord(job: Job): string {
   return job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : "Queued";
 }

@@ -133,7 +133,7 @@ async function badFilesAreExplained() {
   await shot("06-bad-file");
   await row.getByRole("button", { name: "Cancel notes.zip" }).click();
   assert.equal(await row.count(), 0);
-  // A script cannot drop a folder, so that the browser's answer about a file is replaced.
+  // A script cannot drop a folder, so the browser's answer about a file is replaced.
   const entryOf = await page.evaluateHandle(() => DataTransferItem.prototype.webkitGetAsEntry);
   await page.evaluate(() => (DataTransferItem.prototype.webkitGetAsEntry = () => ({ isDirectory: true })));
   await dropFiles(page, [{ name: "recording", bytes: Buffer.alloc(0) }]);
@@ -158,6 +158,7 @@ async function themesAndPhones() {
     if (hash === "#/homes/flat") {
       await pointsShown();
       await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+      await theCardLiesBelowTheMap();
     }
     const name = `08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`;
     await shot(name);
@@ -179,6 +180,13 @@ async function themesAndPhones() {
   await page.getByRole("button", { name: /Theme/ }).click();
 }
 
+async function theCardLiesBelowTheMap() {
+  await page.locator(".thing-row").first().click();
+  const [views, card] = [await boxOf(page.locator(".views")), await boxOf(page.locator(".details"))];
+  assert.ok(views.y + views.height <= card.y, "the card covers the selected object");
+  await page.locator(".details").getByRole("button", { name: "Close" }).click();
+}
+
 async function clipHash(home) {
   const { items } = await open(`/v1/homes/${home}/clips`);
   return `#/homes/${home}/clips/${items[0].id}`;
@@ -195,6 +203,16 @@ async function anAlternativeIsChosen() {
   assert.ok((await places.count()) > 1);
   await page.locator("svg.plan image.picture[href]").first().waitFor({ state: "attached" });
   await shot("10-alternatives");
+  await page.getByRole("button", { name: "Align again" }).waitFor();
+  assert.equal(await page.getByRole("button", { name: "Cancel alignment" }).count(), 0, "an aligned clip has a job to cancel");
+  await page.getByRole("button", { name: "Rename" }).click();
+  await page.getByRole("dialog").getByRole("textbox").fill("Corridor");
+  await page.keyboard.press("Enter");
+  await page.getByRole("heading", { level: 1, name: "Corridor" }).waitFor();
+  for (const word of ["Download the recording", "Download the points"]) {
+    const answer = await page.request.get(base + (await page.getByRole("link", { name: word }).getAttribute("href")));
+    assert.ok(answer.ok() && (await answer.body()).length > 100, `${word}: ${answer.status()}`);
+  }
   // Points that fail have a reason, and another try.
   await page.route(/cloud\.ply/, (route) => route.fulfill({ status: 404, body: "" }));
   await page.getByRole("button", { name: "Show the clip's points" }).click();
@@ -224,6 +242,8 @@ async function homesAreSearched() {
   await page.getByRole("heading", { level: 1, name: "Hotel" }).waitFor();
   await go("#/");
   await page.getByRole("link", { name: /^Hotel .*1 ambiguous/ }).waitFor();
+  await dropFiles(page, [{ name: "clip.zip", bytes: Buffer.alloc(1) }]);
+  await page.getByText("Open a home to add files.").waitFor();
   await page.getByLabel("Search homes").fill("HOT");
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => document.querySelectorAll(".home-card").length === 1);

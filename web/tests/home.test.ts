@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { Looks } from "../src/home/looks.ts";
 import { progress } from "../src/home/measure.ts";
 import { roomName, withoutLevel } from "../src/home/selection.ts";
-import { read, written } from "../src/home/share.ts";
+import { type Framing, read, written } from "../src/home/share.ts";
 import { isBeingMade } from "../src/home/summary.ts";
 import type { HomeData } from "../src/home/data.ts";
 
@@ -15,13 +15,18 @@ test("a view is read as it is written", () => {
     looks.clips = "ambiguous";
     looks.cut_m = 1.25;
     looks.layers.delete("lidar");
+    looks.hiddenClips.add("01a1f766-7a97-7747-9dbb-391e0eeccb64");
     looks.selected = { kind: "room", id: "upper~room-1" };
   });
-  const viewpoint = { eye_m: [1, -2.5, 3] as [number, number, number], target_m: [0, 0, 0.25] as [number, number, number] };
-  const query = new URLSearchParams(written(looks, "upper", viewpoint).toString());
+  const framing: Framing = {
+    from: { eye_m: [1, -2.5, 3], target_m: [0, 0, 0.25] }, part: { min: [-1.25, 0], max: [3.5, 2] },
+  };
+  const query = new URLSearchParams(written(looks, "upper", framing).toString());
   const again = new Looks();
-  assert.deepEqual(read(query, again), viewpoint);
-  assert.deepEqual([written(again, "upper", viewpoint).toString(), again.clips], [query.toString(), "ambiguous"]);
+  assert.deepEqual(read(query, again), framing);
+  assert.deepEqual([written(again, "upper", framing).toString(), again.clips], [query.toString(), "ambiguous"]);
+  assert.deepEqual([...again.hiddenClips], [...looks.hiddenClips]);
+  assert.deepEqual(read(new URLSearchParams("part=1_2_3&from=1_2_x_4_5_6"), again), { from: null, part: null });
   read(new URLSearchParams("clips=nonsense"), again);
   assert.equal(again.clips, "ambiguous");
 });
@@ -34,9 +39,9 @@ test("rooms without a name are numbered within their level", () => {
 });
 
 test("a measurement tells its state", () => {
-  assert.equal(progress([], null, "Click two points."), "Click two points.");
-  assert.equal(progress([], [1, 2, 0], "Click two points."), "Click two points. Enter takes x 1.00 m, y 2.00 m.");
-  assert.equal(progress([[0, 0, 0]], null, ""), "Click the second point.");
+  assert.equal(progress([], null, "Tap two points."), "Tap two points.");
+  assert.equal(progress([], [1, 2, 0], "Tap two points."), "Tap two points. Enter takes x 1.00 m, y 2.00 m.");
+  assert.equal(progress([[0, 0, 0]], null, ""), "Tap or click the second point.");
   assert.match(progress([[0, 0, 0]], [3, 4, 0], ""), /^5\.00 m to x 3\.00 m, y 4\.00 m\. Enter takes the point/);
   assert.equal(progress([[0, 0, 0], [3, 4, 0]], [9, 9, 9], ""), "5.00 m");
 });

@@ -1,11 +1,13 @@
 import assert from "node:assert/strict";
-import { afterEach, beforeEach, test } from "node:test";
+import { afterEach, beforeEach, mock, test } from "node:test";
 import { Refusal } from "../src/api.ts";
 import { isLoopback } from "../src/session.ts";
 import { sentName } from "../src/upload/names.ts";
 import { mayTryAgain, pause, retryDelay_ms } from "../src/upload/retry.ts";
+import { request } from "../src/upload/request.ts";
 import { sendClip, type SentClip } from "../src/upload/tus.ts";
 import { clipName } from "../src/words.ts";
+import { type Answer, answerRequests, type Asked } from "./request.ts";
 
 const PART_BYTES = 8 << 20;
 const SIZE_BYTES = 2 * PART_BYTES + 5;
@@ -21,7 +23,7 @@ class Service {
   /** Bytes that arrive before the connection of a lost PATCH breaks. */
   arrives_bytes = 0;
 
-  answer(method: string, headers: Map<string, string>, bytes: number): { status: number; headers?: Record<string, string>; body?: string } {
+  answer({ method, headers, bytes }: Asked): Answer {
     const at = `${method}${headers.has("upload-offset") ? ` ${headers.get("upload-offset")}` : ""}`;
     this.seen.push(at);
     const isLost = this.loses[0] === at;
@@ -46,45 +48,10 @@ class Service {
 
 let service = new Service();
 
-class FakeRequest extends EventTarget {
-  readonly upload = new EventTarget();
-  status = 0;
-  responseText = "";
-  private method = "";
-  private readonly headers = new Map<string, string>();
-  private answered: Record<string, string> = {};
-
-  open(method: string): void {
-    this.method = method;
-  }
-
-  setRequestHeader(name: string, value: string): void {
-    this.headers.set(name, value);
-  }
-
-  getResponseHeader(name: string): string | null {
-    return this.answered[name] ?? null;
-  }
-
-  abort(): void {
-    this.dispatchEvent(new Event("abort"));
-  }
-
-  send(body: Blob | null): void {
-    const { status, headers = {}, body: text = "" } = service.answer(this.method, this.headers, body?.size ?? 0);
-    [this.status, this.answered, this.responseText] = [status, headers, text];
-    queueMicrotask(() => {
-      this.upload.dispatchEvent(new Event("loadend"));
-      this.dispatchEvent(new Event(status === 0 ? "error" : "load"));
-      this.dispatchEvent(new Event("loadend"));
-    });
-  }
-}
-
 const real = { XMLHttpRequest: globalThis.XMLHttpRequest, fetch: globalThis.fetch };
 beforeEach(() => {
   service = new Service();
-  globalThis.XMLHttpRequest = FakeRequest as unknown as typeof XMLHttpRequest;
+  answerRequests((asked) => service.answer(asked));
   globalThis.fetch = () => Promise.resolve(service.state === "gone"
     ? new Response("{}", { status: 404 })
     : new Response(JSON.stringify({ state: service.state, problem: service.state === "refused" ? service.problem : null })));
@@ -147,6 +114,23 @@ test("an upload that is gone begins again, after a pause", async () => {
   assert.deepEqual(service.seen.slice(0, 3), ["POST", "HEAD", "PATCH 0"]);
 });
 
+test("a request without an answer ends", async () => {
+  answerRequests(() => null);
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const { signal } = new AbortController();
+  let end = "";
+  const asked = request("PATCH", "/v1/uploads/u", { headers: {}, body: new Blob(["x"]), signal }).catch((error: unknown) => (end = String(error)));
+  // The body is sent.
+  await Promise.resolve();
+  mock.timers.tick(180_000);
+  await Promise.resolve();
+  assert.equal(end, "", "the service may take three minutes");
+  mock.timers.tick(60_000);
+  await asked;
+  assert.match(end, /The connection broke/);
+  mock.timers.reset();
+});
+
 test("losses and faults are retried after growing delays, refusals are not", () => {
   const delays = [1, 2, 3, 20].map((failures) => retryDelay_ms(new Refusal(0, ""), failures));
   assert.deepEqual(delays, [1000, 2000, 4000, 30_000]);
@@ -160,7 +144,7 @@ test("losses and faults are retried after growing delays, refusals are not", () 
   const faults = [1, 5, 6].map((failures) => retryDelay_ms(new Refusal(500, ""), failures) === null);
   assert.deepEqual(faults, [false, false, true]);
   assert.notEqual(retryDelay_ms(new Refusal(0, ""), 60), null);
-  assert.ok([401, 429, 507].every((status) => mayTryAgain(new Refusal(status, ""))));
+  assert.ok([429, 507].every((status) => mayTryAgain(new Refusal(status, ""))));
   assert.ok([404, 415, 422].every((status) => !mayTryAgain(new Refusal(status, ""))));
 });
 

@@ -6,44 +6,56 @@ import { isForeign } from "./alternatives.ts";
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const NOT_THE_CLIP = "The clip is not at fault. Align it again later.";
 const SLOWER = "Film again and move more slowly.";
+const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
+const SEVERAL_CLIPS = "Split the recording into several clips, one for each room.";
+const MORE_OF_ROOM = "Film more of the walls and corners of this room, or choose its place on the page of the clip.";
 
-/** By the code of a reason; earlier rows go first. */
+/** Advice by the code of a reason; earlier rows come first. tests/house/reasons.rs compares them with docs/api.md. */
 const ADVICE: Record<string, string> = {
-  no_lidar_map: "Put the LiDAR map of the robot.",
-  map_empty: "The LiDAR map has no walls. Let the robot map the home again, and put the new map.",
-  no_support: "Probably not this home, or a part of it that the robot has not mapped. If it is this home, put a newer " +
-    "LiDAR map; if not, delete the clip.",
-  several_modes: "Film more of the walls and corners of this room, or choose its place on the page of the clip.",
+  no_lidar_map: "Upload the LiDAR map.",
+  map_empty: "The LiDAR map has no walls. Let the robot map the home again, and upload the new map.",
+  no_support: "Probably not this home, or a part of it that the robot has not mapped. If it is this home, upload a " +
+    "newer LiDAR map; if not, delete the clip.",
+  no_candidate: "Check that the LiDAR map is of this home.",
+  several_modes: MORE_OF_ROOM,
+  search_incomplete: MORE_OF_ROOM,
+  several_scales: "Film more of the room, or record with a phone that measures depth.",
   weak_evidence: "Film more of the walls, and their lower half.",
   too_few_hits: "Film more of the walls: step back, and hold the phone so that the floor is in sight too.",
   no_floor: "Film again with the floor in sight.",
   up_unknown: "Film again with the floor in sight, and hold the phone upright.",
-  nothing_fused: "The depth sensor saw no surface. Stay between half a metre and four metres from walls and furniture.",
+  scale_unknown: "Film again with some floor in sight, or record with a phone that measures depth.",
+  nothing_fused: `The depth sensor saw no surface. ${CLOSER}`,
   no_posed_frame: "Record with an app that stores the poses of the phone.",
+  no_frame_in_range: "Align the clip again with frames that it has.",
+  sparse_frames: "Record at 10 frames a second or more.",
   track_dark: "Switch on the light and film again.",
   track_jump: SLOWER,
-  track_no_depth: "Stay between half a metre and four metres from walls and furniture.",
+  track_no_depth: CLOSER,
   track_unconstrained: "Keep furniture or corners in sight; a blank wall alone is not enough.",
   track_failed: SLOWER,
-  clip_extent_too_large: "Send the recording in parts, one for each room.",
-  clip_too_large: "Send the recording in parts, one for each room.",
+  clip_extent_too_large: SEVERAL_CLIPS,
+  clip_too_large: SEVERAL_CLIPS,
+  unreadable: "Send the file again.",
   storage_fault: NOT_THE_CLIP,
   system_fault: NOT_THE_CLIP,
   worker_lost: NOT_THE_CLIP,
+  storage_error: NOT_THE_CLIP,
   internal_error: NOT_THE_CLIP,
   cancelled: "Align it again.",
-  worker_died: "The recording may be too large for this machine. Send it in parts.",
-  too_large: "Send the recording in parts, one for each room.",
-  took_too_long: "Send the recording in parts, one for each room.",
+  worker_died: "The recording may be too large for this machine. Split it into several clips.",
+  too_large: SEVERAL_CLIPS,
+  took_too_long: SEVERAL_CLIPS,
 };
 
-const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Put a newer LiDAR map, or film " +
-  "again with more walls and floor in sight.";
+const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Upload a newer LiDAR map, or " +
+  "film again with more walls and floor in sight.";
 
 /** Advice about a choice that another LiDAR map may have made wrong. */
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
   choice_carried_over: "Check its place once: it moved with the LiDAR map.",
+  choice_without_result: "Align the clip again; the choice then holds.",
 };
 
 /** The next steps of a person; empty if the clip has its place, or will have. */

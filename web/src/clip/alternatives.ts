@@ -14,7 +14,7 @@ const UNLIKELY = 0.01;
 /** A less probable place is not offered as the obvious choice. */
 const PLAUSIBLE = 0.2;
 
-/** What is needed to draw a pose on the plan. */
+/** The data that a plan with a pose is drawn from. */
 export interface Ground {
   /** Of all levels. */
   lidars: LidarMap[];
@@ -59,7 +59,7 @@ export function alternatives(
   return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
 }
 
-/** Whether the answer says that the clip is probably of another home. */
+/** True if the clip is probably of another home by its answer. */
 export function isForeign(clip: Clip): boolean {
   return !clip.choice && !clip.placement && clip.reasons.some(({ code }) => code === "not_this_home");
 }

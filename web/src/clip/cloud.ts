@@ -104,6 +104,6 @@ function viewOf(signal: AbortSignal): CloudView {
   try {
     return new CloudView("The clip's points. Arrow keys turn, plus and minus go nearer and away.", signal);
   } catch {
-    throw new Error("This browser gives no WebGL, which points need.");
+    throw new Error("This browser does not support WebGL.");
   }
 }

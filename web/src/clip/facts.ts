@@ -1,5 +1,6 @@
 // Facts about a clip, in words and figures.
 
+import { clipPath } from "../api.ts";
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";
 import { bytes, count, metres, percent, plain, pose, seconds, STAGES, stageWord, time } from "../words.ts";
@@ -15,18 +16,28 @@ function facts(list: Fact[]): HTMLElement {
 export function recording(clip: Clip): HTMLElement {
   const { info } = clip;
   const allPosed = info.frames_with_pose === info.frames;
+  const colour = info.color_width > 0 && `${info.color_width} × ${info.color_height}`;
   return facts([
     ["Recorded", clip.recorded_at && time(clip.recorded_at)],
     ["Uploaded", time(clip.created_at)],
     ["Layout", plain(info.layout)],
     ["Frames", allPosed ? count(info.frames) : `${info.frames}, ${info.frames_with_pose} with a pose`],
     ["Length", info.duration_s ? seconds(info.duration_s) : null],
-    ["Pictures", `${info.color_width} × ${info.color_height}, depth ${info.depth_width} × ${info.depth_height}`],
+    ["Pictures", [colour, `depth ${info.depth_width} × ${info.depth_height}`].filter(Boolean).join(", ")],
     ["Poses", plain(info.pose_convention)],
     ["Gravity", plain(info.gravity)],
     ["Size", bytes(clip.size_bytes)],
     ["Notes", info.notes.join(" ")],
   ]);
+}
+
+/** Links to the files of a clip. */
+export function files(clip: Clip): HTMLElement {
+  const link = (word: string, name: string, format: string) =>
+    h("li", {}, h("a", { href: clipPath(clip, name), download: "" }, word), h("span", { class: "hint" }, format));
+  return h("ul", { class: "downloads" },
+    link("Download the recording", "recording", bytes(clip.size_bytes)),
+    clip.alignment && link("Download the points", "cloud.ply", "PLY"));
 }
 
 export function answer(clip: Clip): HTMLElement | null {

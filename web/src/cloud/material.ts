@@ -1,5 +1,5 @@
-// Draws points. What they are coloured by and which of them are shown are textures and numbers that the graphics
-// card looks up, so that switching costs nothing, however many points there are.
+// Draws points. Their colours and the selection of the shown ones are textures and numbers that the graphics card looks
+// up, so switching costs nothing, however many points there are.
 
 import * as THREE from "three";
 import { COLOURINGS, type Colouring, RAMP, type Rgb } from "./colours.ts";

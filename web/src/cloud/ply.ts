@@ -1,4 +1,4 @@
-// Reads binary little-endian PLY by the names of its properties, from the first byte on.
+// Reads binary little-endian PLY by the names of its properties, as its bytes arrive.
 
 /** More points than a browser can show; a header that says so is refused. */
 export const MAX_POINTS = 30_000_000;
@@ -25,7 +25,7 @@ export interface Header {
   /** Bytes of one vertex. */
   stride: number;
   properties: Map<string, Property>;
-  /** Where the first vertex begins. */
+  /** Offset of the first vertex. */
   body: number;
 }
 

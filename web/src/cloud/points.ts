@@ -20,7 +20,7 @@ export interface Arrival {
 export class Cloud {
   readonly geometry = new THREE.BufferGeometry();
   shown = 0;
-  /** Where each piece that arrived begins and how many points it has; within it points are scattered. */
+  /** The start and the number of points of each piece that arrived; within it points are scattered. */
   private readonly pieces: { start: number; count: number }[] = [];
   private readonly points: Points;
   private readonly attributes: { attribute: THREE.BufferAttribute; of: keyof Points; width: number }[];

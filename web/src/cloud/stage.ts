@@ -9,7 +9,7 @@ import type { Point3, Ray } from "./pick.ts";
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
 const SLOW_MS = 33;
 const FAST_MS = 24;
-/** How many points a frame begins with, before it is known what this machine can do. */
+/** Points of the first frame, before the speed of this machine is known. */
 const FIRST_BUDGET = 50_000;
 const LEAST_BUDGET = 15_000;
 /** A picture that stands still is complete after so many frames at the most. */
@@ -22,7 +22,7 @@ const COARSE = 0.5;
 const CLICK_PX = 5;
 const FLIGHT_MS = 450;
 
-/** Where a person looks from, and at what, in metres. */
+/** The eye of a person and the point it looks at, in metres. */
 export interface Viewpoint {
   eye_m: Point3;
   target_m: Point3;
@@ -37,7 +37,7 @@ export interface Moment {
 /** A cloud that can be drawn in parts, each of which is an even sample of the whole. */
 export interface Parts {
   count(): number;
-  /** Whether it can be drawn whole but coarsely. */
+  /** True if it can be drawn whole but coarsely. */
   hasCoarse: boolean;
   /** Draws next the part between two shares; `focal_px` is a metre's size at one metre. */
   select(from: number, to: number, focal_px: number, isRough: boolean): void;
@@ -55,13 +55,13 @@ export class Stage {
   readonly marks = new THREE.Scene();
   parts: Parts | null = null;
   readonly camera = new THREE.PerspectiveCamera(50, 1, 0.05, 500);
-  /** Told after each frame, to lay names over it. */
+  /** Called after each frame, to lay names over it. */
   onDrawn: (moment: Moment) => void = () => {};
-  /** Told when the view has come to rest. */
+  /** Called after the view came to rest. */
   onRest: (eye: THREE.Vector3) => void = () => {};
-  /** Told when a person has moved the view. */
+  /** Called after a person moved the view. */
   onMoved: () => void = () => {};
-  /** Told about a click: the ray through its pixel, and the angle that a few pixels are there. */
+  /** Called after a click, with the ray through its pixel and the angle that a few pixels are there. */
   onClick: (ray: Ray, reach_rad: number) => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
   private readonly controls: OrbitControls;
@@ -78,7 +78,7 @@ export class Stage {
   /** The share of the cloud that the picture has; what is there stays until something changes. */
   private done = 0;
   private isStale = true;
-  /** What to look at as soon as the stage has a size. */
+  /** The view to show as soon as the stage has a size. */
   private pending: { box: THREE.Box3; from: "corner" | "above" } | null = null;
   private flight = 0;
 
@@ -270,7 +270,7 @@ export class Stage {
     if (isCoarse) parts?.selectCoarse();
     else parts?.select(this.done, until, focal_px, this.isMoving);
     this.renderer.render(this.cloud, this.camera);
-    // Marks shine through, so that they are not drawn over themselves with every part.
+    // Marks shine through, so they are not drawn over themselves with every part.
     if (isFirst || until >= 1) this.renderer.render(this.marks, this.camera);
     this.done = until;
     this.mark();
@@ -295,7 +295,7 @@ export class Stage {
     this.drawing = fence && { fence, since_ms: performance.now() };
   }
 
-  /** Whether the last frame is drawn; learns from it what this machine can draw. */
+  /** True if the last frame is drawn; measures with it how fast this machine draws. */
   private isDrawn(): boolean {
     if (!this.drawing) return true;
     const gl = this.renderer.getContext() as WebGL2RenderingContext;

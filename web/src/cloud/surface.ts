@@ -47,7 +47,7 @@ void main() {
   pixel = vec4(is_flat ? paint * (0.62 + 0.38 * share) : screen(tint) * (0.86 + 0.14 * share), 1.0);
 }`;
 
-/** How a class is drawn. */
+/** The name and the colour of a class. */
 export interface ClassLook {
   name: string;
   color: string;

@@ -30,7 +30,7 @@ export class CloudView {
   private readonly floor = new THREE.Group();
   private readonly paths = new THREE.Group();
   private readonly boxes = new THREE.Group();
-  /** What is selected, and what is measured. */
+  /** The selected and the measured objects. */
   private readonly selected = new THREE.Group();
   private readonly rule = new THREE.Group();
   private readonly wanted = new THREE.Group();
@@ -39,7 +39,7 @@ export class CloudView {
   private surface: Surface | null = null;
   private bounds = new THREE.Box3();
   private isFramed = false;
-  /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
+  /** The distance of the first shown point on a ray; only every `stride`-th point counts. */
   surfaceOn: ((ray: Ray, reach_rad: number, stride: number) => number | null) | null = null;
 
   constructor(label: string, signal: AbortSignal) {
@@ -57,7 +57,7 @@ export class CloudView {
     });
   }
 
-  /** Whether points hide a place from an eye; every eighth point decides, which is dense enough for a wall. */
+  /** True if points hide a place from an eye; every eighth point decides, which is dense enough for a wall. */
   private isBehind(eye: THREE.Vector3, at: THREE.Vector3): boolean {
     if (!this.surfaceOn) return false;
     const way = at.clone().sub(eye);
@@ -192,13 +192,13 @@ export class CloudView {
     this.draw();
   }
 
-  set onClick(told: (ray: Ray, reach_rad: number) => void) {
-    this.stage.onClick = told;
+  set onClick(call: (ray: Ray, reach_rad: number) => void) {
+    this.stage.onClick = call;
   }
 
-  /** Told when a person has moved the view. */
-  set onMoved(told: () => void) {
-    this.stage.onMoved = told;
+  /** Called after a person moved the view. */
+  set onMoved(call: () => void) {
+    this.stage.onMoved = call;
   }
 
   /** The ray through the middle of the picture, and the angle that a few pixels are there. */
@@ -238,7 +238,7 @@ export class CloudView {
     this.isFramed = false;
   }
 
-  /** What `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */
+  /** Sets the box that `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */
   setBounds(min: readonly number[], max: readonly number[], isFirm = true): void {
     this.bounds = new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max));
     if (!this.isFramed) this.fit();

@@ -51,7 +51,7 @@ export class ClipsPanel {
     const shown = clips.filter((clip) => !filter || clip.state === filter).reverse();
     const rows = shown.map((clip) => this.row(clip));
     if (clips.length === 0) {
-      const advice = mayChange() ? " Drop zips of RGB-D recordings anywhere on this page." : "";
+      const advice = mayChange() ? " Press “Add clips”, or drop zips of RGB-D recordings anywhere on this page." : "";
       fill(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
     } else if (!sameChildren(this.list, rows)) {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
@@ -144,7 +144,7 @@ export class ClipsPanel {
   }
 
   private async remove(clip: Clip, name: string, button: HTMLButtonElement): Promise<void> {
-    const text = "Its recording, its place and its points are removed for good, and the map is made again without it.";
+    const text = "Its recording, its place and its points are removed for good, and the map is rebuilt without it.";
     if (!(await confirm(`Delete ${name}?`, text, "Delete clip"))) return;
     await attempt(button, async () => {
       await deleteClip(clip);

@@ -1,9 +1,9 @@
-// Tells the changes of objects between two revisions of the map.
+// Shows the changes of objects between two revisions of the map.
 
 import * as api from "../api.ts";
 import { h, put } from "../dom.ts";
 import { messageOf } from "../parts/notices.ts";
-import type { HomeMap, MapChanges, Thing } from "../types.ts";
+import type { MapChanges, Thing } from "../types.ts";
 import { many, metres, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { roomName, type Selection, thingName } from "./selection.ts";
@@ -19,26 +19,31 @@ export class Compare {
   readonly element = h("div", { class: "compare" });
   private readonly from = h("select", { "aria-label": "Compare with" });
   private readonly result = h("div", { role: "status" });
-  private revisions: HomeMap[] = [];
-  private shown = 0;
+  /** The newest revision; 0 without a map. */
+  private revision = 0;
+  /** The revision and the level that the panel was drawn for. */
+  private drawn = "";
 
   constructor(
     private readonly data: HomeData,
     private readonly onChosen: (selection: Selection) => void,
     private readonly signal: AbortSignal,
   ) {
-    this.from.addEventListener("change", () => void this.compare().catch((error: unknown) => this.tell(error)));
+    this.from.addEventListener("change", () => void this.compare());
     this.element.append(h("label", { class: "row" }, "Since", this.from), this.result);
   }
 
-  /** Reads the revisions again if the map has a new one; the panel must be open for that. */
+  /** Reads the revisions again if the map has a new one, or another level is shown; the panel must be open for that. */
   async draw(): Promise<void> {
     const revision = this.data.map?.revision ?? 0;
-    if (revision === this.shown || !this.element.isConnected || this.element.closest("details")?.open === false) return;
-    this.shown = revision;
+    const drawn = [revision, this.data.level, this.data.described].join(" ");
+    if (drawn === this.drawn || !this.element.isConnected || this.element.closest("details")?.open === false) return;
+    this.drawn = drawn;
     try {
-      this.revisions = revision ? await api.revisions(this.data.home.id, this.signal) : [];
-      const earlier = this.revisions.filter((other) => other.revision < revision);
+      const all = revision ? await api.revisions(this.data.home.id, this.signal) : [];
+      if (drawn !== this.drawn) return;
+      this.revision = revision;
+      const earlier = all.filter((other) => other.revision < revision);
       const chosen = this.from.value;
       put(this.from, ...earlier.map((map) =>
         h("option", { value: map.revision }, `map ${map.revision}, ${time(map.created_at)}`)));
@@ -47,18 +52,32 @@ export class Compare {
       if (earlier.length === 0) put(this.result, h("p", { class: "hint" }, "There is no earlier map to compare with."));
       else await this.compare();
     } catch (error) {
-      this.tell(error);
+      if (drawn === this.drawn) this.tell(error);
     }
   }
 
+  /** Shows why nothing can be compared. The next change of the home tries again. */
   private tell(error: unknown): void {
-    if (!this.signal.aborted) put(this.result, h("p", { class: "reason" }, messageOf(error)));
+    if (this.signal.aborted) return;
+    this.drawn = "";
+    put(this.result, h("p", { class: "reason" }, messageOf(error)));
   }
 
   private async compare(): Promise<void> {
+    const { revision } = this;
     const from = Number(this.from.value);
-    if (!from || !this.shown) return;
-    const changes = await api.changes(this.data.home.id, from, this.shown, this.signal);
+    if (!from) return;
+    // A person may have chosen another revision meanwhile.
+    const isOld = () => from !== Number(this.from.value) || revision !== this.revision;
+    try {
+      const changes = await api.changes(this.data.home.id, from, revision, this.signal);
+      if (!isOld()) this.show(changes);
+    } catch (error) {
+      if (!isOld()) this.tell(error);
+    }
+  }
+
+  private show(changes: MapChanges): void {
     const { added, discovered, moved, gone, lost } = changes;
     if (added.length + discovered.length + moved.length + gone.length + lost.length === 0) {
       return put(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));

@@ -58,7 +58,7 @@ export class CoveragePanel {
     const drawn = JSON.stringify(rooms.map(({ room, ...shares }) => [room.id, roomName(room), shares]));
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, "It comes with the first map."));
+    if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, "Coverage appears with the first map."));
     put(this.element,
       h("p", { class: "hint" }, next
         ? `Film ${roomName(next)} next: the clips show ${percent(rooms.find(({ room }) => room === next)?.walls)} of its walls.`

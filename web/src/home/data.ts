@@ -26,8 +26,8 @@ export class HomeData {
   /** By clip; null where the service has none. */
   readonly scans = new Map<string, Scan | null>();
 
-  /** What the rooms, the objects and the coverage were read of. */
-  private described = "";
+  /** The map and the level that the rooms, the objects and the coverage were read of. */
+  described = "";
   private isReading = false;
 
   private constructor(
@@ -41,6 +41,11 @@ export class HomeData {
     data.level = level ?? MAIN;
     await data.refresh(signal);
     return data;
+  }
+
+  /** The name of the home for people. */
+  get name(): string {
+    return this.home.name || this.home.id;
   }
 
   /** The names of the levels; a home with one storey has one. */
@@ -115,7 +120,7 @@ export class HomeData {
     return clipColour(Math.max(0, this.indexOf(clip)));
   }
 
-  /** Where a clip is: in the newest map, or by its own answer. */
+  /** The place of a clip in the newest map, else by its own answer. */
   private placeOf(clip: Clip) {
     const own = clip.state === "aligned" ? clip.alignment : null;
     return this.map?.clips.find((other) => other.clip === clip.id) ?? clip.choice ?? own;
@@ -143,7 +148,7 @@ export class HomeData {
     return this.classes.find((known) => known.name === name);
   }
 
-  /** What changes what is drawn; the same text means the same picture. */
+  /** Key of the picture: the same text means the same picture. */
   get drawn(): string {
     const poses = this.clips.map((clip) => [clip.id, this.poseOf(clip), this.scans.has(clip.id)]);
     return JSON.stringify([this.level, this.map?.revision, this.map?.created_at, this.lidar?.revision, poses]);

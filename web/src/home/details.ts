@@ -3,7 +3,7 @@
 import * as api from "../api.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { ask, askText } from "../parts/dialog.ts";
-import { attempt, say } from "../parts/notices.ts";
+import { attempt, offer, say } from "../parts/notices.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
@@ -15,6 +15,8 @@ import { roomName, roomOf, thingName, thingOf } from "./selection.ts";
 
 /** Rooms are neighbours if their outlines come this near to each other: a wall is between them. */
 const NEIGHBOURS_M = 0.6;
+/** Of the name of an object or a room. */
+const MOST_LETTERS = 100;
 
 export class Details {
   readonly element = h("section", { class: "details", "aria-live": "polite", hidden: true });
@@ -37,7 +39,7 @@ export class Details {
     const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
     // A line that was asked for is of no use for another room.
     if (this.measure.isAsked && room?.id !== this.divided) this.measure.end();
-    const drawn = JSON.stringify([thing, room, data.rooms.length, data.clips.length]);
+    const drawn = JSON.stringify([thing, room, data.described, data.clips.length]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.show();
@@ -79,7 +81,7 @@ export class Details {
       this.head(thingName(thing)), definitions(facts),
       h("div", { class: "row" },
         this.action("Rename", async () => {
-          const name = await askText("Name of the object", thing.name ?? "", "Rename");
+          const name = await askText("Name of the object", thing.name ?? "", "Rename", MOST_LETTERS);
           if (name !== null) await this.correctThing(thing, { name: name || null }, "The name is kept.");
         }),
         this.action("Change class", async () => {
@@ -112,7 +114,7 @@ export class Details {
       this.head(roomName(room)), definitions(facts),
       h("div", { class: "row" },
         this.action("Rename", async () => {
-          const name = await askText("Name of the room", room.name ?? "", "Rename");
+          const name = await askText("Name of the room", room.name ?? "", "Rename", MOST_LETTERS);
           if (name !== null) await this.correctRoom(room, { name: name || null }, "The name is kept.");
         }),
         neighbours.length > 0 && this.action("Merge", async () => {
@@ -128,7 +130,7 @@ export class Details {
 
   private async split(room: Room): Promise<void> {
     this.divided = room.id;
-    const line = await this.measure.line("Click two points: the line through them divides the room.");
+    const line = await this.measure.line("Tap or click two points: the line through them divides the room.");
     if (roomOf(this.data, this.looks.selected)?.id === room.id) {
       this.element.querySelector<HTMLElement>("[data-key=Split]")?.focus({ preventScroll: true });
     }
@@ -162,20 +164,17 @@ export class Details {
   }
 
   private corrected(done: string): void {
-    say(`${done} The map is made again.`);
+    say(`${done} The map is being rebuilt.`);
     this.onCorrected();
   }
 
   private async remove(thing: Thing): Promise<void> {
     await api.correctThing(this.data.home.id, thing.id, { hidden: true });
     this.looks.select(null);
-    say(`${thingName(thing)} is removed from the map.`, {
-      word: "Undo",
-      act: () => attempt(null, async () => {
-        await api.correctThing(this.data.home.id, thing.id, { hidden: null });
-        this.onCorrected();
-      }),
-    });
+    offer(`${thingName(thing)} is removed from the map.`, "Undo", () => attempt(null, async () => {
+      await api.correctThing(this.data.home.id, thing.id, { hidden: null });
+      this.onCorrected();
+    }));
     this.onCorrected();
   }
 

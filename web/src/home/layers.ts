@@ -61,7 +61,7 @@ export class LayersPanel {
     if (drawn === this.drawn && !isForced) return;
     this.drawn = drawn;
     this.both.hidden = classes.length === 0;
-    if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" }, "They come with the first points."));
+    if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" }, "Classes appear with the first map."));
     fill(this.classes, ...classes.map(({ class: name, points }) =>
       onOff(plain(name), !this.looks.hiddenClasses.has(name), (isOn) =>
         this.looks.change((looks) => put(looks.hiddenClasses, name, !isOn)),

@@ -40,7 +40,7 @@ export class Legend {
     return this.looks.layers.has("points") && this.data.map !== null;
   }
 
-  /** What the ramps of colours are of. */
+  /** The titles of the colour ramps. */
   private ramps(): string[] {
     const { data, looks } = this;
     return [

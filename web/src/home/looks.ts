@@ -19,7 +19,7 @@ export const LAYER_WORDS: Record<Layer, string> = {
 /** Higher than any ceiling that a phone films. */
 export const MAX_CUT_M = 3;
 
-/** What the fused map is drawn as in three dimensions. */
+/** The forms of the fused map in three dimensions. */
 export const BODIES = ["points", "surface"] as const;
 export type Body = (typeof BODIES)[number];
 
@@ -39,7 +39,7 @@ export class Looks {
   clips: ClipState | null = null;
   private readonly listeners: (() => void)[] = [];
 
-  /** Whether the surface is asked for. */
+  /** True if the surface is requested. */
   get isSurface(): boolean {
     return this.view === "3d" && this.body === "surface" && this.layers.has("points");
   }

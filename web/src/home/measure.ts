@@ -10,17 +10,19 @@ export class Measure {
   /** The ends that were taken: none, one or two. */
   ends: Point3[] = [];
   private readonly text = h("span", { role: "status" });
-  private readonly cancel = h("button", { type: "button", class: "small" }, "Cancel");
+  /** Ends the measurement. */
+  private readonly close = h("button", { type: "button", class: "small" });
   private isBegun = false;
+  private takesPoints = true;
   /** The point under the crosshair; null if no key moves the view. */
   private aim: Point3 | null = null;
   private readonly listeners: (() => void)[] = [];
   private asked: { text: string; answer: (line: [Point3, Point3] | null) => void } | null = null;
 
   constructor(signal: AbortSignal) {
-    this.element.append(this.text, this.cancel);
+    this.element.append(this.text, this.close);
     this.button.addEventListener("click", () => this.set(!this.isBegun));
-    this.cancel.addEventListener("click", () => this.end());
+    this.close.addEventListener("click", () => this.end());
     addEventListener("keydown", (event) => {
       if (event.key === "Escape") this.end();
     }, { signal });
@@ -36,7 +38,7 @@ export class Measure {
     return this.isBegun;
   }
 
-  /** Whether the points are for a line that the page asked for. */
+  /** True if the points are for a line that the page asked for. */
   get isAsked(): boolean {
     return this.asked !== null;
   }
@@ -54,9 +56,16 @@ export class Measure {
     if (this.isBegun) this.set(false);
   }
 
+  /** False while points of the map are missing: a measurement would go through them to the floor. */
+  set isReady(isReady: boolean) {
+    this.takesPoints = isReady;
+    if (this.isBegun) this.tell();
+  }
+
   /** Takes a point, if one is measured. */
   take(point: Point3 | null): boolean {
     if (!this.isBegun) return false;
+    if (!this.takesPoints) return true;
     if (point) this.ends = this.ends.length === 1 ? [...this.ends, point] : [point];
     const [from, to] = this.ends;
     if (from && to && this.asked) {
@@ -95,13 +104,14 @@ export class Measure {
 
   private draw(): void {
     this.element.hidden = !this.isBegun;
-    this.cancel.hidden = !this.asked;
+    this.close.textContent = this.asked ? "Cancel" : "Done";
     this.tell();
     for (const listen of this.listeners) listen();
   }
 
   private tell(): void {
-    const text = progress(this.ends, this.aim, this.asked?.text ?? "Click two points. Escape ends.");
+    const prompt = this.asked?.text ?? "Tap or click two points.";
+    const text = this.takesPoints ? progress(this.ends, this.aim, prompt) : "Measuring waits until all points are loaded.";
     if (this.text.textContent !== text) this.text.textContent = text;
   }
 }
@@ -112,7 +122,7 @@ export function progress([from, to]: readonly Point3[], aim: Point3 | null, prom
   if (!from) return aim ? `${prompt} Enter takes ${place(aim)}.` : prompt;
   return aim
     ? `${between(from, aim)} to ${place(aim)}. Enter takes the point, Backspace drops the first one.`
-    : "Click the second point.";
+    : "Tap or click the second point.";
 }
 
 function place([x, y, z]: Point3): string {

@@ -33,7 +33,7 @@ export class Pointing {
     return onRay(ray, this.surfaceOn(ray, reach_rad));
   }
 
-  /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
+  /** The distance of the first shown point on a ray; only every `stride`-th point counts. */
   surfaceOn(ray: Ray, reach_rad: number, stride = 1): number | null {
     const { looks, data } = this;
     const cloud = this.cloud();

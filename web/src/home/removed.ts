@@ -47,7 +47,7 @@ export class RemovedPanel {
     button.setAttribute("aria-label", `Bring back ${word}`);
     button.addEventListener("click", () => void attempt(button, async () => {
       await api.correctThing(this.data.home.id, id, { hidden: null });
-      say(`${word} is brought back. The map is made again.`);
+      say(`${word} is brought back. The map is being rebuilt.`);
       await this.read();
       this.onCorrected();
     }));

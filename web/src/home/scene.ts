@@ -1,11 +1,10 @@
 // Draws what is known of a home, as its looks say, in two or in three dimensions.
 
-import { homePath, lidarPicture } from "../api.ts";
+import { lidarPicture } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
-import { type Cloud, load } from "../cloud/points.ts";
+import type { Cloud } from "../cloud/points.ts";
 import type { Name } from "../cloud/names.ts";
 import type { Point3 } from "../cloud/pick.ts";
-import type { Viewpoint } from "../cloud/stage.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
 import { around, type Box2, type Point2 } from "../frames.ts";
@@ -23,13 +22,13 @@ import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
 import { Pointing } from "./pointing.ts";
+import { HomePoints } from "./points.ts";
 import { boundsOf, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
+import type { Framing } from "./share.ts";
 import { HomeSurface } from "./surface.ts";
 import { TopView } from "./top.ts";
 
-/** While points arrive, they are drawn so often. */
-const REDRAW_MS = 250;
-/** What is farther outside of the LiDAR map is not framed, in metres. */
+/** Margin around the LiDAR map, in metres; points outside of it are not framed. */
 const AROUND_M = 1;
 const MARK: Rgb = [103, 65, 217];
 
@@ -40,16 +39,18 @@ export class HomeScene {
   private readonly cloudView: CloudView | null;
   private readonly top: TopView;
   private readonly surface: HomeSurface;
+  private readonly points: HomePoints;
+  /** The cloud that the stage has. */
   private cloud: Cloud | null = null;
   private drawn = "";
   private level: string;
-  private revision = "";
   private picture = "";
   /** The newest drawing of the picture; an older one that comes late is dropped. */
   private drawing = 0;
-  private loading = new AbortController();
   readonly measure: Measure;
-  /** Told when a person has moved the view. */
+  /** What is loading now; empty texts for nothing. */
+  private readonly loading = { points: "", surface: "" };
+  /** Called after a person moved the view. */
   onMoved: () => void = () => {};
 
   constructor(
@@ -63,10 +64,19 @@ export class HomeScene {
     if (!this.cloudView) looks.view = "2d";
     this.level = data.level;
     this.top = new TopView(this.plan, signal);
-    this.surface = new HomeSurface(() => this.apply(), onStatus, alarm, signal);
+    this.surface = new HomeSurface(() => this.apply(), (text) => this.tell("surface", text), alarm, signal);
+    this.points = new HomePoints({
+      onShown: () => this.showPoints(),
+      onGrown: () => this.cloudView?.draw(),
+      onStatus: (text) => this.tell("points", text),
+      onFailed: (text) => {
+        alarm(text);
+        this.drawn = "";
+      },
+    }, signal);
     this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
     this.measure = new Measure(signal);
-    const pointing = new Pointing(data, looks, this.measure, () => this.cloud, () => this.things());
+    const pointing = new Pointing(data, looks, this.measure, () => this.points.shown?.cloud ?? null, () => this.things());
     this.plan.onClick = (point) => pointing.clickInPlan(point);
     if (this.cloudView) {
       this.cloudView.onClick = (ray, reach_rad) => pointing.clickInCloud(ray, reach_rad);
@@ -75,8 +85,12 @@ export class HomeScene {
     this.aimWith(pointing, signal);
     looks.onChange(() => this.apply());
     onTheme(() => void this.drawPicture(), signal);
-    signal.addEventListener("abort", () => this.loading.abort());
     this.update();
+  }
+
+  private tell(part: "points" | "surface", text: string): void {
+    this.loading[part] = text;
+    this.onStatus(this.loading.points || this.loading.surface);
   }
 
   /** Measures by keys also. */
@@ -91,7 +105,8 @@ export class HomeScene {
       this.drawRule();
       aim.draw();
     });
-    plan.onMoved = () => aim.note();
+    plan.onShown = () => aim.note();
+    plan.onMoved = () => this.onMoved();
     if (!cloudView) return;
     cloudView.onMoved = () => {
       aim.note();
@@ -117,13 +132,14 @@ export class HomeScene {
     else this.plan.show({ min: [bounds.min[0], bounds.min[1]], max: [bounds.max[0], bounds.max[1]] });
   }
 
-  /** Null while the home is not shown in three dimensions. */
-  get viewpoint(): Viewpoint | null {
-    return this.looks.view === "3d" ? (this.cloudView?.viewpoint ?? null) : null;
+  get framing(): Framing {
+    const { plan, cloudView, looks } = this;
+    return looks.view === "2d" ? { from: null, part: plan.part } : { from: cloudView?.viewpoint ?? null, part: null };
   }
 
-  set viewpoint(viewpoint: Viewpoint | null) {
-    if (viewpoint && this.cloudView) this.cloudView.viewpoint = viewpoint;
+  set framing({ from, part }: Framing) {
+    if (from && this.cloudView) this.cloudView.viewpoint = from;
+    if (part) this.plan.part = part;
   }
 
   private drawRule(): void {
@@ -141,9 +157,6 @@ export class HomeScene {
     const bounds = this.bounds();
     if (this.level !== this.data.level) {
       this.level = this.data.level;
-      // The points of the other level go, whatever comes.
-      this.cloudView?.clear();
-      this.cloud = null;
       this.plan.fit();
       this.cloudView?.reframe();
     }
@@ -160,12 +173,22 @@ export class HomeScene {
       this.picture = picture;
       void this.drawPicture();
     }
-    const revision = map && map.info.points > 0 ? `${map.revision} ${map.created_at} ${this.level}` : "";
-    if (revision !== this.revision) {
-      this.revision = revision;
-      this.loadPoints();
+    this.points.update(this.data);
+    this.apply();
+  }
+
+  private showPoints(): void {
+    const { shown, isComplete } = this.points;
+    const cloud = shown?.cloud ?? null;
+    if (cloud !== this.cloud) {
+      this.cloud = cloud;
+      if (shown) this.cloudView?.setCloud(shown.cloud, shown.voxel_m);
+      else this.cloudView?.clear();
     }
     this.apply();
+    if (!shown || !isComplete) return;
+    this.element.dataset.points = String(shown.cloud.shown);
+    this.element.dataset.revision = String(shown.map_revision);
   }
 
   private bounds(): Box2 | null {
@@ -196,48 +219,6 @@ export class HomeScene {
     }
   }
 
-  private loadPoints(): void {
-    this.loading.abort();
-    this.loading = new AbortController();
-    const { map, home, level } = this.data;
-    if (!map || !this.revision) {
-      this.cloudView?.clear();
-      this.cloud = null;
-      return this.onStatus("");
-    }
-    const urls = [homePath(home.id, "map", `points?format=ply&level=${encodeURIComponent(level)}`)];
-    let drawn_ms = 0;
-    const grown = (cloud: Cloud) => {
-      this.onStatus(cloud.shown < cloud.count ? `Points ${percent(cloud.shown / cloud.count)}` : "");
-      // Each picture begins afresh, so that not every piece makes one.
-      if (cloud.shown < cloud.count && performance.now() - drawn_ms < REDRAW_MS) return;
-      drawn_ms = performance.now();
-      this.cloudView?.draw();
-    };
-    load(urls, {
-      begun: (cloud) => {
-        this.cloud = cloud;
-        this.cloudView?.setCloud(cloud, map.info.voxel_m);
-        this.apply();
-        grown(cloud);
-      },
-      grown,
-      ended: (cloud) => {
-        grown(cloud);
-        this.apply();
-        this.element.dataset.points = String(cloud.shown);
-        this.element.dataset.revision = String(map.revision);
-      },
-      nothing: () => this.onStatus(""),
-      failed: (message) => {
-        this.onStatus("");
-        alarm(`The points: ${message}`);
-        // The next look at the service tries again.
-        [this.drawn, this.revision] = ["", ""];
-      },
-    }, this.loading.signal);
-  }
-
   private apply(): void {
     const { looks, data } = this;
     const is3d = looks.view === "3d";
@@ -249,7 +230,8 @@ export class HomeScene {
     if (looks.layers.has("paths")) this.readWays();
     if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
     else this.applyTo2d();
-    this.top.draw(this.cloud, data, looks);
+    this.top.draw(this.points.shown, data, looks);
+    this.measure.isReady = !is3d || !looks.layers.has("points") || this.points.isComplete;
   }
 
   private readWays(): void {
@@ -305,8 +287,9 @@ export class HomeScene {
     cloudView.setColouring(looks.colouring);
     cloudView.setCut(looks.cut_m ?? 1e9);
     for (const { id, name, color } of data.classes) cloudView.setClass(id, color, !looks.hiddenClasses.has(name));
-    (data.map?.clips ?? []).forEach(({ clip }, i) =>
-      cloudView.setClip(i, data.colourOf(clip), !this.cloud?.hasClips || !looks.hiddenClips.has(clip)));
+    const { shown } = this.points;
+    (shown?.clips ?? []).forEach((clip, i) =>
+      cloudView.setClip(i, data.colourOf(clip), !shown?.cloud.hasClips || !looks.hiddenClips.has(clip)));
     cloudView.setSurfaceClasses(data.classes.map(({ name, color }) =>
       ({ name, color, isShown: !looks.hiddenClasses.has(name) })));
     // Until the surface is there, the points stay.
@@ -363,7 +346,7 @@ function cloudViewOrNot(signal: AbortSignal): CloudView | null {
     return new CloudView(
       "The home in three dimensions. Arrow keys turn, W A S D walk, plus and minus go nearer and away.", signal);
   } catch {
-    say("This browser gives no WebGL: the home is shown from above only.");
+    say("This browser does not support WebGL: the home is shown from above only.");
     return null;
   }
 }

@@ -15,7 +15,7 @@ export function isSame(a: Selection | null, b: Selection | null): boolean {
   return a?.kind === b?.kind && a?.id === b?.id;
 }
 
-/** What an object is called: by a person, else by its class. */
+/** The name of an object: that of a person, else its class. */
 export function thingName(thing: Thing): string {
   return thing.name ?? plain(thing.class);
 }

@@ -3,30 +3,39 @@
 import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
+import type { Box2, Point2 } from "../frames.ts";
 import { STATES } from "../words.ts";
 import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
 
 const CENTIMETRES = 2;
 
+/** What is in the picture. Null for all of the home, and for the view that is not shown. */
+export interface Framing {
+  /** In three dimensions. */
+  from: Viewpoint | null;
+  /** Of the plan, in metres. */
+  part: Box2 | null;
+}
+
 /** The view as the query of an address; `level` is null in a home with one. */
-export function written(looks: Looks, level: string | null, viewpoint: Viewpoint | null): URLSearchParams {
+export function written(looks: Looks, level: string | null, { from, part }: Framing): URLSearchParams {
   const query = new URLSearchParams({
     view: looks.view, as: looks.body, colour: looks.colouring, layers: [...looks.layers].join("."),
   });
   if (level !== null) query.set("level", level);
   if (looks.cut_m !== null) query.set("cut", looks.cut_m.toFixed(CENTIMETRES));
   if (looks.hiddenClasses.size > 0) query.set("without", [...looks.hiddenClasses].join("."));
+  if (looks.hiddenClips.size > 0) query.set("without_clips", [...looks.hiddenClips].join("."));
   if (looks.clips) query.set("clips", looks.clips);
   if (looks.selected) query.set("at", `${looks.selected.kind}.${looks.selected.id}`);
-  if (viewpoint) {
-    const numbers = [...viewpoint.eye_m, ...viewpoint.target_m].map((value) => value.toFixed(CENTIMETRES));
-    query.set("from", numbers.join("_"));
-  }
+  const joined = (numbers: number[]) => numbers.map((value) => value.toFixed(CENTIMETRES)).join("_");
+  if (from) query.set("from", joined([...from.eye_m, ...from.target_m]));
+  if (part) query.set("part", joined([...part.min, ...part.max]));
   return query;
 }
 
-/** Shows what an address says; whatever it does not say stays. Returns where it looks from. */
-export function read(query: URLSearchParams, looks: Looks): Viewpoint | null {
+/** Sets the looks that an address has; the others stay. */
+export function read(query: URLSearchParams, looks: Looks): Framing {
   const [view, colour] = [query.get("view"), query.get("colour")];
   if (view === "2d" || view === "3d") looks.view = view;
   looks.body = BODIES.find((name) => name === query.get("as")) ?? looks.body;
@@ -41,11 +50,21 @@ export function read(query: URLSearchParams, looks: Looks): Viewpoint | null {
   if (layers) {
     looks.hiddenClasses.clear();
     for (const name of query.get("without")?.split(".") ?? []) looks.hiddenClasses.add(name);
+    looks.hiddenClips.clear();
+    for (const id of query.get("without_clips")?.split(".") ?? []) looks.hiddenClips.add(id);
   }
   looks.clips = STATES.find((state) => state === query.get("clips")) ?? looks.clips;
   const [, kind, id] = /^(object|room)\.(.+)$/.exec(query.get("at") ?? "") ?? [];
   if ((kind === "object" || kind === "room") && id) looks.selected = { kind, id };
-  const numbers = (query.get("from") ?? "").split("_").map(Number);
-  if (numbers.length !== 6 || !numbers.every(Number.isFinite)) return null;
-  return { eye_m: numbers.slice(0, 3) as Point3, target_m: numbers.slice(3) as Point3 };
+  const [from, part] = [numbersOf(query.get("from"), 6), numbersOf(query.get("part"), 4)];
+  return {
+    from: from && { eye_m: from.slice(0, 3) as Point3, target_m: from.slice(3) as Point3 },
+    part: part && { min: part.slice(0, 2) as Point2, max: part.slice(2) as Point2 },
+  };
+}
+
+/** The numbers of a text; null unless there are as many as expected. */
+function numbersOf(text: string | null, count: number): number[] | null {
+  const numbers = (text ?? "").split("_").map(Number);
+  return numbers.length === count && numbers.every(Number.isFinite) ? numbers : null;
 }

@@ -34,7 +34,7 @@ export class Summary {
   }
 }
 
-/** Whether a clip of the shown level has its place, and no map has the clip yet. */
+/** True if a clip of the shown level has its place, and no map has the clip yet. */
 export function isBeingMade(data: Pick<HomeData, "clips" | "map" | "level" | "levelOf">): boolean {
   const { clips, map, level } = data;
   const isIn = ({ id }: Clip) => map?.clips.some(({ clip }) => clip === id) ?? false;
@@ -48,14 +48,14 @@ function nextStep(data: HomeData): HTMLElement[] {
     return said("The clips are being aligned", "The map appears here as soon as the first clip has found its place.");
   }
   if (!mayChange()) return [h("h2", {}, "No fused map yet")];
-  if (map && clips.length === 0) return said("No clips yet", "Film the home and drop the clips on this page.");
-  if (map) return said(`No clip of the level ${level}`, "Film on this level and drop the clips on this page.");
+  if (map && clips.length === 0) return said("No clips yet", "Film the home. Then press “Add clips”, or drop the files here.");
+  if (map) return said(`No clip of the level ${level}`, "Film on this level. Then press “Add clips”, or drop the files here.");
   if (!lidar) {
     return said(clips.length === 0 ? "This home is empty" : "No fused map yet",
-      "Drop the LiDAR map of the robot vacuum on this page: Valetudo JSON, a zip of a ROS map, CSV or PLY points.");
+      "Press “Add LiDAR map”, or drop the map of the robot vacuum here: Valetudo JSON, a zip of a ROS map, CSV or PLY points.");
   }
   return said("No fused map yet", clips.length === 0
-    ? "Drop clips on this page: zips of RGB-D recordings."
+    ? "Press “Add clips”, or drop zips of RGB-D recordings here."
     : "No clip has a certain place. Open a clip to see why, or to choose its place yourself.");
 }
 

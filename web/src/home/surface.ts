@@ -1,17 +1,19 @@
 // Loads the surface of a home when a person looks at it, and again when the map has changed meanwhile.
 
-import { explanation, homePath, Refusal } from "../api.ts";
+import * as api from "../api.ts";
 import { readSurface, type Surface } from "../cloud/surface.ts";
 import { messageOf } from "../parts/notices.ts";
+import { pause, retryDelay_ms } from "../upload/retry.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
 export class HomeSurface {
   /** Stays until a newer one is there; null on a level that was not looked at. */
   shown: Surface | null = null;
-  /** The revision and the level of the surface that is there or on its way. */
+  /** The revision and the level of the surface that is there, on its way, or refused. */
   private wanted = "";
   private level = "";
+  private hasFailed = false;
   private loading = new AbortController();
 
   constructor(
@@ -30,23 +32,23 @@ export class HomeSurface {
   update(data: HomeData, looks: Looks): void {
     if (this.level !== data.level) this.forget();
     this.level = data.level;
+    // A person who switches to the surface again tries again.
+    if (!looks.isSurface && this.hasFailed) this.wanted = "";
     if (!looks.isSurface) return;
     const { map } = data;
     const wanted = map && map.info.points > 0 ? `${map.revision} ${map.created_at} ${data.level}` : "";
     if (wanted === this.wanted) return;
-    this.wanted = wanted;
-    this.loading.abort();
     if (!wanted) return this.forget();
+    this.loading.abort();
     this.loading = new AbortController();
+    [this.wanted, this.hasFailed] = [wanted, false];
     void this.load(data, this.loading.signal);
   }
 
   private async load({ home, level }: HomeData, signal: AbortSignal): Promise<void> {
-    this.onStatus("The surface is made …");
+    this.onStatus("The surface is being loaded …");
     try {
-      const answer = await fetch(homePath(home.id, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal });
-      if (!answer.ok) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
-      const surface = await readSurface(await answer.arrayBuffer());
+      const surface = await readSurface(await patiently(() => api.surface(home.id, level, signal), signal));
       if (signal.aborted) return surface.dispose();
       this.shown?.dispose();
       this.shown = surface;
@@ -54,16 +56,30 @@ export class HomeSurface {
       this.onChange();
     } catch (error) {
       if (signal.aborted) return;
+      this.hasFailed = true;
       this.onStatus("");
       this.onFailed(`The surface: ${messageOf(error)}`);
-      this.wanted = "";
     }
   }
 
   private forget(): void {
     this.loading.abort();
     this.wanted = "";
+    this.onStatus("");
     this.shown?.dispose();
     this.shown = null;
+  }
+}
+
+/** Asks again while the service is busy: the surface of a new map is made on request. */
+async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal): Promise<T> {
+  for (let failures = 1; ; failures++) {
+    try {
+      return await ask();
+    } catch (error) {
+      const wait_ms = error instanceof api.Refusal && error.status === 503 ? retryDelay_ms(error, failures) : null;
+      if (wait_ms === null || signal.aborted) throw error;
+      await pause(wait_ms, signal);
+    }
   }
 }

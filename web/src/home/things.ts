@@ -16,6 +16,8 @@ interface Entry {
   name: string;
   note: string;
   colour: string | null;
+  /** Of a room; 0 for an object. */
+  area_m2: number;
   /** Everything that a search finds it by. */
   words: string;
 }
@@ -27,6 +29,8 @@ export class ThingsPanel {
   });
   private readonly list = h("ul", { class: "things" });
   private drawn = "";
+  /** The selection when the list was drawn. */
+  private picked: Selection | null = null;
 
   constructor(
     private readonly data: HomeData,
@@ -47,9 +51,19 @@ export class ThingsPanel {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.search.hidden = all.length === 0;
-    if (all.length === 0) put(this.list, h("li", { class: "hint" }, "They come with the first map."));
+    if (all.length === 0) put(this.list, h("li", { class: "hint" }, "Rooms and objects appear with the first map."));
     else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name."));
     else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
+    if (!isSame(this.picked, this.looks.selected)) this.bringIntoSight();
+    this.picked = this.looks.selected;
+  }
+
+  /** Scrolls the list, and not the page, to the selected row. */
+  private bringIntoSight(): void {
+    const row = this.list.querySelector("[aria-pressed=true]")?.getBoundingClientRect();
+    const list = this.list.getBoundingClientRect();
+    if (!row || (row.top >= list.top && row.bottom <= list.bottom)) return;
+    this.list.scrollTop += row.top - list.top - (list.height - row.height) / 2;
   }
 
   private entries(): Entry[] {
@@ -59,7 +73,7 @@ export class ThingsPanel {
       const name = roomName(room);
       const note = `${room.area_m2.toFixed(1)} m²`;
       const words = `${name} room ${room.id}`.toLowerCase();
-      return { group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, words };
+      return { group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, area_m2: room.area_m2, words };
     });
     const things = data.things.map((thing): Entry => {
       const [name, room] = [thingName(thing), thing.room ? (roomNames.get(thing.room) ?? "") : ""];
@@ -67,13 +81,16 @@ export class ThingsPanel {
       const words = `${name} ${thing.class.replaceAll("_", " ")} ${thing.id} ${room}`.toLowerCase();
       const colour = data.classNamed(thing.class)?.color ?? "#9a9a9a";
       const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";
-      return { group, selection: { kind: "object", id: thing.id }, name, note, colour, words };
+      return { group, selection: { kind: "object", id: thing.id }, name, note, colour, area_m2: 0, words };
     });
     return [...rooms, ...things.sort((a, b) => a.name.localeCompare(b.name))];
   }
 
   private part(group: string, entries: Entry[]): HTMLElement[] {
-    return entries.length > 0 ? [h("li", { class: "group" }, group), ...entries.map((entry) => this.row(entry))] : [];
+    if (entries.length === 0) return [];
+    const area_m2 = entries.reduce((sum, entry) => sum + entry.area_m2, 0);
+    const title = area_m2 > 0 ? `${group} · ${area_m2.toFixed(1)} m²` : group;
+    return [h("li", { class: "group" }, title), ...entries.map((entry) => this.row(entry))];
   }
 
   private row({ selection, name, note, colour }: Entry): HTMLElement {

@@ -1,12 +1,12 @@
 // The fused points on the plan, drawn a moment after something changed.
 
 import { rgb } from "../cloud/colours.ts";
-import type { Cloud } from "../cloud/points.ts";
 import { addressOf } from "../paper.ts";
 import { frameOf, fromAbove, type Shown } from "../plan/raster.ts";
 import type { PlanView } from "../plan/view.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
+import type { HomeCloud } from "./points.ts";
 
 export class TopView {
   private timer = 0;
@@ -23,21 +23,22 @@ export class TopView {
     });
   }
 
-  draw(cloud: Cloud | null, data: HomeData, looks: Looks): void {
+  draw(points: HomeCloud | null, data: HomeData, looks: Looks): void {
     if (looks.view !== "2d") return;
     const [min, max] = [data.map?.info.min_m, data.map?.info.max_m];
-    if (!cloud || !data.map || !min || !max || !looks.layers.has("points")) {
+    if (!points || !min || !max || !looks.layers.has("points")) {
       this.drawn = "";
       this.plan.setPoints(null, null);
       return;
     }
+    const { cloud, revision, voxel_m } = points;
     const drawn = JSON.stringify([
-      data.level, data.map.revision, cloud.shown, looks.colouring, looks.cut_m, [...looks.hiddenClasses], [...looks.hiddenClips],
+      revision, cloud.shown, looks.colouring, looks.cut_m, [...looks.hiddenClasses], [...looks.hiddenClips],
     ]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    const frame = frameOf({ min: [min[0], min[1]], max: [max[0], max[1]] }, data.map.info.voxel_m);
-    const shown = shownOf(cloud, data, looks);
+    const frame = frameOf({ min: [min[0], min[1]], max: [max[0], max[1]] }, voxel_m);
+    const shown = shownOf(points, data, looks);
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => {
       const canvas = document.createElement("canvas");
@@ -58,10 +59,9 @@ export class TopView {
   }
 }
 
-function shownOf(cloud: Cloud, data: HomeData, looks: Looks): Shown {
+function shownOf({ cloud, clips }: HomeCloud, data: HomeData, looks: Looks): Shown {
   const classes = data.classes.filter(({ name }) => !looks.hiddenClasses.has(name));
-  const clips = (data.map?.clips ?? []).map(({ clip }, i) => ({ clip, i }));
-  const shown = clips.filter(({ clip }) => !cloud.hasClips || !looks.hiddenClips.has(clip));
+  const shown = clips.map((clip, i) => ({ clip, i })).filter(({ clip }) => !cloud.hasClips || !looks.hiddenClips.has(clip));
   return {
     colouring: looks.colouring,
     cut_m: looks.cut_m ?? Infinity,

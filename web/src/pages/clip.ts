@@ -3,12 +3,12 @@
 import * as api from "../api.ts";
 import { adviceOf } from "../clip/advice.ts";
 import { alternatives, type Ground, isForeign } from "../clip/alternatives.ts";
-import { answer, recording, stages } from "../clip/facts.ts";
+import { answer, files, recording, stages } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
-import { confirm } from "../parts/dialog.ts";
+import { askText, confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
@@ -22,14 +22,16 @@ import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
 const FOREIGN = "No place in this home explains it.";
+/** Of the name of a clip. */
+const MOST_LETTERS = 200;
 
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
   const [first, all] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal)]);
-  const nameOf = (clip: Clip) => clipName(clip, all.findIndex(({ id }) => id === clip.id) + 1);
+  const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
-  const page = new ClipPage(place, first, nameOf(first), twin ? nameOf(twin) : null);
+  const page = new ClipPage(place, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null);
   await page.show();
 }
 
@@ -55,7 +57,8 @@ class ClipPage {
   constructor(
     private readonly place: Place,
     private clip: Clip,
-    private readonly name: string,
+    /** The number of the clip in its home, from 1. */
+    private readonly number: number,
     /** The name of the oldest clip with the same file; null if this is it. */
     private readonly twin: string | null,
   ) {
@@ -86,9 +89,12 @@ class ClipPage {
     }, signal);
   }
 
+  private get name(): string {
+    return clipName(this.clip, this.number);
+  }
+
   async show(): Promise<void> {
-    const { place, clip, name } = this;
-    setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
+    const { place, clip } = this;
     put(place.main, h("div", { class: "page clip-page" },
       this.lost, this.said, this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
     onTheme(() => {
@@ -112,6 +118,7 @@ class ClipPage {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     const { clip, name } = this;
+    setCrumbs(this.place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
     // Another job may have aligned it to another LiDAR map.
     if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
     this.job = job?.id;
@@ -123,7 +130,7 @@ class ClipPage {
     put(this.rest,
       clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Answer"), answer(clip)),
       clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Stages"), stages(clip.alignment.seconds)),
-      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip)));
+      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(clip)));
     this.drawPictures();
     this.cloud.show(clip);
     await this.readGround();
@@ -145,11 +152,21 @@ class ClipPage {
   }
 
   private actions(): HTMLElement {
-    const { clip } = this;
-    const act = (word: string, kind: string, run: () => Promise<void>) => {
-      const button = h("button", { type: "button", class: kind, "data-key": word }, word);
+    const { clip, clip: { job } } = this;
+    // Buttons that replace each other have the same key.
+    const act = (word: string, kind: string, run: () => Promise<void>, key = word) => {
+      const button = h("button", { type: "button", class: kind, "data-key": key }, word);
       button.addEventListener("click", () => void attempt(button, run));
       return button;
+    };
+    const rename = async () => {
+      const title = await askText("Name of the clip", clip.title ?? "", "Rename", MOST_LETTERS);
+      if (title === null) return;
+      await api.renameClip(clip, title || null);
+      this.repeated.again();
+    };
+    const cancel = async (job: string) => {
+      await api.cancelJob(job).finally(() => this.repeated.again());
     };
     const again = async () => {
       await api.alignAgain(clip);
@@ -157,7 +174,7 @@ class ClipPage {
     };
     const withdraw = async () => {
       await api.withdraw(clip);
-      say("The choice is withdrawn; the clip has its own verdict again.");
+      say("Choice withdrawn. The clip has its own result again.");
       this.repeated.again();
     };
     const remove = async () => {
@@ -169,7 +186,8 @@ class ClipPage {
     };
     return h("div", { class: "row actions" },
       clip.choice ? act("Withdraw choice", "", withdraw) : null,
-      isUnderWay(clip) ? null : act("Align again", "", again),
+      act("Rename", "", rename),
+      isUnderWay(clip) ? job && act("Cancel alignment", "", () => cancel(job.id), "align") : act("Align again", "", again, "align"),
       act("Delete clip", "danger", remove));
   }
 
@@ -198,7 +216,7 @@ class ClipPage {
     const choose = (index: number, button: HTMLButtonElement) =>
       void attempt(button, async () => {
         await api.choose(this.clip, index).finally(() => this.repeated.again());
-        say(`Place ${index + 1} is chosen; the map is made again.`);
+        say(`Place ${index + 1} chosen. The map is being rebuilt.`);
       });
     const isDoubtful = clip.state === "failed" || isForeign(clip);
     const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;

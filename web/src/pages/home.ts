@@ -1,6 +1,6 @@
 // One home: its map, its clips, and what is put into it.
 
-import { deleteHome, Refusal } from "../api.ts";
+import { Refusal } from "../api.ts";
 import { h, put } from "../dom.ts";
 import { Address } from "../home/address.ts";
 import { ClipsPanel } from "../home/clips.ts";
@@ -9,24 +9,25 @@ import { HomeData } from "../home/data.ts";
 import { CoveragePanel } from "../home/coverage.ts";
 import { Details } from "../home/details.ts";
 import { Downloads } from "../home/downloads.ts";
+import { EarlierMaps } from "../home/earlier.ts";
 import { LayersPanel, section } from "../home/layers.ts";
 import { Legend } from "../home/legend.ts";
 import { Looks } from "../home/looks.ts";
 import { RemovedPanel } from "../home/removed.ts";
 import { HomeScene } from "../home/scene.ts";
 import type { Selection } from "../home/selection.ts";
+import { Settings } from "../home/settings.ts";
 import { read, written } from "../home/share.ts";
 import { Summary } from "../home/summary.ts";
 import { ThingsPanel } from "../home/things.ts";
 import { Toolbar } from "../home/toolbar.ts";
-import { confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
-import { attempt, messageOf, say } from "../parts/notices.ts";
+import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
 import { toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { UploadPanel } from "../upload/panel.ts";
-import { isUnderWay, many } from "../words.ts";
+import { isUnderWay } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
@@ -38,9 +39,14 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const { signal } = place;
   const data = await HomeData.load(id, asked.get("level"), signal);
   if (signal.aborted) return;
-  setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.home.name || id);
+  let named = "";
+  const drawCrumbs = () => {
+    if (named !== data.name) setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.name);
+    named = data.name;
+  };
+  drawCrumbs();
   const looks = new Looks();
-  const viewpoint = read(asked, looks);
+  const framing = read(asked, looks);
   if (!data.map?.info.points && !asked.has("view")) looks.view = "2d";
   const status = new StatusLine("stage-status");
   const scene = new HomeScene(data, looks, (text) => status.show(text), signal);
@@ -55,6 +61,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const details = new Details(data, looks, scene.measure, () => repeated.again());
   const compare = new Compare(data, select, signal);
   const removed = new RemovedPanel(data, () => repeated.again(), signal);
+  const earlier = new EarlierMaps(data, () => repeated.again(), signal);
   const downloads = new Downloads(data);
   const layers = new LayersPanel(data, looks);
   const coverage = new CoveragePanel(data, select);
@@ -62,34 +69,36 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const summary = new Summary(data, looks);
   const stage = h("section", { class: "stage", "aria-label": "Map" });
   const side = h("aside", { class: "side", "aria-label": "Clips, objects and layers" });
-  const view = () => written(looks, data.hasLevels ? data.level : null, scene.viewpoint);
+  const view = () => written(looks, data.hasLevels ? data.level : null, scene.framing);
   const address = new Address(id, view, side, signal);
   looks.onChange(() => address.note());
-  scene.onMoved = () => address.note();
-  const toolbar = new Toolbar(data, looks, scene, () => address.write(), (level) => {
-    data.level = level;
+  const leaveLevel = () => {
     scene.measure.end();
     looks.select(null);
     address.note();
     repeated.again();
+  };
+  const toolbar = new Toolbar(data, looks, scene, () => address.write(), (level) => {
+    data.level = level;
+    leaveLevel();
   });
+  const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel });
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
   const repeated = keepUpToDate(place, data, { clips, status }, () => {
-    const panels = [clips, things, details, downloads, layers, coverage, legend, summary, toolbar];
+    const panels = [clips, things, details, downloads, layers, coverage, legend, summary, toolbar, settings];
     for (const panel of panels) panel.draw();
-    for (const panel of [compare, removed]) void panel.draw();
+    for (const panel of [compare, removed, earlier]) void panel.draw();
+    drawCrumbs();
     scene.update();
     // Another level has another camera.
     address.soon();
   });
 
-  const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");
-  remove.addEventListener("click", () => void removeHome(data, remove));
   const foot = h("div", { class: "stage-foot" }, status.shown, legend.element, summary.figures);
   put(stage, scene.element, summary.empty, foot, toolbar.element, details.element, status.said);
   put(side,
-    h("h1", {}, data.home.name || id),
+    settings.heading,
     upload?.element,
     section("Clips", true, clips.element),
     section("Rooms and objects", true, things.element),
@@ -97,13 +106,15 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     layers.element,
     section("Coverage", false, coverage.element),
     lateSection("Changes", compare),
+    mayChange() && lateSection("Earlier LiDAR maps", earlier),
     section("Downloads", false, downloads.element),
-    mayChange() && h("p", { class: "row end" }, remove));
+    mayChange() && settings.element);
   put(place.main, stage, side);
   place.main.className = "home-page";
   details.draw();
-  scene.viewpoint = viewpoint;
-  if (!viewpoint && looks.selected) scene.show(looks.selected);
+  scene.framing = framing;
+  if (!framing.from && !framing.part && looks.selected) scene.show(looks.selected);
+  scene.onMoved = () => address.note();
   address.scroll();
   onHomeChange(id, () => repeated.again(), signal);
 }
@@ -150,15 +161,4 @@ function lateSection(title: string, panel: { element: HTMLElement; draw: () => P
   const part = section(title, false, panel.element);
   part.addEventListener("toggle", () => void panel.draw());
   return part;
-}
-
-async function removeHome(data: HomeData, button: HTMLButtonElement): Promise<void> {
-  const { home, clips } = data;
-  const text = `The LiDAR map, ${many(clips.length, "clip")} and everything made of them are removed for good.`;
-  if (!(await confirm(`Delete ${home.name || home.id}?`, text, "Delete home"))) return;
-  await attempt(button, async () => {
-    await deleteHome(home.id);
-    say(`${home.name || home.id} is deleted.`);
-    location.hash = toHomes();
-  });
 }

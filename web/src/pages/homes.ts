@@ -1,28 +1,98 @@
 // All homes.
 
 import { homePath, homes, makeHome, Refusal } from "../api.ts";
-import { h, put } from "../dom.ts";
+import { h, keepFocus, put } from "../dom.ts";
+import { nextChange } from "../parts/feed.ts";
+import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
 import { attempt } from "../parts/notices.ts";
 import { type Asked, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
+import { pause } from "../upload/retry.ts";
 import type { Home, List } from "../types.ts";
 import { many, STATES, stateWord, time } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
+/** Pause between two readings of the list. */
+const REST_MS = 2000;
+
 export async function showHomes(place: Place, asked: Asked): Promise<void> {
   setCrumbs(place, [], "Homes");
-  const page = await homesOrNone(asked, place.signal);
-  if (!page) return put(place.main, oneHome());
-  const isPart = Boolean(asked.text || asked.attention || asked.after);
-  const list = page.items.length === 0
-    ? nothing(isPart)
-    : h("ul", { class: "homes" }, ...page.items.map(card));
-  const more = page.next && h("a", { class: "button", href: toHomes({ ...asked, after: page.next }) }, "More homes");
+  const first = await homesOrNone(asked, place.signal);
+  if (!first) return put(place.main, oneHome());
+  const list = new HomeList(asked);
+  list.draw(first);
   put(place.main, h("div", { class: "page" },
-    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome()),
-    page.items.length > 0 || isPart ? search(asked) : null,
-    list, h("p", { class: "row" }, more)));
+    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome()), ...list.elements));
+  keepUpToDate(place, asked, list, first);
+}
+
+/** Reads the list again when a person looks at it again, and after each change while clips are queued or being aligned. */
+function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
+  let watch = new AbortController();
+  const follow = ({ items }: List<Home>) => {
+    watch.abort();
+    if (document.hidden || !items.some(isUnderWay)) return;
+    watch = new AbortController();
+    const watching = watch.signal;
+    void nextChange(watching).catch(() => {}).then(() => pause(REST_MS, watching)).then(() => watching.aborted || repeated.again());
+  };
+  const repeated = new Repeated(async () => {
+    try {
+      const page = await homes(asked, signal);
+      list.draw(page);
+      follow(page);
+    } catch (error) {
+      if (signal.aborted) return null;
+      if (error instanceof Refusal && error.isFinal) return again(), null;
+      return REST_MS;
+    }
+    return null;
+  }, signal);
+  document.addEventListener("visibilitychange", () => document.hidden && watch.abort(), { signal });
+  signal.addEventListener("abort", () => watch.abort());
+  follow(first);
+}
+
+function isUnderWay({ clips_by_state: { queued, aligning } }: Home): boolean {
+  return queued + aligning > 0;
+}
+
+class HomeList {
+  private readonly search: HTMLElement;
+  private readonly list = h("ul", { class: "homes" });
+  private readonly nothing: HTMLElement;
+  private readonly more = h("a", { class: "button" }, "More homes");
+  private readonly isPart: boolean;
+  /** The cards by the homes that they show. */
+  private cards = new Map<string, HTMLElement>();
+
+  constructor(private readonly asked: Asked) {
+    this.isPart = Boolean(asked.text || asked.attention || asked.after);
+    this.search = search(asked);
+    this.nothing = nothing(this.isPart);
+  }
+
+  get elements(): HTMLElement[] {
+    return [this.search, this.list, this.nothing, h("p", { class: "row" }, this.more)];
+  }
+
+  draw({ items, next }: List<Home>): void {
+    const cards = new Map(items.map((home) => {
+      const shown = JSON.stringify(home);
+      return [shown, this.cards.get(shown) ?? card(home)];
+    }));
+    if ([...cards.keys()].join() !== [...this.cards.keys()].join()) {
+      keepFocus(this.list, () => this.list.replaceChildren(...cards.values()));
+    }
+    this.cards = cards;
+    const isEmpty = items.length === 0;
+    this.search.hidden = isEmpty && !this.isPart;
+    this.list.hidden = isEmpty;
+    this.nothing.hidden = !isEmpty;
+    this.more.hidden = !next;
+    this.more.href = toHomes({ ...this.asked, after: next });
+  }
 }
 
 /** Null for a key of one home, which the service does not name. */
@@ -90,7 +160,7 @@ function card(home: Home): HTMLElement {
   // A home of several levels may have none of the name `main`.
   picture.addEventListener("error", () => picture.remove());
   return h("li", {},
-    h("a", { class: "card home-card", href: toHome(home.id) },
+    h("a", { class: "card home-card", href: toHome(home.id), "data-key": home.id },
       h("span", { class: "thumbnail" }, picture),
       h("span", { class: "card-text" },
         h("strong", {}, home.name || home.id),

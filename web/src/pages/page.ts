@@ -3,16 +3,16 @@
 import { type Child, h, put } from "../dom.ts";
 
 export interface Place {
-  /** Where the page is put. */
+  /** The element of the page. */
   main: HTMLElement;
   crumbs: HTMLElement;
   /** Ends everything the page has begun. */
   signal: AbortSignal;
-  /** Shows the page anew: the form to sign in, if the session has ended. */
+  /** Shows the page again: the form to sign in, if the session has ended. */
   again: () => void;
 }
 
-/** Where one is: links to the pages above, and this one's name. */
+/** Shows links to the pages above, and this page's name. */
 export function setCrumbs(place: Place, above: { word: string; href: string }[], here: string): void {
   const links: Child[] = above.map(({ word, href }) => h("a", { href }, word));
   put(place.crumbs, ...links, h("span", { "aria-current": "page" }, here));

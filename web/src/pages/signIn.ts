@@ -31,7 +31,7 @@ export function showSignIn(place: Place, then: () => void): void {
     h("p", {}, "The operator of the service makes one with ", h("code", {}, "viola keys create"),
       ". This browser stays signed in for 12 hours, or until you sign out."),
     keepsNone && h("p", { class: "failed reason" },
-      "This address has no TLS, so that the browser keeps no session cookie. Open the service over https."),
+      "This address has no TLS, so the browser will not keep the session cookie. Open the service over https."),
     form));
   key.focus();
 }

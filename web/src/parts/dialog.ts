@@ -31,9 +31,9 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
   });
 }
 
-/** A line of text; null when the question was closed. */
-export function askText(title: string, before: string, word: string): Promise<string | null> {
-  const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: 100, autofocus: true });
+/** A line of text of at most `most` letters; null when the question was closed. */
+export function askText(title: string, before: string, word: string, most: number): Promise<string | null> {
+  const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: most, autofocus: true });
   // Enter in a text presses the form's first button, so the button that does it comes first.
   return ask<boolean>(title, input, [
     { word, value: true, kind: "primary" },
@@ -41,7 +41,7 @@ export function askText(title: string, before: string, word: string): Promise<st
   ]).then((isDone) => (isDone ? input.value.trim() : null));
 }
 
-/** Whether it shall really be done. */
+/** True if a person confirms the action. */
 export async function confirm(title: string, text: Child, word: string): Promise<boolean> {
   const answer = await ask(title, text, [
     { word: "Cancel", value: false },

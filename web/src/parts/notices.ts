@@ -11,29 +11,48 @@ export function noticeBoard(): HTMLElement {
   return h("div", { class: "notices" }, said, alarms);
 }
 
-/** Something happened; it goes away by itself. It may offer to take it back. */
-export function say(text: string, offer?: { word: string; act: () => unknown }): void {
-  const button = offer && h("button", { type: "button", class: "small" }, offer.word);
-  const note = h("p", { class: "toast" }, h("span", {}, text), button);
-  button?.addEventListener("click", () => {
-    note.remove();
-    offer?.act();
-  });
+/** Tells that something happened; the message goes away by itself. */
+export function say(text: string): void {
+  const note = h("p", { class: "toast" }, h("span", {}, text));
   said.append(note);
-  setTimeout(() => note.remove(), offer ? 2 * SHOWN_MS : SHOWN_MS);
+  setTimeout(() => note.remove(), SHOWN_MS);
 }
 
-/** Something failed; it stays until it is closed. A failure that repeats is shown once. */
+/** Tells that something happened, and offers to take it back, until the message is closed or the next offer comes. */
+export function offer(text: string, word: string, act: () => unknown): void {
+  const button = h("button", { type: "button", class: "small" }, word);
+  const note = h("p", { class: "toast offer" }, h("span", {}, text), button);
+  button.addEventListener("click", () => {
+    note.remove();
+    act();
+  });
+  note.append(closeButton(note));
+  clearOffers();
+  said.append(note);
+}
+
+/** Tells that something failed; the message stays until it is closed. A failure that repeats is shown once. */
 export function alarm(text: string): void {
   if ([...alarms.children].some((note) => note.firstChild?.textContent === text)) return;
-  const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Dismiss" }, "✕");
-  const note = h("p", { class: "toast bad" }, h("span", {}, text), close);
-  close.addEventListener("click", () => note.remove());
+  const note = h("p", { class: "toast bad" }, h("span", {}, text));
+  note.append(closeButton(note));
   alarms.append(note);
 }
 
+function closeButton(note: HTMLElement): HTMLElement {
+  const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Dismiss" }, "✕");
+  close.addEventListener("click", () => note.remove());
+  return close;
+}
+
+function clearOffers(): void {
+  for (const note of said.querySelectorAll(".offer")) note.remove();
+}
+
+/** Clears what belongs to the page that a person leaves. */
 export function clearNotices(): void {
   alarms.replaceChildren();
+  clearOffers();
 }
 
 export function messageOf(error: unknown): string {

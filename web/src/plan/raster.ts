@@ -10,7 +10,7 @@ const MAX_SIDE_PX = 1600;
 export interface Shown {
   colouring: Colouring;
   cut_m: number;
-  /** By class id and by clip index; what is not there is hidden. */
+  /** Colours by class id and by clip index; points without a colour are hidden. */
   classes: Map<number, Rgb>;
   clips: Map<number, Rgb>;
 }
@@ -25,7 +25,7 @@ export function ramped(share: number): Rgb {
 /** Pixels are a little wider than voxels, so that surfaces close. */
 const VOXELS_PER_PX = 1.5;
 
-/** Where a picture of the box lies. */
+/** The place and the size of a picture of the box. */
 export function frameOf({ min, max }: Box2, voxel_m: number): PictureFrame {
   const size = Math.max(max[0] - min[0], max[1] - min[1], voxel_m) + voxel_m;
   const px_per_m = Math.min(1 / (VOXELS_PER_PX * voxel_m), MAX_SIDE_PX / size);

@@ -35,11 +35,13 @@ export class PlanView {
   private home: Window = { x: 0, y: 0, width: 100, height: 100 };
   private window: Window = this.home;
   private readonly fingers = new Map<number, { x: number; y: number }>();
-  /** Where a press began that has not become a drag. */
+  /** The start of a press that has not become a drag. */
   private press: { x: number; y: number } | null = null;
-  /** Told about a click: its point in the map's frame. */
+  /** Called after a click, with its point in the map's frame. */
   onClick: (point: Point2) => void = () => {};
-  /** Told when another part is shown. */
+  /** Called after another part is shown. */
+  onShown: () => void = () => {};
+  /** Called after a person moved the view. */
   onMoved: () => void = () => {};
 
   /** A drawing that stays as it is when `signal` is null. */
@@ -119,7 +121,7 @@ export class PlanView {
     });
   }
 
-  /** What is shown when nothing was moved. */
+  /** Sets the box that is shown until a person moves the view. */
   setBounds(box: Box2, margin_m = 0.3): void {
     const before = this.home;
     this.home = windowOf(box, margin_m);
@@ -127,14 +129,26 @@ export class PlanView {
   }
 
   fit(): void {
-    this.window = this.home;
-    this.apply();
+    this.part = null;
   }
 
   /** Moves to a part of the home, with room around it. */
   show({ min, max }: Box2): void {
     const margin_m = Math.max(0.8, (max[0] - min[0] + max[1] - min[1]) / 4);
     this.window = windowOf({ min, max }, margin_m);
+    this.apply();
+    this.onMoved();
+  }
+
+  /** The shown part in metres; null for all of the home. */
+  get part(): Box2 | null {
+    if (this.window === this.home) return null;
+    const { x, y, width, height } = this.window;
+    return { min: [x / UNITS, -(y + height) / UNITS], max: [(x + width) / UNITS, -y / UNITS] };
+  }
+
+  set part(box: Box2 | null) {
+    this.window = box ? windowOf(box, 0) : this.home;
     this.apply();
   }
 
@@ -160,7 +174,7 @@ export class PlanView {
     // Texts keep their size on the screen.
     this.element.style.setProperty("--unit", String(perPixel));
     this.placeNames();
-    this.onMoved();
+    this.onShown();
   }
 
   /** Units of the drawing for one pixel of the screen. */
@@ -189,12 +203,14 @@ export class PlanView {
       height: height * scale,
     };
     this.apply();
+    this.onMoved();
   }
 
   private pan(dx_px: number, dy_px: number): void {
     const perPixel = this.perPixel();
     this.window = { ...this.window, x: this.window.x - dx_px * perPixel, y: this.window.y - dy_px * perPixel };
     this.apply();
+    this.onMoved();
   }
 
   private drag(event: PointerEvent): void {
@@ -220,8 +236,10 @@ export class PlanView {
     if (pan) this.pan(...pan);
     else if (event.key === "+" || event.key === "=") this.zoom(0.8);
     else if (event.key === "-") this.zoom(1.25);
-    else if (event.key === "0") this.fit();
-    else return;
+    else if (event.key === "0") {
+      this.fit();
+      this.onMoved();
+    } else return;
     event.preventDefault();
   }
 }

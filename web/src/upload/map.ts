@@ -1,7 +1,7 @@
 // Sends a LiDAR map, and takes a replacement back.
 
 import { homePath, restoreLidarMap } from "../api.ts";
-import { attempt, say } from "../parts/notices.ts";
+import { attempt, offer, say } from "../parts/notices.ts";
 import { sentName } from "./names.ts";
 import { request } from "./request.ts";
 
@@ -29,12 +29,9 @@ export async function sendMap(
 
 /** Tells that a map is replaced, and offers the earlier one. */
 export function offerUndo(home: string, level: string, replaced: number, onDone: () => void): void {
-  say(`The map of the level ${level} is replaced.`, {
-    word: "Undo",
-    act: () => attempt(null, async () => {
-      await restoreLidarMap(home, level, replaced);
-      say(`The level ${level} has its earlier map again.`);
-      onDone();
-    }),
-  });
+  offer(`The map of the level ${level} is replaced.`, "Undo", () => attempt(null, async () => {
+    await restoreLidarMap(home, level, replaced);
+    say(`The level ${level} has its earlier map again.`);
+    onDone();
+  }));
 }

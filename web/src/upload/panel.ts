@@ -4,7 +4,8 @@ import { lidarMaps } from "../api.ts";
 import { h } from "../dom.ts";
 import type { HomeData } from "../home/data.ts";
 import { ask } from "../parts/dialog.ts";
-import { alarm } from "../parts/notices.ts";
+import { alarm, say } from "../parts/notices.ts";
+import { mayChange } from "../session.ts";
 import { bytes } from "../words.ts";
 import { type Kind, kindOf } from "./kind.ts";
 import { askTarget } from "./level.ts";
@@ -48,18 +49,18 @@ export class UploadPanel {
 
   /** Files may be dropped anywhere on the page. */
   private takeDrops(): void {
-    const options = { signal: this.signal };
+    // Before `refuseDrops`.
+    const options = { signal: this.signal, capture: true };
     const page = document.documentElement;
-    const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
     addEventListener("dragover", (event) => {
-      if (!isFiles(event)) return;
+      if (!hasFiles(event)) return;
       event.preventDefault();
       page.classList.add("dropping");
     }, options);
     addEventListener("dragleave", (event) => event.relatedTarget || page.classList.remove("dropping"), options);
     addEventListener("drop", (event) => {
       page.classList.remove("dropping");
-      if (!isFiles(event)) return;
+      if (!hasFiles(event)) return;
       event.preventDefault();
       const target = event.target instanceof Element ? event.target.closest<HTMLElement>("[data-kind]") : null;
       const said = target?.dataset.kind as Kind | undefined;
@@ -112,7 +113,21 @@ export class UploadPanel {
   }
 }
 
-/** The files of a drop. A folder has no bytes to send; it is told and left out. */
+/** Keeps the browser from opening a file that is dropped where no panel takes it. */
+export function refuseDrops(): void {
+  addEventListener("dragover", (event) => hasFiles(event) && event.preventDefault());
+  addEventListener("drop", (event) => {
+    if (!hasFiles(event) || event.defaultPrevented) return;
+    event.preventDefault();
+    say(mayChange() ? "Open a home to add files." : "This key cannot add files.");
+  });
+}
+
+function hasFiles(event: DragEvent): boolean {
+  return event.dataTransfer?.types.includes("Files") ?? false;
+}
+
+/** The files of a drop. A folder has no bytes to send: an alarm names it. */
 function filesOf(dropped: DataTransfer | null): File[] {
   const files = [];
   for (const item of dropped?.items ?? []) {

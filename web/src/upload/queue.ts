@@ -3,10 +3,11 @@
 import { Refusal } from "../api.ts";
 import { h } from "../dom.ts";
 import { alarm, messageOf, say } from "../parts/notices.ts";
+import { type Begun, begunOf, dropAllBegun, dropBegun } from "./begun.ts";
 import { offerUndo, sendMap, type Target } from "./map.ts";
 import { mayTryAgain, pause, retryDelay_ms } from "./retry.ts";
 import { UploadRow } from "./row.ts";
-import { forgetClip, sendClip, type SentClip } from "./tus.ts";
+import { forgetClip, sendClip, type Sent, type SentClip, untilStored } from "./tus.ts";
 
 interface Upload extends SentClip {
   /** The level of a LiDAR map; null for a clip. */
@@ -24,10 +25,16 @@ export function queueOf(home: string): UploadQueue {
   return queue;
 }
 
+/** The number of files of all homes that are not sent yet. */
+export function unsentFiles(): number {
+  return [...queues.values()].reduce((sum, { unsent }) => sum + unsent, 0);
+}
+
 /** Ends all uploads: they are of the person who signs out. */
 export function stopUploads(): void {
   for (const queue of queues.values()) queue.stop();
   queues.clear();
+  dropAllBegun();
 }
 
 /** Random visible letters; `crypto.randomUUID` is only there over TLS. */
@@ -35,23 +42,33 @@ function randomKey(): string {
   return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
+function isSessionEnd(error: unknown): boolean {
+  return error instanceof Refusal && error.status === 401;
+}
+
 /** A lost connection and a file that cannot be read any more are the same to XMLHttpRequest. */
 async function isReadable(file: File): Promise<boolean> {
   return file.slice(0, 1).arrayBuffer().then(() => true, () => false);
 }
 
-class UploadQueue {
+export class UploadQueue {
   readonly list = h("ul", { class: "uploads", "aria-label": "Uploads" });
   readonly said = h("p", { class: "hidden-text", role: "status", "aria-live": "polite" });
   /** Called when a file is stored; the page of the home sets it. */
   onDone: () => void = () => {};
   /** The first one is being sent. */
   private waiting: Upload[] = [];
+  /** Clips whose bytes are all sent, and that the service still reads. */
+  private readonly arrived = new Set<Upload>();
   private isSending = false;
   /** The browser asks before a tab with unsent files is closed. */
   private readonly askBeforeLeaving = (event: BeforeUnloadEvent) => event.preventDefault();
 
   constructor(private readonly home: string) {}
+
+  get unsent(): number {
+    return this.waiting.length;
+  }
 
   /** The levels whose LiDAR map is not sent yet. */
   get levels(): string[] {
@@ -72,30 +89,38 @@ class UploadQueue {
   }
 
   stop(): void {
-    for (const { stop } of this.waiting) stop.abort();
+    for (const { stop } of [...this.waiting, ...this.arrived]) stop.abort();
     this.waiting = [];
+    this.arrived.clear();
     this.list.replaceChildren();
   }
 
   private add(file: File, kind: string, target: Target | null): void {
     const row = new UploadRow(file, kind, () => this.cancel(upload));
-    const upload: Upload = {
-      home: this.home, file, key: randomKey(), path: null, acknowledged_bytes: 0, target, row, stop: new AbortController(),
-    };
+    const { key, path } = (!target && this.resumable(file)) || { key: randomKey(), path: null };
+    const upload: Upload = { home: this.home, file, key, path, acknowledged_bytes: 0, target, row, stop: new AbortController() };
     this.list.append(row.element);
     this.enter(upload);
+  }
+
+  /** The upload of a file that was begun before a reload; null if there is none, or if this queue sends it already. */
+  private resumable(file: File): Begun | null {
+    const begun = begunOf(this.home, file);
+    return [...this.waiting, ...this.arrived].some(({ key }) => key === begun?.key) ? null : begun;
   }
 
   private cancel(upload: Upload): void {
     upload.stop.abort();
     this.waiting = this.waiting.filter((other) => other !== upload);
+    this.arrived.delete(upload);
     upload.row.element.remove();
+    dropBegun(upload);
     forgetClip(upload);
   }
 
   private enter(upload: Upload): void {
     upload.row.wait("waits");
-    // Clips wait for a map anyway, so that maps go first; a file that is being sent stays first.
+    // Clips wait for a map anyway, so maps go first; a file that is being sent stays first.
     const at = upload.target ? Number(this.isSending) : this.waiting.length;
     this.waiting.splice(at, 0, upload);
     void this.work();
@@ -106,15 +131,14 @@ class UploadQueue {
     if (this.isSending) return;
     this.isSending = true;
     addEventListener("beforeunload", this.askBeforeLeaving);
-    for (let next = this.waiting[0], mayContinue = true; next && mayContinue; next = this.waiting[0]) {
-      mayContinue = await this.sendOne(next);
+    for (let next = this.waiting[0]; next && (await this.sendOne(next)); next = this.waiting[0]) {
       this.waiting = this.waiting.filter((other) => other !== next);
     }
     if (this.waiting.length === 0) removeEventListener("beforeunload", this.askBeforeLeaving);
     this.isSending = false;
   }
 
-  /** Sends a file until it is stored, refused or cancelled. False if the rest of the queue would be refused, too. */
+  /** Sends a file until it has arrived, or is refused or cancelled. False if the session has ended: the file waits. */
   private async sendOne(upload: Upload): Promise<boolean> {
     const { file, row, stop: { signal } } = upload;
     this.said.textContent = `${file.name} is being sent.`;
@@ -122,9 +146,8 @@ class UploadQueue {
     for (let failures = 1; !signal.aborted; failures++) {
       const before_bytes = upload.acknowledged_bytes;
       try {
-        await this.send(upload);
-        row.element.remove();
-        this.onDone();
+        if ((await this.send(upload)) === "arrived") void this.follow(upload);
+        else this.finish(upload);
         return true;
       } catch (error) {
         if (signal.aborted) return true;
@@ -140,30 +163,56 @@ class UploadQueue {
     return true;
   }
 
-  private async send(upload: Upload): Promise<void> {
+  private async send(upload: Upload): Promise<Sent> {
     const { home, file, target, row, stop: { signal } } = upload;
     const onSent = (bytes: number) => row.progress(bytes);
-    if (!target) {
-      await sendClip(upload, onSent, signal);
-      return this.tell(upload);
-    }
+    if (!target) return sendClip(upload, onSent, signal);
     const { level, replaces } = target;
     const revision = await sendMap(home, level, file, onSent, signal);
-    this.tell(upload);
     if (replaces !== null && revision !== replaces) offerUndo(home, level, replaces, () => this.onDone());
+    return "stored";
   }
 
-  private tell({ file, row }: Upload): void {
+  /** Waits beside the queue while the service reads a file. After a fault, the queue resumes the file. */
+  private async follow(upload: Upload): Promise<void> {
+    const { row, stop: { signal } } = upload;
+    this.arrived.add(upload);
+    row.progress(upload.file.size);
+    try {
+      await untilStored(upload, signal);
+      this.finish(upload);
+    } catch (error) {
+      if (signal.aborted) return;
+      if (isSessionEnd(error) || retryDelay_ms(error, 1) !== null) this.enter(upload);
+      else this.fail(upload, error);
+    } finally {
+      this.arrived.delete(upload);
+    }
+  }
+
+  private finish(upload: Upload): void {
+    const { file, row } = upload;
     const text = `${file.name} is stored.`;
     this.said.textContent = text;
     if (!row.element.isConnected) say(text);
+    row.element.remove();
+    dropBegun(upload);
+    this.onDone();
   }
 
+  /** Shows the reason of a failure. False if the session has ended: the file waits for the next one. */
   private fail(upload: Upload, error: unknown): boolean {
     const { file, row } = upload;
+    if (isSessionEnd(error)) {
+      row.wait("waits for the sign-in");
+      // The page asks for the key.
+      this.onDone();
+      return false;
+    }
     const reason = messageOf(error);
     if (!row.element.isConnected) alarm(`${file.name} is not stored: ${reason}`);
     row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null);
-    return !(error instanceof Refusal && error.status === 401);
+    if (error instanceof Refusal && !mayTryAgain(error)) dropBegun(upload);
+    return true;
   }
 }

@@ -20,7 +20,7 @@ export function retryDelay_ms(error: unknown, failures: number): number | null {
 
 /** Returns whether a person may press "Try again": a refusal of the file itself is final. */
 export function mayTryAgain(error: unknown): boolean {
-  return error instanceof Refusal && (error.status >= 500 || [401, 429].includes(error.status));
+  return error instanceof Refusal && (error.status >= 500 || error.status === 429);
 }
 
 /** Waits for a time; ends at once when the browser is online again, and when the signal aborts. */

@@ -36,7 +36,7 @@ export class UploadRow {
     const share = this.file.size > 0 ? sent_bytes / this.file.size : 0;
     this.bar.hidden = false;
     this.bar.value = share;
-    this.hint.textContent = share < 1 ? `${percent(share)} of ${bytes(this.file.size)}` : "being read";
+    this.hint.textContent = share < 1 ? `${percent(share)} of ${bytes(this.file.size)}` : "is being read";
   }
 
   /** Shows the reason of a failure; `onAgain` is null if another attempt cannot help. */

@@ -1,34 +1,53 @@
 // Sends a clip in parts by tus 1.0. After a loss, the next attempt resumes at the offset of the service.
 
 import { Refusal, upload } from "../api.ts";
+import { type Begun, keepBegun } from "./begun.ts";
 import { sentName } from "./names.ts";
 import { request } from "./request.ts";
 import { pause } from "./retry.ts";
 
 /** Each part is durable when it is answered. The service takes at most 10 000. */
 const PART_BYTES = 8 << 20;
-const POLL_MS = 2000;
+/** Pauses between the questions whether a complete file is stored: each is twice the one before. */
+const FIRST_POLL_MS = 2000;
+const LONGEST_POLL_MS = 30_000;
 const VERSION = { "tus-resumable": "1.0.0" };
 
 /** A clip that is sent; the service keeps its bytes between the attempts. */
-export interface SentClip {
+export interface SentClip extends Begun {
   home: string;
   file: File;
-  /** The same for every attempt, so that a clip that arrived is not stored twice. */
-  key: string;
-  /** The path of the upload; null before it is created. */
-  path: string | null;
   /** Bytes that the service has for sure. */
   acknowledged_bytes: number;
 }
 
-/** Sends the rest of a clip; returns when the clip is stored. `onSent` gets the number of sent bytes. */
-export async function sendClip(clip: SentClip, onSent: (bytes: number) => void, signal: AbortSignal): Promise<void> {
-  clip.path ??= await create(clip, signal);
-  if (await sendRest(clip, clip.path, onSent, signal)) return;
+/** State of a clip whose bytes are all sent: the service has stored it, or still reads it. */
+export type Sent = "stored" | "arrived";
+
+/** Sends the rest of a clip. `onSent` gets the number of sent bytes. */
+export async function sendClip(clip: SentClip, onSent: (bytes: number) => void, signal: AbortSignal): Promise<Sent> {
+  if (!clip.path) {
+    clip.path = await create(clip, signal);
+    keepBegun(clip);
+  }
+  return (await sendRest(clip, clip.path, onSent, signal)) ?? lose(clip);
+}
+
+/** Waits while the service reads an arrived clip; returns when it is stored. Throws the reason of a refusal. */
+export async function untilStored(clip: SentClip, signal: AbortSignal): Promise<void> {
+  for (let wait_ms = FIRST_POLL_MS; ; wait_ms = Math.min(2 * wait_ms, LONGEST_POLL_MS)) {
+    await pause(wait_ms, signal);
+    const state = clip.path && (await stateOf(clip.path, signal));
+    if (state === "stored") return;
+    if (!state) lose(clip);
+  }
+}
+
+/** The next attempt creates another upload. */
+function lose(clip: SentClip): never {
   clip.path = null;
   clip.acknowledged_bytes = 0;
-  throw new Refusal(503, "The service lost the begun upload, so that it begins again.");
+  throw new Refusal(503, "The service lost the begun upload, so it starts again.");
 }
 
 /** Removes the bytes of a cancelled upload. Without an answer, they expire after a day. */
@@ -50,8 +69,8 @@ function encoded(values: Record<string, string>): string {
   return Object.entries(values).map(([name, value]) => `${name} ${base64(value)}`).join(",");
 }
 
-/** Sends a file from the service's offset on; false if the service does not have the upload any more. */
-async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) => void, signal: AbortSignal): Promise<boolean> {
+/** Sends the rest of a file after the service's offset; null if the service does not have the upload any more. */
+async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) => void, signal: AbortSignal): Promise<Sent | null> {
   const { file } = clip;
   try {
     let answer = await request("HEAD", path, { headers: VERSION, signal });
@@ -62,26 +81,24 @@ async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) =>
       const body = file.slice(at, at + PART_BYTES);
       answer = await request("PATCH", path, { headers, body, onSent: (bytes) => onSent(at + bytes), signal });
     }
-    if (answer.getResponseHeader("viola-clip")) return true;
+    if (answer.getResponseHeader("viola-clip")) return "stored";
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;
     // The last bytes of a broken request have moved the offset.
     if (error.status === 409) return sendRest(clip, path, onSent, signal);
     if (![404, 410].includes(error.status)) throw error;
   }
-  return isStored(path, signal);
+  return stateOf(path, signal);
 }
 
 function offsetOf(answer: XMLHttpRequest): number {
   return Number(answer.getResponseHeader("upload-offset"));
 }
 
-/** Waits while the service reads a complete file; false if the upload is gone. Throws the reason of a refusal. */
-async function isStored(path: string, signal: AbortSignal): Promise<boolean> {
-  for (;;) {
-    const found = await upload(path, signal);
-    if (found?.problem) throw new Refusal(found.problem.status, found.problem.detail);
-    if (found?.state !== "arrived") return found?.state === "finished";
-    await pause(POLL_MS, signal);
-  }
+/** The state of a complete file; null if the upload is gone. Throws the reason of a refusal. */
+async function stateOf(path: string, signal: AbortSignal): Promise<Sent | null> {
+  const found = await upload(path, signal);
+  if (found?.problem) throw new Refusal(found.problem.status, found.problem.detail);
+  if (found?.state === "arrived") return "arrived";
+  return found?.state === "finished" ? "stored" : null;
 }

@@ -51,9 +51,10 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.getByRole("button", { name: "Undo" }).click();
     await mapIs(next++);
     await row(object.id).waitFor();
-    // The offer to undo goes away, and the list of removed objects stays.
+    // The offer to undo is closed, and the list of removed objects stays.
     await row(object.id).click();
     await details.getByRole("button", { name: "Remove" }).click();
+    await page.locator(".toast.offer").getByRole("button", { name: "Dismiss" }).click();
     await mapIs(next++);
     await page.locator("summary", { hasText: "Removed objects" }).click();
     await page.getByRole("button", { name: "Bring back Grandma's" }).click();
@@ -68,7 +69,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
 
   async function anObjectIsClicked() {
     const { objects } = await open("/v1/homes/flat/map/objects");
-    // The smallest object at a point is selected, so that the smallest of all is.
+    // The smallest object at a point is selected, so the smallest of all is.
     const area = ({ size_m: [length, width] }) => length * width;
     const [object] = objects.sort((a, b) => area(a) - area(b));
     await page.locator("label:has(#view-2d)").click();
@@ -87,6 +88,8 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
   async function aRoomIsRenamedAndDivided() {
     const { rooms } = await open("/v1/homes/flat/map/rooms");
     const [room] = rooms.sort((a, b) => b.area_m2 - a.area_m2);
+    const total_m2 = rooms.reduce((sum, { area_m2 }) => sum + area_m2, 0);
+    assert.equal(await page.locator(".things .group").first().textContent(), `Rooms · ${total_m2.toFixed(1)} m²`);
     const details = page.locator(".details");
     let next = (await open("/v1/homes/flat/map")).revision + 1;
     await page.locator(`.thing-row[data-key="room ${room.id}"]`).click();
@@ -154,6 +157,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.getByRole("button", { name: "Measure" }).click();
     await page.mouse.click(x, y);
     await page.mouse.click(x + 100, y);
+    await page.locator(".measure").getByRole("button", { name: "Done" }).waitFor();
     const flat = Number.parseFloat(await page.locator(".measure").textContent());
     const { info } = await open("/v1/homes/flat/lidar-map");
     assert.ok(flat > 0 && flat < info.max_m[0] - info.min_m[0] + 1, `100 pixels are ${flat} m`);
@@ -209,11 +213,16 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
 
   /** The browser's button leads back to the view that a person left for a clip. */
   async function aViewIsFoundAgain() {
+    const plan = page.locator("svg.plan").first();
+    const part = async () => (await plan.getAttribute("viewBox")).split(" ").map(Number);
     await page.locator("label:has(#view-2d)").click();
+    await plan.focus();
+    await page.keyboard.press("+");
+    const before = await part();
     await page.locator("label:has(#colouring-clip)").click();
     const side = page.locator(".side");
     await side.evaluate((side) => (side.scrollTop = 60));
-    await page.waitForFunction(() => location.hash.includes("colour=clip") && history.state?.side_px === 60);
+    await page.waitForFunction(() => /colour=clip.*part=/.test(location.hash) && history.state?.side_px === 60);
     const [hash, entries] = await page.evaluate(() => [location.hash, history.length]);
     await page.locator("li.clip .title").first().click();
     await page.locator("[data-alternative]").first().waitFor();
@@ -222,6 +231,11 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.locator(".views[data-colouring=clip][data-view='2d']").waitFor();
     assert.equal(await page.evaluate(() => location.hash), hash);
     assert.equal(await side.evaluate((side) => side.scrollTop), 60);
+    // An address has centimetres.
+    const after = await part();
+    assert.ok(after.every((value, i) => Math.abs(value - before[i]) < 2), `the plan shows ${after} instead of ${before}`);
+    await plan.focus();
+    await page.keyboard.press("0");
     await page.locator("label:has(#colouring-class)").click();
     await page.locator("label:has(#view-3d)").click();
   }
@@ -240,14 +254,31 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await quiet.locator("li.clip img").first().evaluate((image) => image.decode());
     const asked = [];
     quiet.on("request", (request) => asked.push(request.url()));
-    await quiet.clock.fastForward("00:05");
-    await quiet.clock.fastForward("10:00");
-    assert.deepEqual(asked.filter((address) => !address.startsWith("blob:")), []);
+    const isQuiet = async () => {
+      asked.length = 0;
+      await quiet.clock.fastForward("00:05");
+      await quiet.clock.fastForward("10:00");
+      assert.deepEqual(asked.filter((address) => !address.startsWith("blob:")), []);
+    };
+    await isQuiet();
+    await quiet.goto(`${base}/#/`);
+    await quiet.locator(".home-card img").first().evaluate((image) => image.decode());
+    await isQuiet();
     await apart.close();
+  }
+
+  async function aHomeIsRenamed() {
+    for (const name of ["Flat 3", "Flat"]) {
+      await page.getByRole("button", { name: "Rename home" }).click();
+      await page.getByRole("dialog").getByRole("textbox").fill(name);
+      await page.keyboard.press("Enter");
+      await page.getByRole("heading", { level: 1, name, exact: true }).waitFor();
+      await page.locator(".crumbs [aria-current]", { hasText: name }).waitFor();
+    }
   }
 
   return [
     objectsAreFoundAndCorrected, anObjectIsClicked, aRoomIsRenamedAndDivided, linesAreMeasured, aLineIsMeasuredByKeys, everythingIsDownloaded,
-    aViewIsShared, aViewIsFoundAgain, aQuietHomeIsNotAskedAbout,
+    aViewIsShared, aViewIsFoundAgain, aHomeIsRenamed, aQuietHomeIsNotAskedAbout,
   ];
 }

@@ -30,7 +30,7 @@ export async function recordProgress(page) {
 }
 
 /**
- * How long inputs wait from the device to the end of their handlers, in milliseconds, and the frames that were shown
+ * Returns the waits of inputs from the device to the end of their handlers, in milliseconds, and the frames that were shown
  * meanwhile. The time stamp of an event is when the browser got it.
  */
 export async function measureInput(page, act) {

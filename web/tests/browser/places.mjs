@@ -31,7 +31,7 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await put("/v1/homes/house/lidar-maps/main", smallRoom());
     await put("/v1/homes/house/lidar-maps/upper", (await file("normal", "valetudo.json")).bytes);
     await dropFiles(page, [await file("normal", "clip_0.zip")]);
-    // A map of points knows no free floor, so that the small room may remain a rival: a person decides.
+    // A map of points knows no free floor, so the small room may remain a rival: a person decides.
     await page.locator("li.clip:is(.aligned, .ambiguous)").waitFor();
     const { items: [{ id, alignment }] } = await open("/v1/homes/house/clips");
     const alternative = alignment.alternatives.findIndex(({ level }) => level === "upper");
@@ -42,7 +42,7 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await page.locator(".views[data-level=main]").waitFor();
     const level = page.getByLabel("Level");
     assert.deepEqual(await level.locator("option").allTextContents(), ["main", "upper"]);
-    // The clip is of the other level, so that this one has no points and no rooms of the map.
+    // The clip is of the other level, so this one has no points and no rooms of the map.
     assert.equal(await page.locator(".classes .switch").count(), 0);
     await level.selectOption("upper");
     await page.locator(".views[data-level=upper]").waitFor();
@@ -104,6 +104,17 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await page.getByRole("button", { name: "Undo" }).click();
     await page.getByText("The level main has its earlier map again.").waitFor();
     assert.deepEqual(await maps(), ["main room.csv", "upper valetudo.json"]);
+    // The replaced map stays in the list, also when the offer is gone.
+    await page.locator("summary", { hasText: "Earlier LiDAR maps" }).click();
+    await page.getByRole("button", { name: /^Restore valetudo\.json of/ }).click();
+    await page.getByText("valetudo.json is the LiDAR map of the level main again.").waitFor();
+    assert.deepEqual(await maps(), ["main valetudo.json", "upper valetudo.json"]);
+    await page.getByRole("button", { name: /^Restore room\.csv of/ }).waitFor();
+    await page.getByRole("button", { name: "Delete level" }).click();
+    await dialog.getByRole("button", { name: "Delete level" }).click();
+    await page.locator(".views[data-level=upper]").waitFor();
+    assert.deepEqual(await maps(), ["upper valetudo.json"]);
+    assert.ok(await page.getByRole("button", { name: "Delete level" }).isHidden(), "the last level cannot be deleted");
   }
 
   async function aForeignClipIsExplained() {

@@ -1,0 +1,108 @@
+// A small document for the tests of parts that make elements. Import it first: some modules make elements at once.
+
+class FakeElement extends EventTarget {
+  children: (FakeElement | string)[] = [];
+  parent: FakeElement | null = null;
+  className = "";
+  hidden = false;
+  disabled = false;
+  value: unknown = "";
+  readonly dataset: Record<string, string> = {};
+  private readonly attributes = new Map<string, string>();
+
+  constructor(readonly tag: string) {
+    super();
+  }
+
+  setAttribute(name: string, value: string): void {
+    this.attributes.set(name, value);
+    if (name === "value") this.value = value;
+  }
+
+  getAttribute(name: string): string | null {
+    return this.attributes.get(name) ?? null;
+  }
+
+  removeAttribute(name: string): void {
+    this.attributes.delete(name);
+  }
+
+  append(...children: (FakeElement | string)[]): void {
+    for (const child of children) {
+      if (typeof child !== "string") child.parent = this;
+      this.children.push(child);
+    }
+    // As a browser does, a list of options chooses its first one.
+    const [first] = this.children;
+    if (this.tag === "select" && first instanceof FakeElement) this.value = String(first.value);
+  }
+
+  replaceChildren(...children: (FakeElement | string)[]): void {
+    this.children = [];
+    this.append(...children);
+  }
+
+  remove(): void {
+    const { parent } = this;
+    if (parent) parent.children = parent.children.filter((child) => child !== this);
+    this.parent = null;
+  }
+
+  closest(): null {
+    return null;
+  }
+
+  get isConnected(): boolean {
+    return this === body || (this.parent?.isConnected ?? false);
+  }
+
+  get textContent(): string {
+    return this.children.map((child) => (typeof child === "string" ? child : child.textContent)).join("");
+  }
+
+  set textContent(text: string) {
+    this.children = text ? [text] : [];
+  }
+
+  /** All elements of a tag below this one. */
+  all(tag: string): FakeElement[] {
+    const below = this.children.filter((child) => child instanceof FakeElement);
+    return below.flatMap((child) => [...(child.tag === tag ? [child] : []), ...child.all(tag)]);
+  }
+}
+
+export type { FakeElement };
+
+export const body = new FakeElement("body");
+const events = new EventTarget();
+
+/** What the browser keeps. */
+export const kept = new Map<string, string>();
+
+Object.assign(globalThis, {
+  document: { body, createElement: (tag: string) => new FakeElement(tag), activeElement: null },
+  HTMLElement: FakeElement,
+  addEventListener: events.addEventListener.bind(events),
+  removeEventListener: events.removeEventListener.bind(events),
+  dispatchEvent: events.dispatchEvent.bind(events),
+  localStorage: {
+    getItem: (name: string) => kept.get(name) ?? null,
+    setItem: (name: string, value: string) => void kept.set(name, value),
+    removeItem: (name: string) => void kept.delete(name),
+  },
+});
+// Node.js has one since version 21.
+if (!("navigator" in globalThis)) Object.assign(globalThis, { navigator: { onLine: true } });
+
+/** An element as the fake that it is. */
+export function fake(element: HTMLElement): FakeElement {
+  return element as unknown as FakeElement;
+}
+
+/** Waits until a condition holds; the time of the test is that of the machine. */
+export async function until(holds: () => boolean): Promise<void> {
+  for (let tries = 0; !holds(); tries++) {
+    if (tries > 1000) throw new Error(`it does not hold: ${holds}`);
+    await new Promise((resolve) => setTimeout(resolve, 1));
+  }
+}

@@ -1,0 +1,129 @@
+import { body, fake, until } from "./dom.ts";
+import assert from "node:assert/strict";
+import { afterEach, test } from "node:test";
+import { emptyPoints } from "../src/cloud/ply.ts";
+import { Compare } from "../src/home/compare.ts";
+import type { HomeData } from "../src/home/data.ts";
+import { otherFiles } from "../src/home/earlier.ts";
+import { Measure } from "../src/home/measure.ts";
+import { HomePoints } from "../src/home/points.ts";
+import type { LidarRevision } from "../src/types.ts";
+
+const real = { fetch: globalThis.fetch };
+afterEach(() => void Object.assign(globalThis, real));
+const never = new AbortController().signal;
+
+/** The panel of changes with a service that answers when a test says so. */
+function compared() {
+  const open = new Map<string, (answer: Response) => void>();
+  globalThis.fetch = (path) => new Promise((resolve) => open.set(String(path).replace("/v1/homes/h/map/", ""), resolve));
+  const answer = async (path: string, value: unknown) => {
+    await until(() => open.has(path));
+    open.get(path)?.(new Response(JSON.stringify(value), { status: value === null ? 503 : 200 }));
+    open.delete(path);
+  };
+  const data = { home: { id: "h" }, map: { revision: 3 }, level: "main", described: "3 main", rooms: [] };
+  const panel = new Compare(data as unknown as HomeData, () => {}, never);
+  body.replaceChildren(fake(panel.element));
+  const revisions = () => answer("revisions?limit=50", { items: [3, 2, 1].map((revision) => ({ revision, created_at: "" })), next: null });
+  const changes = (from: number, name: string) => answer(`changes?from=${from}&to=3`, {
+    added: [{ id: name, name, level: "main", room: null }], discovered: [], moved: [], gone: [], lost: [],
+  });
+  return { panel, data, open, answer, revisions, changes, text: () => fake(panel.element).textContent };
+}
+
+test("a comparison that comes late does not replace the chosen one", async () => {
+  const { panel, revisions, changes, text } = compared();
+  const drawn = panel.draw();
+  await revisions();
+  const [from] = fake(panel.element).all("select");
+  await until(() => from?.value === "2");
+  if (from) from.value = "1";
+  from?.dispatchEvent(new Event("change"));
+  await changes(1, "Sofa");
+  await until(() => text().includes("Sofa"));
+  await changes(2, "Table");
+  await drawn;
+  assert.ok(text().includes("Sofa") && !text().includes("Table"), text());
+});
+
+test("changes are compared again on another level, and after an error", async () => {
+  const { panel, data, open, answer, revisions, changes, text } = compared();
+  const failed = panel.draw();
+  await answer("revisions?limit=50", null);
+  await failed;
+  assert.match(text(), /status 503/);
+  const drawn = panel.draw();
+  await revisions();
+  await changes(2, "Sofa");
+  await drawn;
+  await panel.draw();
+  assert.equal(open.size, 0, "an unchanged map was asked for again");
+  const isOff = () => fake(panel.element).all("button").map((row) => row.getAttribute("disabled"));
+  assert.deepEqual(isOff(), [null]);
+  data.level = "upper";
+  const again = panel.draw();
+  await revisions();
+  await changes(2, "Sofa");
+  await again;
+  assert.deepEqual(isOff(), [""]);
+});
+
+test("no point is measured while points of the map are missing", () => {
+  const measure = new Measure(never);
+  const text = () => fake(measure.element).textContent;
+  measure.button.dispatchEvent(new Event("click"));
+  measure.isReady = false;
+  assert.match(text(), /^Measuring waits until all points are loaded/);
+  assert.ok(measure.take([1, 2, 0]), "the click selects something");
+  assert.deepEqual(measure.ends, []);
+  measure.isReady = true;
+  assert.match(text(), /^Tap or click two points\.Done$/);
+  measure.take([1, 2, 0]);
+  assert.deepEqual(measure.ends, [[1, 2, 0]]);
+});
+
+test("the earlier points stay until those of the new map are complete", () => {
+  const workers: { onmessage: (event: { data: unknown }) => void }[] = [];
+  class FakeWorker {
+    onmessage = () => {};
+    postMessage(): void {
+      workers.push(this);
+    }
+    terminate(): void {}
+  }
+  Object.assign(globalThis, { Worker: FakeWorker, POINTS_WORKER: "" });
+  const told = (worker: number, ...messages: unknown[]) => messages.forEach((data) => workers[worker]?.onmessage({ data }));
+  const begin = { what: "begin", count: 2, hasClips: true };
+  const point = (at: number) => ({ what: "points", at, points: emptyPoints(1) });
+  const failures: string[] = [];
+  const [nothing, onFailed] = [() => {}, (text: string) => void failures.push(text)];
+  const points = new HomePoints({ onShown: nothing, onGrown: nothing, onStatus: nothing, onFailed }, never);
+  const mapOf = (revision: number) =>
+    ({ revision, created_at: "", clips: [{ clip: `clip of ${revision}` }], info: { points: 2, voxel_m: 0.03 } });
+  const dataOf = (revision: number, level = "main") => ({ home: { id: "h" }, level, map: mapOf(revision) }) as unknown as HomeData;
+  points.update(dataOf(1));
+  assert.equal(points.isComplete, false);
+  told(0, begin, point(0));
+  assert.deepEqual([points.shown?.map_revision, points.isComplete], [1, false], "the first points are shown as they come");
+  told(0, point(1), { what: "end" });
+  assert.equal(points.isComplete, true);
+  points.update(dataOf(2));
+  told(1, begin, point(0));
+  assert.deepEqual([points.shown?.clips, points.isComplete], [["clip of 1"], true]);
+  told(1, point(1), { what: "end" });
+  assert.deepEqual(points.shown?.clips, ["clip of 2"]);
+  points.update(dataOf(3));
+  told(2, begin, { what: "failed", message: "lost", status: 0 });
+  assert.deepEqual([points.shown?.map_revision, failures], [2, ["The points: lost"]]);
+  points.update(dataOf(3));
+  assert.equal(workers.length, 4, "a failure is not tried again");
+  points.update(dataOf(3, "upper"));
+  assert.equal(points.shown, null);
+});
+
+test("a restored LiDAR map is no earlier map", () => {
+  const revisions = ["a", "b", "a", "c", "b"].map((sha256, i) => ({ sha256, revision: 5 - i })) as LidarRevision[];
+  assert.deepEqual(otherFiles(revisions).map(({ revision }) => revision), [4, 2]);
+  assert.deepEqual(otherFiles([]), []);
+});

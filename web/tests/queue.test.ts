@@ -1,0 +1,144 @@
+import { body, fake, kept, until } from "./dom.ts";
+import assert from "node:assert/strict";
+import { afterEach, beforeEach, test } from "node:test";
+import { stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
+import { type Answer, answerRequests, type Asked } from "./request.ts";
+
+const PART_BYTES = 8 << 20;
+const ONLINE = "online";
+
+interface Upload {
+  length: number;
+  offset: number;
+  state: "arriving" | "arrived" | "finished";
+}
+
+/** The uploads of a service. */
+class Service {
+  readonly seen: string[] = [];
+  readonly uploads = new Map<string, Upload>();
+  hasSession = true;
+  /** True if a reader takes its time for each complete file. */
+  isSlow = false;
+  /** The request whose connection breaks. */
+  loses = "";
+
+  answer({ method, path, headers, bytes }: Asked): Answer {
+    const at = headers.get("upload-offset");
+    const name = [method, path.split("/").pop(), at].filter(Boolean).join(" ");
+    this.seen.push(name);
+    if (!this.hasSession) return { status: 401, body: "{}" };
+    if (name === this.loses) return { status: 0 };
+    if (method === "POST") {
+      const made = `/v1/uploads/${this.uploads.size + 1}`;
+      this.uploads.set(made, { length: Number(headers.get("upload-length")), offset: 0, state: "arriving" });
+      return { status: 201, headers: { location: made } };
+    }
+    const upload = this.uploads.get(path);
+    if (!upload) return { status: 404, body: "{}" };
+    upload.offset += bytes;
+    if (upload.offset === upload.length && upload.state === "arriving") upload.state = this.isSlow ? "arrived" : "finished";
+    const clip: Record<string, string> = upload.state === "finished" ? { "viola-clip": "/v1/homes/h/clips/c" } : {};
+    return { status: 200, headers: { "upload-offset": String(upload.offset), ...clip } };
+  }
+}
+
+const real = { XMLHttpRequest: globalThis.XMLHttpRequest, fetch: globalThis.fetch };
+let service = new Service();
+let queue = new UploadQueue("h");
+let done = 0;
+
+/** Opens the page of the home. */
+function open(): void {
+  queue = new UploadQueue("h");
+  queue.onDone = () => done++;
+  body.replaceChildren(fake(queue.list));
+}
+
+beforeEach(() => {
+  service = new Service();
+  done = 0;
+  kept.clear();
+  answerRequests((asked) => service.answer(asked));
+  globalThis.fetch = (path) => {
+    const { state } = service.uploads.get(String(path)) ?? {};
+    return Promise.resolve(new Response(JSON.stringify({ state, problem: null })));
+  };
+  open();
+});
+afterEach(() => {
+  queue.stop();
+  Object.assign(globalThis, real);
+});
+
+const fileOf = (name: string, bytes = 10) => new File([new Uint8Array(bytes)], name, { lastModified: 5 });
+const rows = () => fake(queue.list).all("li").map((row) => row.textContent);
+
+test("a file that the service still reads does not hold up the next one", async () => {
+  service.isSlow = true;
+  queue.addClip(fileOf("slow.zip"));
+  await until(() => rows()[0]?.includes("is being read") ?? false);
+  service.isSlow = false;
+  queue.addClip(fileOf("next.zip"));
+  await until(() => done === 1);
+  assert.equal(rows().length, 1);
+  assert.match(rows()[0] ?? "", /slow\.zip.*is being read/);
+  assert.equal(queue.unsent, 0);
+  for (const upload of service.uploads.values()) upload.state = "finished";
+  // Ends the pause.
+  dispatchEvent(new Event(ONLINE));
+  await until(() => done === 2);
+  assert.deepEqual(rows(), []);
+  assert.equal(kept.size, 0);
+});
+
+test("a file that is added again after a reload resumes, and makes one clip", async () => {
+  const file = fileOf("kitchen.zip", 2 * PART_BYTES);
+  service.loses = `PATCH 1 ${PART_BYTES}`;
+  queue.addClip(file);
+  await until(() => service.seen.includes(service.loses));
+  queue.stop();
+  open();
+  [service.loses, service.seen.length] = ["", 0];
+  queue.addClip(file);
+  await until(() => done === 1);
+  assert.deepEqual(service.seen, ["HEAD 1", `PATCH 1 ${PART_BYTES}`]);
+  assert.equal(kept.size, 0, "a stored file is sent anew");
+});
+
+test("a file that is in the queue already is another clip, and so is one after a sign-out", async () => {
+  const file = fileOf("kitchen.zip");
+  service.isSlow = true;
+  queue.addClip(file);
+  await until(() => rows()[0]?.includes("is being read") ?? false);
+  queue.addClip(file);
+  await until(() => rows()[1]?.includes("is being read") ?? false);
+  assert.equal(service.uploads.size, 2);
+  queue.stop();
+  stopUploads();
+  open();
+  queue.addClip(file);
+  await until(() => rows()[0]?.includes("is being read") ?? false);
+  assert.equal(service.uploads.size, 3);
+});
+
+test("files wait for the next session", async () => {
+  service.hasSession = false;
+  for (const name of ["first.zip", "next.zip"]) queue.addClip(fileOf(name));
+  await until(() => rows()[0]?.includes("waits for the sign-in") ?? false);
+  assert.deepEqual(service.seen, ["POST uploads"]);
+  assert.equal(done, 1, "the page asks for the key");
+  assert.equal(queue.unsent, 2);
+  service.hasSession = true;
+  queue.resume();
+  await until(() => done === 3);
+  assert.deepEqual(rows(), []);
+});
+
+test("the unsent files of all homes are counted until the sign-out", async () => {
+  service.hasSession = false;
+  for (const home of ["a", "b"]) queueOf(home).addClip(fileOf("clip.zip"));
+  assert.equal(unsentFiles(), 2);
+  stopUploads();
+  assert.equal(unsentFiles(), 0);
+});
