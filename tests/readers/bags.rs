@@ -337,6 +337,25 @@ fn pictures_without_or_with_too_many_pixels_are_passed_over() {
     crate::exports::check(folder.path(), "ros2_bag", true, &recording);
 }
 
+/// A ZED's confidence from 0 to 100, in the frame of depth and colour, was once read as depth.
+#[test]
+fn confidence_disparity_and_amplitude_are_not_read_as_depth() {
+    let recording = Recording::small(4);
+    let mut messages = messages(&recording, PosesBy::Odometry);
+    let (width, height) = recording.depth_size;
+    let values = 100f32.to_le_bytes().repeat((width * height) as usize);
+    for frame in &recording.frames {
+        for topic in ["/camera/confidence/confidence_map", "/aligned_disparity", "/camera/amplitude"] {
+            let cdr = Cdr::new().header(frame.time_s, "camera_depth_optical_frame").u32(height).u32(width);
+            let cdr = cdr.text("32FC1").put([0]).u32(4 * width).bytes(&values);
+            messages.push((frame.time_s, topic, IMAGE, cdr.0));
+        }
+    }
+    let file = mcap_file(&messages, "", <[u8]>::to_vec);
+    let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
+    crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+}
+
 #[test]
 fn depth_packed_by_rvl_and_stamped_poses_are_read() {
     let recording = Recording::small(4);

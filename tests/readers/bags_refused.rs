@@ -31,7 +31,9 @@ fn with(keep: impl Fn(&Message) -> bool) -> Files {
 #[test]
 fn bags_are_refused_by_name() {
     let whole = mcap("", &Recording::small(3)).remove(0).1;
-    check(bag(whole[..whole.len() / 2].to_vec()), "bad_metadata", "damaged or cut");
+    for words in ["damaged or cut", "run `mcap recover`"] {
+        check(bag(whole[..whole.len() / 2].to_vec()), "bad_metadata", words);
+    }
     check(with(|(_, topic, ..)| !topic.contains("depth/image")), "bad_metadata", "no topic with depth");
     check(
         with(|(_, topic, ..)| !topic.contains("camera_info")),

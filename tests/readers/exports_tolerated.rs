@@ -133,7 +133,7 @@ fn stray_scanner_with_a_turned_video() {
     check_same(&turned, &read("h264_no_b.mp4"), 0.0);
     let turned = read("hevc_rotated.mp4");
     check_same(&turned, &read("hevc_no_b.mp4"), 0.0);
-    // Another program applied it, and coded the pictures anew.
+    // Another program applied it, and coded the pictures again.
     let upright = read("hevc_upright.mp4");
     check_told(&upright, "turned back by a quarter");
     check_same(&upright, &turned, 3.0);

@@ -4,6 +4,7 @@ mod archives;
 mod bags;
 mod bags_refused;
 mod clips;
+mod clips_tolerated;
 mod clips_written;
 mod command_line;
 mod databases;

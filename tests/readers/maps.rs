@@ -166,6 +166,39 @@ fn a_ros_image_in_an_absent_folder_is_taken_beside_its_yaml_file() {
 }
 
 #[test]
+fn the_only_image_of_a_ros_map_is_taken_under_another_name() {
+    let files = |images: &[&str]| {
+        let mut files = vec![("home/map.yaml".to_string(), yaml(""))];
+        files.extend(images.iter().map(|name| (name.to_string(), pgm(grey(0, 254, 205)))));
+        zip_bytes(&files)
+    };
+    for images in [&["home/Home.PGM"][..], &["home/home.png"], &["home/home.pgm", "home/old/map.pgm"]] {
+        let map = LidarMap::read(&files(images)).unwrap_or_else(|error| panic!("{images:?}: {error}"));
+        check_home(images[0], &map, [-1.0, 2.0]);
+        let other = images[0].trim_start_matches("home/");
+        let words = format!("image is map.pgm, which is absent; {other} beside");
+        assert!(map.info.notes.iter().any(|note| note.starts_with(&words)), "{:?}", map.info.notes);
+    }
+    let map = LidarMap::read(&files(&["home/map.pgm", "home/plan.pgm"])).unwrap();
+    assert_eq!(map.info.notes, Vec::<String>::new());
+}
+
+#[test]
+fn a_map_that_is_the_only_file_of_a_zip_is_read() {
+    for (what, bytes) in one_of_each_format() {
+        let alone = LidarMap::read(&bytes).unwrap();
+        let name = "home/what the robot sent".to_string();
+        let zip = zip_bytes(&[("__MACOSX/._map".to_string(), vec![7]), (name, bytes.clone())]);
+        match LidarMap::read(&zip) {
+            Ok(map) => assert_eq!(map.info, alone.info, "{what}"),
+            Err(error) => {
+                assert!(bytes.starts_with(b"PK") && error.code() == "not_an_archive", "{what}: {error}")
+            }
+        }
+    }
+}
+
+#[test]
 fn a_turned_ros_map_is_turned() {
     let straight = LidarMap::read(&ros_zip(&yaml(""), &pgm(grey(0, 254, 205)))).unwrap();
     for yaw_rad in [0.3, -2.0, std::f64::consts::FRAC_PI_2] {
@@ -193,6 +226,9 @@ fn csv_points_with_any_header_and_separator() {
     };
     let plain = |p: &Point2| vec![p.x, p.y];
     let swapped = |p: &Point2| vec![9.0, p.y, p.x];
+    let level = |p: &Point2| vec![p.x, p.y, 0.125, 200.0];
+    let commas = lines(";", &plain).replace('.', ",");
+    let quoted = lines("\" \"", &plain).replace('.', ",").replace('\n', "\"\n\"");
     for (what, csv) in [
         ("comma", format!("x_m,y_m\n{}", lines(",", &plain))),
         ("capitals and tabs", format!("X\tY\n{}\n", lines("\t", &plain))),
@@ -201,6 +237,11 @@ fn csv_points_with_any_header_and_separator() {
         ("tabs", lines("\t", &plain)),
         ("other columns", format!("\"intensity\", \"y [m]\", \"x [m]\"\n{}", lines(", ", &swapped))),
         ("a mark in front", format!("\u{feff}x,y\n{}", lines(",", &plain))),
+        ("CloudCompare", format!("//X Y Z Intensity\n{}", lines(" ", &level))),
+        ("decimal commas", format!("x;y\n{commas}")),
+        ("decimal commas without a header", commas.clone()),
+        ("quoted decimal commas", format!("\"x [m]\",\"y [m]\"\n\"{}\"", quoted.replace(' ', ","))),
+        ("quoted decimal commas between blanks", format!("\"x [m]\" \"y [m]\"\n\"{quoted}\"")),
     ] {
         let map = LidarMap::read(csv.as_bytes()).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!(map.info.format, "csv_points", "{what}");
@@ -216,6 +257,44 @@ fn csv_points_with_any_header_and_separator() {
         map.info.notes
     );
     assert!(map.info.notes.iter().any(|note| note.starts_with("2 points that are there twice")));
+}
+
+#[test]
+fn a_third_column_of_points_is_refused_only_as_the_heights_of_a_3d_scan() {
+    let read = |head: &str, third: fn(f64) -> f64| {
+        let line = |(index, p): (usize, &Point2)| format!("{},{},{}\n", p.x, p.y, third(index as f64));
+        let lines: String = hits().iter().enumerate().map(line).collect();
+        LidarMap::read(format!("{head}{lines}").as_bytes())
+    };
+    type Case = (&'static str, &'static str, fn(f64) -> f64);
+    let heights = |index: f64| 0.1 * index;
+    let scans: [Case; 4] = [
+        ("heights without a header", "", heights),
+        ("a column z", "x,y,z\n", heights),
+        ("a column z of whole metres", "x,y,z\n", |index| index % 3.0),
+        ("CloudCompare", "//X,Y,Z\n", heights),
+    ];
+    for (what, head, third) in scans {
+        let error = read(head, third).err().unwrap_or_else(|| panic!("{what}: not refused"));
+        assert_eq!(error.code(), "three_dimensional_map", "{what}");
+    }
+    let maps: [Case; 6] = [
+        ("qualities", "", |index| index),
+        ("intensities up to 1", "", |index| index / 25.0),
+        ("intensities up to 255", "", |index| index * 10.2),
+        ("one height", "", |_| 0.25),
+        ("another column", "x,y,intensity\n", heights),
+        ("heights of a tilted laser", "x,y,z\n", |index| index / 50.0),
+    ];
+    for (what, head, third) in maps {
+        let map = read(head, third).unwrap_or_else(|error| panic!("{what}: {error}"));
+        assert_eq!(map.occupied_m, hits(), "{what}");
+        let has_heights = map.info.notes.iter().any(|note| note.contains("z was ignored"));
+        assert_eq!(has_heights, head.contains('z'), "{what}: {:?}", map.info.notes);
+    }
+    let mut short: String = hits().iter().map(|p| format!("{},{},{}\n", p.x, p.y, 2.0 * p.x)).collect();
+    short.push_str("0,7\n");
+    assert!(LidarMap::read(short.as_bytes()).is_ok(), "one line has no third value");
 }
 
 #[test]

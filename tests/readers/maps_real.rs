@@ -25,9 +25,9 @@ fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
 const KINDS: [Option<&str>; 3] = [Some("Corridor"), Some("Kitchen"), Some("Primary bedroom")];
 
 /// Every cell, point, room, zone and pose is equal. The differences, which are compared separately:
-/// - Roborock's charger has an angle from the third generation on, which Valetudo does not keep; without one
+/// - Roborock's charger has an angle since the third generation, which Valetudo does not keep; without one
 ///   both take the dock as facing the top of the map.
-/// - Viomi's angles are radians. Valetudo adds 180 to them as if they were degrees, so that all its angles of
+/// - Viomi's angles are radians. Valetudo adds 180 to them as if they were degrees, so all its angles of
 ///   Viomi maps lie within 4 degrees of 180.
 /// - Dreame's carpet is not in Valetudo's maps, and the words for obstacles are our own.
 /// - Dreame's rooms without a name have the name of their kind.

@@ -88,7 +88,6 @@ fn ros_maps_that_cannot_be_used_are_refused_by_name() {
     for (what, from, to, code) in [
         ("no image named", "image: map.pgm", "", "bad_yaml"),
         ("an image elsewhere", "map.pgm", "../map.pgm", "bad_yaml"),
-        ("another image", "map.pgm", "other.pgm", "yaml_without_image"),
         ("no resolution", "resolution: 0.05", "", "bad_yaml"),
         ("resolution 0", "0.05", "0", "bad_yaml"),
         ("resolution -1", "0.05", "-1", "bad_yaml"),
@@ -124,6 +123,15 @@ fn ros_maps_that_cannot_be_used_are_refused_by_name() {
         &zip_bytes(&[("a.txt".into(), b"a".to_vec())]),
         "unknown_format",
     );
+    let inner = zip_bytes(&[("map.zip".into(), ros_zip(&yaml(""), &image))]);
+    check_refused("a zip in a zip", &inner, "not_an_archive");
+    // Either image could be the one that the yaml file names.
+    let named = good.replace("map.pgm", "other.pgm").into_bytes();
+    let two = [("map.yaml", named), ("map.pgm", image.clone()), ("plan.PNG", image.clone())];
+    let two = zip_bytes(&two.map(|(name, bytes)| (name.to_string(), bytes)));
+    check_refused("another image", &two, "yaml_without_image");
+    let told = LidarMap::read(&two).unwrap_err().to_string();
+    assert!(told.contains("no image other.pgm") && told.contains("map.yaml"), "{told}");
     let two = [("a.yaml", yaml("")), ("b.yaml", yaml(""))].map(|(name, bytes)| (name.to_string(), bytes));
     check_refused("two maps", &zip_bytes(&two), "bad_yaml");
     check_refused("half a zip", &ros_zip(&yaml(""), &image)[..60], "zip_truncated");

@@ -141,11 +141,11 @@ fn a_clip_that_cannot_be_read_for_now_is_a_fault_of_the_machine() {
     drop(file);
     for frame in clip.stream(vec![0, 1]).next_batch(2) {
         let error = frame.expect_err("its file is away");
-        assert!(error.is_ours(), "{error}");
+        assert!(error.is_service_fault(), "{error}");
     }
     let lidar = LidarMap::read(b"x,y\n0,0\n0,1\n1,1\n").unwrap();
     match align(&clip, None, &lidar, &AlignParams::default(), &Silent) {
-        Err(AlignError::Clip(error)) => assert!(error.is_ours(), "{error}"),
+        Err(AlignError::Clip(error)) => assert!(error.is_service_fault(), "{error}"),
         other => panic!("{:?}", other.map(|aligned| aligned.alignment)),
     }
 }

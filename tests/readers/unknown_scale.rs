@@ -4,7 +4,7 @@ use crate::edits::*;
 use crate::export_writers as writers;
 use crate::exports::check_poses;
 use crate::recording::Recording;
-use crate::writers::{Files, as_folder, zip_bytes};
+use crate::writers::{Files, as_folder, color_jpeg, zip_bytes};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, UnitQuaternion};
 use serde_json::json;
 use viola_formats::clip::{Clip, ClipError};
@@ -93,6 +93,57 @@ fn a_model_of_colmap_is_read_as_text_and_binary_and_has_no_metres() {
         let depth = clip.load(1).unwrap().depth;
         assert_eq!(depth.at(3, 2), f32::from(recording.frames[1].depth_mm[2 * 32 + 3]) / 1000.0);
     }
+}
+
+#[test]
+fn frames_with_numbers_without_zeros_are_in_the_order_of_the_numbers() {
+    let recording = Recording::small(12);
+    for mut files in [writers::nerfstudio("", &recording), colmap_text(&recording)] {
+        for number in 0..12 {
+            let (from, to) = (format!("frame_{number:05}."), format!("{number}."));
+            for (name, bytes) in &mut files {
+                *name = name.replace(&from, &to);
+                if name.ends_with(".json") || name.ends_with(".txt") {
+                    let text = String::from_utf8(std::mem::take(bytes)).unwrap();
+                    *bytes = text.replace(&from, &to).into_bytes();
+                }
+            }
+        }
+        let clip = open(&files).unwrap();
+        check_poses(&clip, &recording, &clip.info().layout);
+    }
+}
+
+#[test]
+fn pictures_of_other_sizes_are_read_by_their_own_cameras() {
+    let recording = Recording::small(3);
+    let [fx, fy, cx, cy] = recording.color_k();
+    let mut files = colmap_text(&recording);
+    // The second picture is upright, and has twice the size.
+    let [fx, fy, cx, cy] = [fy * 2.0, fx * 2.0, cy * 2.0 + 0.5, cx * 2.0 + 0.5];
+    let camera = format!("8 PINHOLE 96 128 {fx} {fy} {cx} {cy}\n");
+    content(&mut files, "sparse/0/cameras.txt").extend(camera.bytes());
+    edit_lines(&mut files, "sparse/0/images.txt", |_, line| {
+        Some(line.replace(" 7 frame_00001.jpg", " 8 frame_00001.jpg"))
+    });
+    set(&mut files, "images/frame_00001.jpg", color_jpeg(96, 128));
+    let depth = [b"48&64&1&".to_vec(), 1.5f32.to_le_bytes().repeat(48 * 64)].concat();
+    set(&mut files, "stereo/depth_maps/frame_00001.jpg.geometric.bin", depth);
+    let clip = open(&files).unwrap();
+    check_poses(&clip, &recording, "colmap");
+    let sizes = [0, 1, 2].map(|index| {
+        let frame = clip.load(index).unwrap();
+        (frame.color.unwrap().dimensions(), (frame.depth.width, frame.depth.height))
+    });
+    assert_eq!(sizes, [((64, 48), (32, 24)), ((96, 128), (48, 64)), ((64, 48), (32, 24))]);
+    assert_eq!(clip.load(1).unwrap().color_camera.fx, fx);
+    assert_eq!(clip.pixels_a_frame(), 96 * 128 + 48 * 64, "the largest frame");
+    // Its picture is not the camera's.
+    set(&mut files, "images/frame_00001.jpg", color_jpeg(64, 48));
+    let clip = open(&files).unwrap();
+    assert_eq!((clip.info().frames, clip.info().frames_with_pose), (2, 2));
+    let notes = &clip.info().notes;
+    assert!(notes.iter().any(|note| note.contains("1 frames of another size")), "{notes:?}");
 }
 
 #[test]

@@ -124,12 +124,13 @@ impl LidarMap {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let bytes = read_file(path, &name)?;
         if ros::is_yaml(&name) {
-            return ros::read(&bytes, &name, |image| read_file(&path.with_file_name(image), image));
+            return ros::read(&bytes, &name, None, |image| read_file(&path.with_file_name(image), image));
         }
         LidarMap::read(&bytes)
     }
 
-    /// Reads a map from the bytes of its file; the format is detected by content. A ROS map is a zip.
+    /// Reads a map from the bytes of its file; the format is detected by content. A ROS map is a zip; other maps may be
+    /// the only file of one.
     pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         if bytes.len() as u64 > MAX_FILE_BYTES {
             return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });

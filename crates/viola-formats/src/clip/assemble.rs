@@ -1,11 +1,11 @@
 //! Builds a checked [`Clip`] from the result of a layout's reader.
 
 use super::files::{Cameras as FrameCameras, Files, Pictures, Video};
-use super::layout::{self, Cameras, Intrinsics, Numbers, Source};
+use super::layout::{self, Cameras, Intrinsics, Layout, Numbers, Of, Source};
 use super::{Clip, ClipError, ClipInfo, FrameHeader, MAX_FRAMES, Origin, depth};
 use crate::container::Container;
 use crate::video::Tools;
-use viola_geometry::Pinhole;
+use viola_geometry::{Pinhole, Pose3};
 
 /// Maximum distance of the principal point from the picture's middle, as a fraction of the picture's side.
 /// Cropped pictures stay below 0.2; intrinsics of a picture of twice the size are at 0.5.
@@ -14,10 +14,68 @@ const MAX_OFF_CENTRE: f64 = 0.25;
 const MAX_VIEW_RATIO: f64 = 1.3;
 /// Maximum ratio of two aspect ratios.
 const MAX_ASPECT_RATIO: f64 = 1.1;
+/// Minimum number of poses that are judged as placeholders.
+const MIN_PLACEHOLDERS: usize = 3;
+/// Maximum difference of a placeholder's numbers from the identity's: rounding. A device at rest moves more.
+const PLACEHOLDER_TOLERANCE: f64 = 1e-9;
 
 /// Detects the layout and checks the contents.
 pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<Clip, ClipError> {
-    let layout = layout::find(container.as_ref())?;
+    let mut layout = layout::find(container.as_ref())?;
+    check_count(&layout)?;
+    let source = &layout.sources[0];
+    let sizes = Sizes::of(source, container.as_ref(), layout.color_is_turned)?;
+    // The sizes are the first frame's, which may have intrinsics of its own.
+    let cameras = sizes.cameras(&layout.cameras, source.numbers)?;
+    check_views(&cameras.color, &cameras.depth)?;
+    let first = First {
+        sizes,
+        of: source.numbers.or(layout.cameras.shared()).map(|numbers| numbers.of),
+        cameras: &layout.cameras,
+        color_is_turned: layout.color_is_turned,
+    };
+
+    let frames = layout.sources.len();
+    let mut headers = Vec::with_capacity(frames);
+    let mut pictures = Vec::with_capacity(frames);
+    let mut pixels_a_frame = sizes.pixels(&cameras);
+    for source in std::mem::take(&mut layout.sources) {
+        let own = match first.cameras_of(&source, container.as_ref()) {
+            Err(error) if first.has_size_of(&source) || error.is_service_fault() => return Err(error),
+            // A frame of another size than the first one's.
+            Err(_) => continue,
+            Ok(own) => own,
+        };
+        let Source { number, time_s, world_from_camera, color, depth, confidence, .. } = source;
+        pixels_a_frame = pixels_a_frame.max(own.map_or(0, |own| sizes.pixels(&own)));
+        let force_in_camera = time_s.and_then(|time_s| layout.forces.around(time_s));
+        headers.push(FrameHeader { number, time_s, world_from_camera, force_in_camera });
+        pictures.push(Pictures::new(container.as_ref(), color, depth, confidence, own)?);
+    }
+    if headers.len() < frames {
+        let dropped = frames - headers.len();
+        layout.notes.push(format!(
+            "{dropped} frames of another size than the first one do not fit their intrinsics, and were left out"
+        ));
+    }
+    layout.notes.extend(drop_placeholders(&mut headers));
+    let info = info(&layout, &headers, &sizes);
+    let tools = tools.clone();
+    let files = Files {
+        container,
+        region: layout.region,
+        video: layout.video.map(|(name, region)| Video { name, region, tools }),
+        color_is_turned: layout.color_is_turned,
+        pictures,
+        pixels_a_frame,
+        cameras,
+        depth_units_per_m: layout.depth_units_per_m,
+    };
+    Ok(Clip::new(info, headers, layout.up_in_world, layout.shutter, Origin::Files(Box::new(files))))
+}
+
+/// Refuses a layout without frames, or with too many.
+fn check_count(layout: &Layout) -> Result<(), ClipError> {
     let frames = layout.sources.len();
     if frames == 0 {
         let (color, depth) = (layout.color_pictures, layout.depth_pictures);
@@ -30,67 +88,62 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     if frames > MAX_FRAMES {
         return Err(ClipError::TooManyFrames { frames, max: MAX_FRAMES });
     }
-    let frames_with_pose = layout.sources.iter().filter(|s| s.world_from_camera.is_some()).count();
+    Ok(())
+}
 
-    let first = &layout.sources[0];
-    let lying = |(width, height)| if layout.color_is_turned { (height, width) } else { (width, height) };
-    let color_size = first.color.size(container.as_ref())?.map(lying);
-    let depth_size = first.depth.size(container.as_ref())?;
-    check_depth_size(first.number, depth_size)?;
-    let sizes = Sizes { color: color_size, depth: depth_size };
-    // The sizes are the first frame's, which may have intrinsics of its own.
-    let cameras = sizes.cameras(&layout.cameras, first.numbers)?;
-    check_views(&cameras.color, &cameras.depth)?;
+/// Drops poses that are all the identity, and returns a note: programs without poses write it in their place.
+fn drop_placeholders(headers: &mut [FrameHeader]) -> Option<String> {
+    let poses = || headers.iter().filter_map(|header| header.world_from_camera.as_ref());
+    if poses().count() < MIN_PLACEHOLDERS || !poses().all(is_identity) {
+        return None;
+    }
+    headers.iter_mut().for_each(|header| header.world_from_camera = None);
+    Some("all poses are the identity, and were not used".to_string())
+}
 
-    let duration_s = match (first.time_s, layout.sources.last().and_then(|s| s.time_s)) {
+/// Returns whether a pose is the identity, also one that was converted from OpenGL's axes.
+fn is_identity(pose: &Pose3) -> bool {
+    let [x, y, z, w]: [f64; 4] = pose.rotation.coords.map(f64::abs).into();
+    // The conversion is half a turn about x.
+    let rotation = y.max(z).max(w.min(x));
+    rotation.max(pose.translation.vector.norm()) < PLACEHOLDER_TOLERANCE
+}
+
+/// Returns the summary of a clip; the sizes are the first frame's.
+fn info(layout: &Layout, headers: &[FrameHeader], sizes: &Sizes) -> ClipInfo {
+    let time_s = |header: Option<&FrameHeader>| header.and_then(|header| header.time_s);
+    let (first_s, last_s) = (time_s(headers.first()), time_s(headers.last()));
+    let duration_s = match (first_s, last_s) {
         // Times that run backwards are invalid.
         (Some(from), Some(to)) if to >= from => Some(to - from),
         _ => None,
     };
-    let missing = missing(frames_with_pose > 0, color_size.is_some(), layout.pose_files);
-    let (color_width, color_height) = color_size.unwrap_or_default();
-    let info = ClipInfo {
+    let frames = headers.len();
+    let frames_with_pose = headers.iter().filter(|header| header.world_from_camera.is_some()).count();
+    let missing = missing(frames_with_pose > 0, sizes.color.is_some(), layout.pose_files);
+    let (color_width, color_height) = sizes.color.unwrap_or_default();
+    ClipInfo {
         layout: layout.name.to_string(),
         pose_convention: layout.pose_convention.to_string(),
         depth_unit: layout.depth_unit.to_string(),
-        gravity: layout.gravity,
-        intrinsics: layout.intrinsics,
+        gravity: layout.gravity.clone(),
+        intrinsics: layout.intrinsics.clone(),
         frames,
         frames_with_pose,
         skipped_without_pose: frames - frames_with_pose,
         skipped_incomplete: layout.incomplete,
         color_width,
         color_height,
-        depth_width: depth_size.0,
-        depth_height: depth_size.1,
+        depth_width: sizes.depth.0,
+        depth_height: sizes.depth.1,
         duration_s,
         metric: layout.metric,
-        recorded_at_ms: first.time_s.and_then(unix_ms),
-        notes: layout.notes.into_iter().chain(missing).collect(),
-    };
-    let tools = tools.clone();
-    let video = layout.video.map(|(name, region)| Video { name, region, tools });
-    let mut headers = Vec::with_capacity(frames);
-    let mut pictures = Vec::with_capacity(frames);
-    for Source { number, time_s, world_from_camera, color, depth, confidence, numbers } in layout.sources {
-        let own = numbers.map(|own| sizes.cameras(&layout.cameras, Some(own))).transpose()?;
-        let force_in_camera = time_s.and_then(|time_s| layout.forces.around(time_s));
-        headers.push(FrameHeader { number, time_s, world_from_camera, force_in_camera });
-        pictures.push(Pictures::new(container.as_ref(), color, depth, confidence, own)?);
+        recorded_at_ms: first_s.and_then(unix_ms),
+        notes: layout.notes.iter().cloned().chain(missing).collect(),
     }
-    let files = Files {
-        container,
-        region: layout.region,
-        video,
-        color_is_turned: layout.color_is_turned,
-        pictures,
-        cameras,
-        depth_units_per_m: layout.depth_units_per_m,
-    };
-    Ok(Clip::new(info, headers, layout.up_in_world, layout.shutter, Origin::Files(Box::new(files))))
 }
 
-/// Refuses depth pictures that are too large; all have the size of the first one.
+/// Refuses depth pictures that are too large.
 fn check_depth_size(frame: u32, (width, height): (u32, u32)) -> Result<(), ClipError> {
     if u64::from(width) * u64::from(height) <= depth::MAX_PIXELS {
         return Ok(());
@@ -119,7 +172,39 @@ fn unix_ms(time_s: f64) -> Option<i64> {
     (946_684_800.0..4_102_444_800.0).contains(&time_s).then(|| (time_s * 1e3).round() as i64)
 }
 
-/// Widths and heights of the clip's pictures.
+/// The first frame. Frames with intrinsics for a picture of another size have pictures of other sizes: RTAB-Map's phone
+/// may be turned while it records, and COLMAP undistorts each picture by itself.
+struct First<'a> {
+    sizes: Sizes,
+    /// The picture of its intrinsics; `None` for [`Cameras::Each`].
+    of: Option<Of>,
+    cameras: &'a Cameras,
+    color_is_turned: bool,
+}
+
+impl First<'_> {
+    /// Returns whether a frame's pictures have the sizes of the first frame's.
+    fn has_size_of(&self, source: &Source) -> bool {
+        self.of.is_none() || source.numbers.is_none_or(|own| Some(own.of) == self.of)
+    }
+
+    /// Returns the cameras of a frame with intrinsics of its own.
+    fn cameras_of(
+        &self,
+        source: &Source,
+        container: &dyn Container,
+    ) -> Result<Option<FrameCameras>, ClipError> {
+        let Some(own) = source.numbers else { return Ok(None) };
+        let sizes = if self.has_size_of(source) {
+            self.sizes
+        } else {
+            Sizes::of(source, container, self.color_is_turned)?
+        };
+        sizes.cameras(self.cameras, Some(own)).map(Some)
+    }
+}
+
+/// Widths and heights of a frame's pictures.
 #[derive(Clone, Copy)]
 struct Sizes {
     /// `None` without colour.
@@ -128,6 +213,21 @@ struct Sizes {
 }
 
 impl Sizes {
+    /// Reads the sizes from the headers of a frame's pictures.
+    fn of(source: &Source, container: &dyn Container, color_is_turned: bool) -> Result<Sizes, ClipError> {
+        let lying = |(width, height)| if color_is_turned { (height, width) } else { (width, height) };
+        let color = source.color.size(container)?.map(lying);
+        let depth = source.depth.size(container)?;
+        check_depth_size(source.number, depth)?;
+        Ok(Sizes { color, depth })
+    }
+
+    /// Returns the number of pixels of a frame with these cameras, colour and depth.
+    fn pixels(&self, cameras: &FrameCameras) -> u64 {
+        let area = |camera: &Pinhole| u64::from(camera.width) * u64::from(camera.height);
+        area(&cameras.depth) + self.color.map_or(0, |_| area(&cameras.color))
+    }
+
     /// Returns the colour and depth cameras of a frame, with its own intrinsics if it has any. Without colour,
     /// both are the depth camera.
     fn cameras(&self, cameras: &Cameras, own: Option<Numbers>) -> Result<FrameCameras, ClipError> {

@@ -25,11 +25,13 @@ pub(super) fn valid(depth_m: f32) -> f32 {
     if depth_m.is_finite() && depth_m > 0.0 { depth_m } else { 0.0 }
 }
 
-/// Returns width and height of LZFSE-packed floats: as given, or else from the number of floats.
+/// Returns width and height of LZFSE-packed floats: as given, or else from the number of floats and from whether the
+/// picture is wide.
 pub(super) fn floats_size(
     container: &dyn Container,
     name: &str,
     told: Option<(u32, u32)>,
+    is_wide: bool,
 ) -> Result<(u32, u32), ClipError> {
     let bad = |reason: String| ClipError::BadDepth { name: name.to_string(), reason };
     if let Some((width, height)) = told {
@@ -40,11 +42,12 @@ pub(super) fn floats_size(
         return Ok((width, height));
     }
     let bytes = unpack(container, name, (960 * 720) * 4)?;
-    let has_length = |&&(width, height): &&(u32, u32)| u64::from(width * height) * 4 == bytes.len() as u64;
+    let fits = |&(width, height): &(u32, u32)| {
+        u64::from(width * height) * 4 == bytes.len() as u64 && (width > height) == is_wide
+    };
     KNOWN_SIZES
-        .iter()
-        .find(has_length)
-        .copied()
+        .into_iter()
+        .find(fits)
         .ok_or_else(|| bad(format!("{} bytes are those of no depth picture that is known", bytes.len())))
 }
 

@@ -21,7 +21,7 @@ pub enum ClipError {
     SeveralClips { first: String, second: String },
     #[error("no frame has both pictures: {color} colour pictures, {depth} depth pictures")]
     NoFrames { color: usize, depth: usize },
-    #[error("there are {frames} frames, and at most {max} are taken; send the recording in parts")]
+    #[error("there are {frames} frames, and at most {max} are taken; split the recording into several clips")]
     TooManyFrames { frames: usize, max: usize },
     #[error("{name} is missing: without the camera's intrinsics the pictures cannot be used")]
     MissingIntrinsics { name: String },
@@ -53,7 +53,7 @@ pub enum ClipError {
     )]
     DepthVideo { name: String },
     #[error("{name}: {reason}")]
-    VideoFailed { name: String, code: &'static str, reason: String, is_ours: bool },
+    VideoFailed { name: String, code: &'static str, reason: String, is_service_fault: bool },
     #[error("the video ends before frame {frame}")]
     VideoEnded { frame: u32 },
     #[error("{name} is not depth that can be read: {reason}")]
@@ -66,11 +66,11 @@ pub enum ClipError {
 
 impl ClipError {
     /// Returns whether the machine, not the clip, is at fault: a retry may succeed.
-    pub fn is_ours(&self) -> bool {
+    pub fn is_service_fault(&self) -> bool {
         match self {
-            ClipError::Container(error) => error.is_ours(),
-            ClipError::Video { source, .. } => source.is_ours(),
-            ClipError::VideoFailed { is_ours, .. } => *is_ours,
+            ClipError::Container(error) => error.is_service_fault(),
+            ClipError::Video { source, .. } => source.is_service_fault(),
+            ClipError::VideoFailed { is_service_fault, .. } => *is_service_fault,
             _ => false,
         }
     }

@@ -29,8 +29,8 @@ pub(super) enum DepthAt {
     Png(String),
     /// A file, NumPy's array of 16-bit numbers.
     Npy(String),
-    /// A file, LZFSE of 32-bit floats in metres; `size` if it is known.
-    Floats { name: String, size: Option<(u32, u32)> },
+    /// A file, LZFSE of 32-bit floats in metres; `size` if it is known. `is_wide` as colour is.
+    Floats { name: String, size: Option<(u32, u32)>, is_wide: bool },
     /// A file, COLMAP's array of 32-bit floats.
     Colmap(String),
     /// The depth that a camera at this pose has of a point cloud.
@@ -102,7 +102,7 @@ impl DepthAt {
         match self {
             DepthAt::Png(name) => picture::size(container, name),
             DepthAt::Npy(name) => npy::size(container, name),
-            DepthAt::Floats { name, size } => depth::floats_size(container, name, *size),
+            DepthAt::Floats { name, size, is_wide } => depth::floats_size(container, name, *size, *is_wide),
             DepthAt::Colmap(name) => colmap_depth::size(container, name),
             DepthAt::Part { size, .. } | DepthAt::Rendered { size, .. } => Ok(*size),
         }
@@ -203,6 +203,8 @@ pub(super) struct Files {
     /// True if the pictures and the video's frames are turned clockwise by a quarter beside the colour camera.
     pub color_is_turned: bool,
     pub pictures: Vec<Pictures>,
+    /// Pixels of the largest frame, colour and depth.
+    pub pixels_a_frame: u64,
     pub cameras: Cameras,
     pub depth_units_per_m: f32,
 }

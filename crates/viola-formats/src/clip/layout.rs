@@ -5,6 +5,7 @@ mod associate;
 mod colmap;
 mod inertial;
 mod json;
+mod natural;
 mod nerfstudio;
 mod numbered;
 mod points;
@@ -26,7 +27,7 @@ mod video;
 
 use super::files::{ColorAt, DepthAt};
 use super::{ClipError, Shutter};
-use crate::container::{Container, Region};
+use crate::container::{Container, ContainerError, Region};
 use inertial::Forces;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use viola_geometry::{Pose3, Vector3};
@@ -34,6 +35,8 @@ use viola_geometry::{Pose3, Vector3};
 pub(super) const OPENCV: &str = "camera-to-world, OpenCV (x right, y down, z forward)";
 pub(super) const OPENGL: &str = "camera-to-world, OpenGL (x right, y up, z backward)";
 pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
+/// Maximum size of the only file of a container.
+const MAX_NESTED_BYTES: u64 = 64 << 30;
 /// ARKit's worlds are aligned to gravity, y up.
 pub(super) const ARKIT_UP: &str = "world y is up (layout, ARKit)";
 
@@ -106,6 +109,16 @@ pub(super) enum Cameras {
     One(Intrinsics),
 }
 
+impl Cameras {
+    /// Returns the numbers of both cameras, if they have one set.
+    pub fn shared(&self) -> Option<Numbers> {
+        match self {
+            Cameras::Each { .. } => None,
+            Cameras::One(intrinsics) => Some(intrinsics.numbers),
+        }
+    }
+}
+
 /// Focal lengths and principal point, in pixels of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Intrinsics {
@@ -176,7 +189,20 @@ pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
             return Ok(layout);
         }
     }
+    check_nested(container)?;
     Err(ClipError::UnknownLayout { files: container.names().len() })
+}
+
+/// Refuses a zip archive that is the only file of a container.
+fn check_nested(container: &dyn Container) -> Result<(), ClipError> {
+    if let [name] = container.names() {
+        let region = container.region(name, MAX_NESTED_BYTES)?;
+        let mut head = [0; 4];
+        if region.read_exact_at(0, &mut head).is_ok() && head == *b"PK\x03\x04" {
+            return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
+        }
+    }
+    Ok(())
 }
 
 /// Returns the only root of a layout, `None` without any, and an error for several.

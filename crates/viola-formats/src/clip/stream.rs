@@ -18,8 +18,11 @@ impl Clip {
         usize::try_from(frames).unwrap_or(most).clamp(1, most)
     }
 
-    /// Returns the number of pixels of a frame, colour and depth.
+    /// Returns the number of pixels of the largest frame, colour and depth.
     pub fn pixels_a_frame(&self) -> u64 {
+        if let Origin::Files(files) = &*self.origin {
+            return files.pixels_a_frame;
+        }
         let pixels = |width: u32, height: u32| u64::from(width) * u64::from(height);
         let info = &self.info;
         pixels(info.color_width, info.color_height) + pixels(info.depth_width, info.depth_height)
@@ -42,7 +45,7 @@ enum VideoStream {
     Failed {
         code: &'static str,
         reason: String,
-        is_ours: bool,
+        is_service_fault: bool,
     },
 }
 
@@ -113,17 +116,17 @@ impl VideoStream {
             }
         }
         match self {
-            VideoStream::Failed { code, reason, is_ours } => {
+            VideoStream::Failed { code, reason, is_service_fault } => {
                 let name = files.video.as_ref().map(|video| video.name.clone()).unwrap_or_default();
-                let (reason, is_ours) = (reason.clone(), *is_ours);
-                Some(Err(ClipError::VideoFailed { name, code, reason, is_ours }))
+                let (reason, is_service_fault) = (reason.clone(), *is_service_fault);
+                Some(Err(ClipError::VideoFailed { name, code, reason, is_service_fault }))
             }
             _ => None,
         }
     }
 
     fn fail(&mut self, error: &video::VideoError) {
-        let (code, reason, is_ours) = (error.code(), error.to_string(), error.is_ours());
-        *self = VideoStream::Failed { code, reason, is_ours };
+        let (code, reason, is_service_fault) = (error.code(), error.to_string(), error.is_service_fault());
+        *self = VideoStream::Failed { code, reason, is_service_fault };
     }
 }

@@ -20,8 +20,8 @@ const MOUNTED_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Time in which a hand's acceleration reverses.
 const SWING_S: f64 = 0.5;
 /// Minimum length of the mean force as a fraction of the mean length; less means shaking or wrong poses.
-const LEAST_SHARE: f64 = 0.85;
-const LEAST_FRAMES: usize = 5;
+const MIN_MEAN_FRACTION: f64 = 0.85;
+const MIN_FRAMES: usize = 5;
 
 impl Up {
     /// Returns the up direction of a layout's world.
@@ -41,13 +41,13 @@ impl Up {
                 times_s = Some((first.min(time_s), last.max(time_s)));
             }
         }
-        if forces.len() < LEAST_FRAMES {
+        if forces.len() < MIN_FRAMES {
             return None;
         }
         let count = forces.len() as f64;
         let mean = forces.iter().sum::<Vector3>() / count;
         let size = forces.iter().map(|force| force.norm()).sum::<f64>() / count;
-        if mean.norm() < LEAST_SHARE * size || mean.norm() < f64::MIN_POSITIVE {
+        if mean.norm() < MIN_MEAN_FRACTION * size || mean.norm() < f64::MIN_POSITIVE {
             return None;
         }
         let spread = forces.iter().map(|force| (force - mean).norm_squared()).sum::<f64>() / count;

@@ -14,7 +14,7 @@ pub enum ContainerError {
     Unreadable { name: String, source: io::Error },
     #[error("there is no room to unpack {name}: {source}")]
     CannotUnpack { name: String, source: io::Error },
-    #[error("the archive unpacks to more than {max_bytes} bytes; send the recording in parts")]
+    #[error("the archive unpacks to more than {max_bytes} bytes; split the recording into several clips")]
     UnpacksTooLarge { max_bytes: u64 },
     #[error("the file is empty")]
     Empty,
@@ -24,6 +24,8 @@ pub enum ContainerError {
         "the {packing} file holds no tar archive; send a tar.gz, a tar.zst or a zip of the recording's folder"
     )]
     NoTarInside { packing: &'static str },
+    #[error("{name} is an archive inside of the archive; send it by itself")]
+    ArchiveInside { name: String },
     #[error("the zip archive ends too early: its directory is missing; send the whole file again")]
     ZipTruncated,
     #[error("the zip archive is damaged: {reason}")]
@@ -57,7 +59,7 @@ pub enum ContainerError {
     )]
     ArchiveBomb { max_bytes: u64, packed: u64 },
     #[error(
-        "there are more than {MAX_ENTRIES} entries, or their names are too long; send the recording in parts"
+        "there are more than {MAX_ENTRIES} entries, or their names are too long; split the recording into several clips"
     )]
     TooManyEntries,
     #[error(
@@ -82,8 +84,10 @@ impl ContainerError {
             ContainerError::CannotUnpack { .. } => "cannot_unpack",
             ContainerError::UnpacksTooLarge { .. } => "unpacks_too_large",
             ContainerError::Empty => "empty",
-            // One code for both: the file is no archive of a recording.
-            ContainerError::NotAnArchive | ContainerError::NoTarInside { .. } => "not_an_archive",
+            // One code for all: the file is no archive of a recording.
+            ContainerError::NotAnArchive
+            | ContainerError::NoTarInside { .. }
+            | ContainerError::ArchiveInside { .. } => "not_an_archive",
             ContainerError::ZipTruncated => "zip_truncated",
             ContainerError::ZipDamaged { .. } => "zip_damaged",
             ContainerError::ZipEncrypted { .. } => "zip_encrypted",
@@ -108,7 +112,7 @@ impl ContainerError {
     }
 
     /// Returns whether the machine, not the file, is at fault: a retry may succeed.
-    pub fn is_ours(&self) -> bool {
+    pub fn is_service_fault(&self) -> bool {
         match self {
             ContainerError::CannotUnpack { .. } => true,
             ContainerError::Unreadable { source, .. } => is_machine_fault(source),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Number of folder levels that are searched.
 const MAX_DEPTH: usize = 8;
 
-/// The files below a folder of this machine's owner. Links are followed, also those that lead out of it; only archives
+/// The files below a folder of this machine's owner. Links are followed, even those that lead out of it; only archives
 /// come from strangers.
 pub struct Folder {
     root: PathBuf,

@@ -28,7 +28,7 @@ impl<T> Entries<T> {
         Ok(())
     }
 
-    /// Returns the names in byte order, and the data of each. Duplicate names are refused, also among ignored
+    /// Returns the names in byte order, and the data of each. Duplicate names are refused, even among ignored
     /// entries.
     pub fn finish(mut self) -> Result<(Vec<String>, Vec<T>), ContainerError> {
         self.found.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));

@@ -12,7 +12,7 @@ use super::build::{Parts, build, occupied_centres};
 use super::{LidarError, LidarMap, MapMarks};
 use scan::Scan;
 use std::f64::consts::PI;
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{Point2, Pose2};
 
 /// Minimum motion between two used scans: closer ones add little.
 const SCAN_STEP_M: f64 = 0.15;
@@ -102,10 +102,7 @@ fn scans(bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Scan>, LidarError>
         if !message.pose.is_finite() || message.pose.translation().amax() > MAX_POSITION_M {
             return Err(bad("its pose is not finite, or ten kilometres away"));
         }
-        let is_near = |scan: &Scan| {
-            scan.by_odometry.distance_m(&message.pose) < SCAN_STEP_M
-                && angle_between(scan.by_odometry.yaw_rad, message.pose.yaw_rad).abs() < SCAN_STEP_RAD
-        };
+        let is_near = |scan: &Scan| scan.by_odometry.is_within(&message.pose, SCAN_STEP_M, SCAN_STEP_RAD);
         if scans.last().is_some_and(is_near) {
             continue;
         }
@@ -124,12 +121,12 @@ fn scans(bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Scan>, LidarError>
     }
     if old {
         notes.push(
-            "FLASER tells no angles: half a circle was taken, and the first of its two poses for the laser's"
+            "FLASER has no angles: half a circle was assumed, and its first pose was taken as the laser's"
                 .to_string(),
         );
     }
     if is_full {
-        notes.push(format!("the log goes on; the first {MAX_SCANS} scans were used"));
+        notes.push(format!("only the first {MAX_SCANS} scans were used"));
     }
     Ok(scans)
 }

@@ -11,7 +11,7 @@ use viola_geometry::{Grid, Pose2};
 
 const MAX_NAME_CHARS: usize = 100;
 /// Below this ratio of wall cells to cells around the floor, the floor's border becomes walls.
-const MIN_WALL_SHARE: f64 = 0.25;
+const MIN_WALL_FRACTION: f64 = 0.25;
 
 /// Layers and marks, before the map is made of them.
 pub(super) struct Drawing {
@@ -184,7 +184,7 @@ fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
             }
         }
     }
-    if walls == 0 || walls as f64 >= MIN_WALL_SHARE * border.len() as f64 {
+    if walls == 0 || walls as f64 >= MIN_WALL_FRACTION * border.len() as f64 {
         return;
     }
     for &(x, y) in &border {

@@ -22,6 +22,8 @@ pub enum LidarError {
     ImageWithoutYaml,
     #[error("this is a ROS map's yaml file without its image; send a zip of both")]
     YamlWithoutImage,
+    #[error("the archive has no image {image}, which its yaml file {yaml} names; send a zip of both")]
+    MissingImage { yaml: String, image: String },
     #[error("the map is not valid JSON of a Valetudo map: {reason}")]
     BadJson { reason: String },
     #[error("the map's yaml file {name}: {reason}")]
@@ -63,10 +65,10 @@ pub enum LidarError {
 
 impl LidarError {
     /// Returns whether the machine, not the map, is at fault: a retry may succeed.
-    pub fn is_ours(&self) -> bool {
+    pub fn is_service_fault(&self) -> bool {
         match self {
             LidarError::Unreadable { source, .. } => is_machine_fault(source),
-            LidarError::Container(error) => error.is_ours(),
+            LidarError::Container(error) => error.is_service_fault(),
             _ => false,
         }
     }
@@ -80,7 +82,8 @@ impl LidarError {
             LidarError::FileTooLarge { .. } => "file_too_large",
             LidarError::UnknownFormat => "unknown_format",
             LidarError::ImageWithoutYaml => "image_without_yaml",
-            LidarError::YamlWithoutImage => "yaml_without_image",
+            // One code for both: the yaml file is there, and its image is not.
+            LidarError::YamlWithoutImage | LidarError::MissingImage { .. } => "yaml_without_image",
             LidarError::BadJson { .. } => "bad_json",
             LidarError::BadYaml { .. } => "bad_yaml",
             LidarError::BadImage { .. } => "bad_image",

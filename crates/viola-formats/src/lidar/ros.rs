@@ -5,7 +5,7 @@ mod turn;
 
 use super::build::{Parts, build, occupied_centres};
 use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
-use crate::container::{Container, Zip};
+use crate::container::{Container, ContainerError, Zip};
 use serde::Deserialize;
 use viola_geometry::{Grid, GridFrame, Pose2};
 
@@ -66,9 +66,18 @@ pub(super) fn is_yaml(name: &str) -> bool {
     name.ends_with(".yaml") || name.ends_with(".yml")
 }
 
-/// Reads a zip with one yaml file and the image that it names.
+/// Reads a zip with one yaml file and the image that it names, or with one file of any other map.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
+    if let [name] = zip.names()
+        && !is_yaml(name)
+    {
+        let bytes = zip.read(name, MAX_FILE_BYTES)?;
+        if bytes.starts_with(b"PK\x03\x04") {
+            return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
+        }
+        return LidarMap::read(&bytes);
+    }
     let mut yamls = zip.names().iter().filter(|name| is_yaml(name));
     let name = yamls.next().ok_or(LidarError::UnknownFormat)?;
     if let Some(second) = yamls.next() {
@@ -76,19 +85,29 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         return Err(LidarError::BadYaml { name: name.clone(), reason });
     }
     let folder = name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-    read(&zip.read(name, MAX_YAML_BYTES)?, name, |image| {
+    let files = zip.names().iter().filter_map(|path| path.strip_prefix(folder.as_str()));
+    let mut images = files.filter(|file| is_image(file));
+    let only_image = images.next().filter(|_| images.next().is_none());
+    read(&zip.read(name, MAX_YAML_BYTES)?, name, only_image, |image| {
         let path = format!("{folder}{image}");
         if !zip.contains(&path) {
-            return Err(LidarError::YamlWithoutImage);
+            return Err(LidarError::MissingImage { yaml: name.clone(), image: image.to_string() });
         }
         Ok(zip.read(&path, MAX_FILE_BYTES)?)
     })
 }
 
-/// Reads a yaml file, and its image with `read_image`.
+/// Returns whether a file in the yaml file's folder is an image by its name.
+fn is_image(name: &str) -> bool {
+    let lower = name.to_ascii_lowercase();
+    !name.contains('/') && (lower.ends_with(".pgm") || lower.ends_with(".png"))
+}
+
+/// Reads a yaml file, and its image with `read_image`. `only_image` is the only image beside it, if there is one.
 pub(super) fn read(
     yaml: &[u8],
     name: &str,
+    only_image: Option<&str>,
     read_image: impl Fn(&str) -> Result<Vec<u8>, LidarError>,
 ) -> Result<LidarMap, LidarError> {
     let bad = |reason: String| LidarError::BadYaml { name: name.to_string(), reason };
@@ -106,18 +125,8 @@ pub(super) fn read(
             description.resolution
         ));
     }
-    let bytes = match (read_image(&image_name), image_name.rsplit_once('/')) {
-        // Some map savers write the folder of their own working directory.
-        (Err(error), Some((_, last))) if is_absent(&error) => {
-            let bytes = read_image(last)?;
-            notes.push(format!(
-                "image is in a folder that is absent; {last:.80} beside the yaml file was taken"
-            ));
-            bytes
-        }
-        (bytes, _) => bytes?,
-    };
-    let image = raster::decode(&bytes, &image_name)?;
+    let (bytes, image_name) = find_image(&image_name, only_image, read_image, &mut notes)?;
+    let image = raster::decode(&bytes, image_name)?;
     if raster::is_saved_with_wide_threshold(&image, &description) {
         notes.push(format!(
             "the image's 205, which map savers write for unknown, is below free_thresh {}; it was read as unknown",
@@ -152,9 +161,39 @@ pub(super) fn read(
     })
 }
 
+/// Reads the image from the place that the yaml file names, else from beside the yaml file, else the only image there.
+/// Returns its bytes and its name.
+fn find_image<'a>(
+    wanted: &'a str,
+    only_image: Option<&'a str>,
+    read_image: impl Fn(&str) -> Result<Vec<u8>, LidarError>,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<u8>, &'a str), LidarError> {
+    let absent = match read_image(wanted) {
+        Err(error) if is_absent(&error) => error,
+        bytes => return Ok((bytes?, wanted)),
+    };
+    // Some map savers write the folder of their own working directory.
+    if let Some((_, last)) = wanted.rsplit_once('/') {
+        match read_image(last) {
+            Err(error) if is_absent(&error) => {}
+            bytes => {
+                notes.push(format!(
+                    "image is in a folder that is absent; {last:.80} beside the yaml file was taken"
+                ));
+                return Ok((bytes?, last));
+            }
+        }
+    }
+    // The image was renamed after it was saved.
+    let Some(only) = only_image else { return Err(absent) };
+    notes.push(format!("image is {wanted:.80}, which is absent; {only:.80} beside the yaml file was taken"));
+    Ok((read_image(only)?, only))
+}
+
 fn is_absent(error: &LidarError) -> bool {
     match error {
-        LidarError::YamlWithoutImage => true,
+        LidarError::MissingImage { .. } => true,
         LidarError::Unreadable { source, .. } => source.kind() == std::io::ErrorKind::NotFound,
         _ => false,
     }
@@ -208,7 +247,7 @@ mod tests {
             let yaml = format!(
                 "image: a.pgm\nresolution: {resolution}\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
             );
-            let map = read(yaml.as_bytes(), "a.yaml", |_| Ok(b"P2 2 1 255\n0 254\n".to_vec())).unwrap();
+            let map = read(yaml.as_bytes(), "a.yaml", None, |_| Ok(b"P2 2 1 255\n0 254\n".to_vec())).unwrap();
             let coarse = format!("cells of {resolution} m are coarse");
             let notes = &map.info.notes;
             assert_eq!(notes.iter().any(|note| note.starts_with(&coarse)), is_noted, "{notes:?}");

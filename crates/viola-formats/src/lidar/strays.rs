@@ -7,7 +7,7 @@ use viola_geometry::{Grid, Point2};
 /// Side of the squares in which points and free cells are counted. Empty squares separate parts of a map.
 const SQUARE_M: f64 = 10.0;
 /// A part with less than this fraction of the largest one's count is stray.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_SIZE_FRACTION: f64 = 0.01;
 /// A map with more squares is no home, and is refused by its extent.
 const MAX_SQUARES: usize = 10_000;
 
@@ -86,7 +86,7 @@ fn without_small_parts(mut counts: FxHashMap<Square, usize>) -> FxHashMap<Square
     }
     let size = |part: &Vec<(Square, usize)>| part.iter().map(|(_, count)| count).sum::<usize>();
     let largest = parts.iter().map(size).max().unwrap_or(0);
-    parts.retain(|part| size(part) as f64 >= LEAST_SHARE * largest as f64);
+    parts.retain(|part| size(part) as f64 >= MIN_SIZE_FRACTION * largest as f64);
     parts.into_iter().flatten().collect()
 }
 

@@ -33,7 +33,9 @@ pub enum VideoError {
     Unsupported { what: &'static str },
     #[error("the video is {width}x{height}; at most {max_side} by side and {max_pixels} pixels are taken")]
     Size { width: u64, height: u64, max_side: u32, max_pixels: u64 },
-    #[error("the video has {frames} frames, and at most {MAX_FRAMES} are taken; send the recording in parts")]
+    #[error(
+        "the video has {frames} frames, and at most {MAX_FRAMES} are taken; split the recording into several clips"
+    )]
     TooManyFrames { frames: u64 },
     #[error("frame {number} is asked for, and the video has {frames}")]
     NoSuchFrame { number: usize, frames: usize },
@@ -59,7 +61,7 @@ pub enum VideoError {
 
 impl VideoError {
     /// Returns whether the machine, not the file, is at fault: a retry may succeed.
-    pub fn is_ours(&self) -> bool {
+    pub fn is_service_fault(&self) -> bool {
         match self {
             VideoError::ChildStart(_) | VideoError::ChildStopped { .. } => true,
             VideoError::Unreadable(error) => is_machine_fault(error),

@@ -4,12 +4,12 @@
 
 mod model;
 
+use super::natural::natural_order;
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Source, incomplete, only_root, roots_of,
 };
 use crate::container::Container;
-use model::Model;
-use std::collections::BTreeMap;
+use model::{Image, Model};
 
 /// Folders of a model, and whether its files are binary.
 const MODELS: [(&str, bool); 4] =
@@ -30,26 +30,26 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 }
 
 fn layout(container: &dyn Container, root: &str, model: Model) -> Result<Layout, ClipError> {
-    let Model { cameras, images } = model;
+    let Model { cameras, mut images } = model;
     let (mut color_pictures, mut depth_pictures) = (0, 0);
     // By name: the numbers of images are in the order of the matching, and not of the recording.
-    let images: BTreeMap<String, model::Image> =
-        images.into_iter().map(|image| (image.name.clone(), image)).collect();
+    images.sort_by(|a, b| natural_order(&a.name, &b.name));
+    images.dedup_by(|a, b| a.name == b.name);
     let mut sources = Vec::new();
-    for (number, (name, image)) in images.into_iter().enumerate() {
+    for (number, Image { name, camera, world_from_camera }) in images.into_iter().enumerate() {
         let color = Some(format!("{root}images/{name}")).filter(|name| container.contains(name));
         let depth = DEPTHS.iter().map(|end| format!("{root}stereo/depth_maps/{name}{end}"));
         let depth = depth.into_iter().find(|name| container.contains(name));
         color_pictures += usize::from(color.is_some());
         depth_pictures += usize::from(depth.is_some());
         let (Some(color), Some(depth)) = (color, depth) else { continue };
-        let numbers = cameras.get(&image.camera).ok_or_else(|| ClipError::MissingIntrinsics {
-            name: format!("camera {} of {name}", image.camera),
-        })?;
+        let numbers = cameras
+            .get(&camera)
+            .ok_or_else(|| ClipError::MissingIntrinsics { name: format!("camera {camera} of {name}") })?;
         sources.push(Source {
             number: number as u32,
             time_s: None,
-            world_from_camera: image.world_from_camera,
+            world_from_camera,
             color: ColorAt::File(color),
             depth: DepthAt::Colmap(depth),
             confidence: None,
@@ -71,7 +71,7 @@ fn layout(container: &dyn Container, root: &str, model: Model) -> Result<Layout,
         intrinsics: "cameras of the sparse model; depth is scaled to them".to_string(),
         notes: vec![
             "the unit of the reconstruction is unknown: the alignment finds the scale".to_string(),
-            "frames are in the order of their names".to_string(),
+            "frames are in the order of the numbers in their names".to_string(),
         ],
         ..Layout::new("colmap", Cameras::One(Intrinsics { name, numbers }), sources)
     })

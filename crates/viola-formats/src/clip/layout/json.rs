@@ -4,13 +4,13 @@ use super::ClipError;
 use crate::container::Container;
 use serde::de::DeserializeOwned;
 
-/// Reads a `T` from a JSON file of at most `max_bytes`.
+/// Reads a `T` from a JSON file of at most `max_bytes`, which may begin with a byte order mark.
 pub(super) fn read_json<T: DeserializeOwned>(
     container: &dyn Container,
     name: &str,
     max_bytes: u64,
 ) -> Result<T, ClipError> {
     let bytes = container.read(name, max_bytes)?;
-    serde_json::from_slice(&bytes)
+    serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes))
         .map_err(|error| ClipError::BadMetadata { name: name.to_string(), reason: error.to_string() })
 }

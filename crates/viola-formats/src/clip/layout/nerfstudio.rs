@@ -2,7 +2,8 @@
 //! docs/quickstart/data_conventions.md; jc211/NeRFCapture, Manifest.swift and DatasetWriter.swift).
 
 use super::json::read_json;
-use super::text::pose_from_rows;
+use super::natural::natural_order;
+use super::text::{listed_path, pose_from_rows};
 use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, MILLIMETRES, Numbers, OPENGL, Of,
     Source, only_root, roots_of, with_opencv_axes,
@@ -14,6 +15,10 @@ use viola_geometry::{Pose3, Vector3};
 const FILE: &str = "transforms.json";
 /// 100 000 frames of some 400 bytes.
 const MAX_FILE_BYTES: u64 = 48 << 20;
+/// The folders of colour and depth and the ending of depth, as NeRFCapture and the scripts that store its stream name them
+/// around the number of the frame.
+const NERF_CAPTURE_NAMES: [(&str, &str, &str); 2] =
+    [("images/", "images/", ".depth.png"), ("rgb/", "depth/", ".png")];
 /// Coefficients up to this are ignored: they move a pixel at the edge by less than a depth pixel.
 const MAX_DISTORTION: f64 = 0.02;
 
@@ -25,8 +30,9 @@ struct Transforms {
     /// Factor that the positions were multiplied by, and the depth was not.
     applied_scale: Option<f64>,
     /// Metres (or the unit of the poses) per unit of the depth pictures.
-    #[serde(alias = "depth_integer_scale")]
     integer_depth_scale: Option<f64>,
+    /// NeRFCapture's name of `integer_depth_scale`.
+    depth_integer_scale: Option<f64>,
     k1: Option<f64>,
     k2: Option<f64>,
     p1: Option<f64>,
@@ -48,7 +54,7 @@ struct Camera {
 struct FrameEntry {
     file_path: String,
     depth_file_path: Option<String>,
-    /// NeRFCapture's name of `depth_file_path`.
+    /// The name of `depth_file_path` in files of NeRFCapture and instant-ngp.
     depth_path: Option<String>,
     transform_matrix: [[f64; 4]; 4],
     /// Mark of poses by COLMAP, whose world has any unit and orientation.
@@ -77,6 +83,20 @@ impl Camera {
     }
 }
 
+impl FrameEntry {
+    /// Returns whether the pictures have the names of NeRFCapture.
+    fn has_names_of_nerf_capture(&self) -> bool {
+        let Some(depth) = self.depth_path.as_deref().map(listed_path) else { return false };
+        let color = listed_path(&self.file_path);
+        NERF_CAPTURE_NAMES.into_iter().any(|(colors, depths, ending)| {
+            let name = color.strip_prefix(colors).unwrap_or_default();
+            let number = name.split('.').next().unwrap_or_default();
+            let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+            is_number && depth == format!("{depths}{number}{ending}")
+        })
+    }
+}
+
 /// Checks and returns a picture's width or height.
 fn side(side: f64, name: &str) -> Result<u32, ClipError> {
     if side.fract() == 0.0 && (1.0..=65_535.0).contains(&side) {
@@ -102,7 +122,7 @@ impl Transforms {
         if !(1e-6..=1e6).contains(&applied) {
             return Err(not_metric(format!("{applied} cannot be the scale of its poses (applied_scale)")));
         }
-        let units_per_m = match self.integer_depth_scale {
+        let units_per_m = match self.depth_scale() {
             // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
             Some(scale) if !(1e-5..=0.1).contains(&scale) => {
                 let reason = format!("{scale} m for a unit of depth (integer_depth_scale) cannot be");
@@ -113,6 +133,42 @@ impl Transforms {
         };
         Ok(Units { applied, is_scaled: (applied - 1.0).abs() > 1e-6, units_per_m })
     }
+
+    fn depth_scale(&self) -> Option<f64> {
+        self.integer_depth_scale.or(self.depth_integer_scale)
+    }
+
+    /// Sorts the frames by their times, or by their names if none has a time: COLMAP's models are in another order.
+    fn sort_frames(&mut self) {
+        let time_s = |frame: &FrameEntry| frame.timestamp.unwrap_or(f64::NAN);
+        if self.frames.iter().all(|frame| frame.timestamp.is_none()) {
+            self.frames.sort_by(|a, b| natural_order(&a.file_path, &b.file_path));
+        } else if self.frames.iter().all(|frame| time_s(frame).is_finite()) {
+            self.frames.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
+        }
+    }
+
+    fn is_by_colmap(&self) -> bool {
+        self.frames.iter().any(|frame| frame.colmap_im_id.is_some())
+    }
+
+    /// Returns the name of the layout, the source of the upward axis, and this axis. `depth_path` alone does not tell
+    /// NeRFCapture from instant-ngp, whose worlds have any upward axis.
+    fn world(&self) -> (&'static str, &'static str, Option<Vector3>) {
+        let has_depth_path = self.frames.iter().any(|frame| frame.depth_path.is_some());
+        let is_marked = |frame: &FrameEntry| frame.timestamp.is_some() || frame.has_names_of_nerf_capture();
+        let is_nerf_capture =
+            has_depth_path && (self.depth_integer_scale.is_some() || self.frames.iter().any(is_marked));
+        if is_nerf_capture {
+            ("nerf_capture", ARKIT_UP, Some(Vector3::y()))
+        } else if self.is_by_colmap() {
+            ("nerfstudio", "unknown (COLMAP)", None)
+        } else if has_depth_path {
+            ("nerfstudio", "unknown (depth_path)", None)
+        } else {
+            ("nerfstudio", "world z is up (rule of the layout)", Some(Vector3::z()))
+        }
+    }
 }
 
 /// Finds the recording in a container; returns `None` if there is none.
@@ -120,13 +176,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
     let mut file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
-    // Without times, frames are in the order of their names; COLMAP's models are not.
-    if file.frames.iter().all(|frame| frame.timestamp.is_none()) {
-        file.frames.sort_by(|a, b| a.file_path.cmp(&b.file_path));
-    }
-    let is_nerf_capture = file.frames.iter().any(|frame| frame.depth_path.is_some());
+    file.sort_frames();
     let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
-    let by_colmap = file.frames.iter().any(|frame| frame.colmap_im_id.is_some());
     let mut notes = Vec::new();
     let bends = [file.k1, file.k2, file.p1, file.p2].into_iter().flatten().any(|k| k.abs() > MAX_DISTORTION);
     if bends {
@@ -159,12 +210,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let numbers = numbers.ok_or_else(|| ClipError::MissingIntrinsics {
         name: format!("{name}: fl_x, fl_y, cx, cy, of the file or of each frame"),
     })?;
-    let (layout, gravity, up) = match (is_nerf_capture, by_colmap) {
-        (true, _) => ("nerf_capture", ARKIT_UP, Some(Vector3::y())),
-        (false, true) => ("nerfstudio", "unknown (COLMAP)", None),
-        (false, false) => ("nerfstudio", "world z is up (rule of the layout)", Some(Vector3::z())),
-    };
-    let metric = !is_scaled && !by_colmap;
+    let (layout, gravity, up) = file.world();
+    let metric = !is_scaled && !file.is_by_colmap();
     if !metric {
         notes.push(
             "the unit of the poses and the depth is unknown: the alignment finds the scale".to_string(),
@@ -173,11 +220,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     Ok(Some(Layout {
         pose_convention: OPENGL,
         pose_files: FILE,
-        depth_unit: if file.integer_depth_scale.is_some() {
-            "integer_depth_scale (16-bit PNG)"
-        } else {
-            MILLIMETRES
-        },
+        depth_unit: file.depth_scale().map_or(MILLIMETRES, |_| "integer_depth_scale (16-bit PNG)"),
         depth_units_per_m: units_per_m as f32,
         gravity: gravity.to_string(),
         up_in_world: up,
@@ -201,7 +244,32 @@ fn in_unit_of_depth(mut pose: Pose3, applied: Option<f64>) -> Pose3 {
 
 /// Returns the file of a path of the JSON; NeRFCapture omits the extension.
 fn picture(container: &dyn Container, root: &str, path: &str) -> Option<String> {
-    let name = format!("{root}{}", path.trim_start_matches("./"));
+    let name = format!("{root}{}", listed_path(path));
     let endings = ["", ".png", ".jpg", ".jpeg"].into_iter().map(|ending| format!("{name}{ending}"));
     endings.into_iter().find(|name| container.contains(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FrameEntry;
+    use serde_json::json;
+
+    #[test]
+    fn names_of_nerf_capture_are_told_from_others() {
+        for (color, depth, is_told) in [
+            ("images/0", "images/0.depth.png", true),
+            ("./images/12.png", "./images/12.depth.png", true),
+            ("rgb/7.png", "depth/7.png", true),
+            ("rgb\\7.png", ".\\depth\\7.png", true),
+            ("rgb/7.png", "depth/8.png", false),
+            ("color/7.png", "depth/7.png", false),
+            ("images/a", "images/a.depth.png", false),
+            ("images/", "images/.depth.png", false),
+        ] {
+            let matrix = [[0.0; 4]; 4];
+            let entry = json!({ "file_path": color, "depth_path": depth, "transform_matrix": matrix });
+            let entry: FrameEntry = serde_json::from_value(entry).unwrap();
+            assert_eq!(entry.has_names_of_nerf_capture(), is_told, "{color}, {depth}");
+        }
+    }
 }

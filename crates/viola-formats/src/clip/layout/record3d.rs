@@ -75,6 +75,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             None
         }
     };
+    let is_wide = metadata.w > metadata.h;
     let fps = metadata.fps.filter(|fps| fps.is_finite() && *fps > 0.0);
     let mut sources = Vec::new();
     for (&number, &color) in &color {
@@ -87,7 +88,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             time_s: metadata.times_s.get(at).copied().filter(|t| t.is_finite()).or_else(counted_s),
             world_from_camera: metadata.poses.get(at).and_then(pose).map(with_opencv_axes),
             color: ColorAt::File(color.clone()),
-            depth: DepthAt::Floats { name: depth.to_string(), size: depth_size },
+            depth: DepthAt::Floats { name: depth.to_string(), size: depth_size, is_wide },
             confidence: confidence.get(&number).map(|name| name.to_string()),
             numbers: own.map(own_numbers),
         });

@@ -43,7 +43,11 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         return Err(ClipError::SeveralClips { first: first.to_string(), second: other.to_string() });
     }
     let Some(mut bag) = Bag::read(container, &files)? else { return Ok(None) };
-    let layout = layout(&mut bag, first)?;
+    let mut layout = layout(&mut bag, first)?;
+    let has_log = |name: &&&String| container.contains(&format!("{name}-wal"));
+    layout.notes.extend(files.iter().filter(has_log).map(|name| {
+        format!("{name}-wal was not read: it has what the recorder wrote last; stop the recorder first")
+    }));
     Ok(Some(Layout { region: Some(bag.spool.finish()?), ..layout }))
 }
 
@@ -129,18 +133,28 @@ fn is_infrared(topic: &str) -> bool {
     topic.contains("infra") || topic.split('/').any(|part| part == "ir")
 }
 
-/// Returns the topic with depth: of several, one that is aligned to colour, or else the one with most pictures.
+/// Returns whether a topic has the confidence or the disparity of depth, which look like depth: a ZED publishes its
+/// confidence as 32-bit floats in the frame of depth and colour.
+fn is_confidence_or_disparity(topic: &str) -> bool {
+    topic.contains("confidence") || topic.contains("disparity")
+}
+
+/// Returns the topic with depth: of several, one with depth in its name, then one that is aligned to colour, then the one
+/// with most pictures.
 fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
     let is_aligned = |topic: &str| topic.contains("aligned") || topic.contains("registered");
     let has_color = |images: &Images| {
         let mut others = bag.images.iter().filter(|(topic, other)| !other.is_depth && !is_infrared(topic));
         others.any(|(_, other)| other.frame == images.frame)
     };
-    let depth = bag.images.iter().filter(|(_, images)| images.is_depth);
+    let depth =
+        bag.images.iter().filter(|(topic, images)| images.is_depth && !is_confidence_or_disparity(topic));
     // Infrared pictures of 16 bits look like depth.
     depth.max_by_key(|(topic, images)| {
+        let is_named_depth = topic.contains("depth");
         let is_seen_by_color = is_aligned(topic) || has_color(images);
-        (!is_infrared(topic), is_seen_by_color, images.pictures.len(), Reverse(topic.as_str()))
+        let count = images.pictures.len();
+        (!is_infrared(topic), is_named_depth, is_seen_by_color, count, Reverse(topic.as_str()))
     })
 }
 

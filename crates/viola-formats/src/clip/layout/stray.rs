@@ -57,11 +57,11 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
     let video = if color.is_empty() { video::find(container, root, &["rgb.mp4", "rgb.mov"])? } else { None };
     let shown = video.as_ref().map_or(0, |(_, _, info)| info.time_s.len());
+    let first_shown = first_shown(&rows, shown);
     let color_at = |number: u32| match &video {
-        // Frames of the video have the numbers of the odometry's rows.
         Some((_, _, info)) => {
-            let size = (info.width, info.height);
-            ((number as usize) < shown).then_some(ColorAt::Video { frame: number, size })
+            let (frame, size) = (number.checked_sub(first_shown)?, (info.width, info.height));
+            ((frame as usize) < shown).then_some(ColorAt::Video { frame, size })
         }
         None if color.is_empty() => Some(ColorAt::Absent),
         None => color.get(&number).map(|name| ColorAt::File(name.to_string())),
@@ -89,7 +89,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         let poses = rows.values().filter_map(|row| Some((row.time_s?, row.world_from_camera?)));
         // It is compared only: a damaged file costs a note and not the clip.
         match imu::compare(container, &imu, poses) {
-            Err(error) if !error.is_ours() => notes.push(format!("not used: {error}")),
+            Err(error) if !error.is_service_fault() => notes.push(format!("not used: {error}")),
             note => notes.push(note?),
         }
     }
@@ -117,6 +117,17 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         notes,
         ..Layout::new("stray_scanner", Cameras::One(intrinsics), sources)
     }))
+}
+
+/// Returns the number of the video's first frame among the odometry's rows. If their numbers begin above 0, the start of
+/// the recording was cut off: from the video, too, or from the odometry alone.
+fn first_shown(rows: &BTreeMap<u32, Row>, shown: usize) -> u32 {
+    let (Some((first, _)), Some((last, _))) = (rows.first_key_value(), rows.last_key_value()) else {
+        return 0;
+    };
+    // A whole video has a frame for each number up to the last one, a cut one for each row; a few may be missing.
+    let is_whole = shown as u64 + u64::from(*first) / 2 > u64::from(*last);
+    if is_whole { 0 } else { *first }
 }
 
 /// Returns whether the rows' own intrinsics are used, and notes if they are not.

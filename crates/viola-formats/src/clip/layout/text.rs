@@ -93,7 +93,7 @@ pub(super) fn read_intrinsics(
 
 /// Parses exactly `count` numbers separated by blanks or commas.
 pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
-    let text = std::str::from_utf8(bytes).ok()?;
+    let text = without_mark(std::str::from_utf8(bytes).ok()?);
     let mut values = Vec::with_capacity(count);
     for word in text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty()) {
         if values.len() == count {
@@ -108,6 +108,16 @@ pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
 pub(super) fn all_numbers(line: &str) -> Option<Vec<f64>> {
     let words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     words.map(|word| word.parse().ok()).collect()
+}
+
+/// Returns a text without the byte order mark that Windows' editors write in front.
+fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
+
+/// Returns a path of a list or of JSON in the form of a container's names, which have `/` between their parts.
+pub(super) fn listed_path(path: &str) -> String {
+    path.replace('\\', "/").trim_start_matches("./").to_string()
 }
 
 /// A text file with one entry per line; `#` begins a comment.
@@ -127,7 +137,8 @@ pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table,
 impl Table {
     /// Returns the lines that are not empty or comments, and their numbers, from 1.
     pub fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
-        let lines = self.text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+        let lines = without_mark(&self.text).lines().enumerate();
+        let lines = lines.map(|(index, line)| (index + 1, line.trim()));
         lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
     }
 }

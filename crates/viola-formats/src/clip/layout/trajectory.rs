@@ -27,9 +27,9 @@ pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Op
             if gap_s(before).min(gap_s(after)) <= max_gap_s
                 && gap_s(before) + gap_s(after) <= 2.0 * max_gap_s =>
         {
-            let share = (time_s - before.time_s) / (after.time_s - before.time_s);
+            let fraction = (time_s - before.time_s) / (after.time_s - before.time_s);
             // Opposite rotations cannot be interpolated; the earlier pose is the fallback.
-            before.value.try_lerp_slerp(&after.value, share, 1e-9).or(Some(before.value))
+            before.value.try_lerp_slerp(&after.value, fraction, 1e-9).or(Some(before.value))
         }
         (one, other) => {
             let alone = one.into_iter().chain(other).filter(|pose| gap_s(pose) <= HELD_S.min(max_gap_s));

@@ -6,13 +6,13 @@
 
 use super::associate::associate;
 use super::inertial::Forces;
-use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
+use super::text::{listed_path, parse_row, pose_from_quaternion, read_intrinsics, read_table};
 use super::trajectory::{Timed, pose_at, times};
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
     roots_of,
 };
-use crate::clip::Shutter;
+use crate::clip::{Shutter, picture};
 use crate::container::Container;
 use nalgebra::Quaternion;
 use viola_geometry::{Pose3, Vector3};
@@ -52,12 +52,13 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         incomplete(color_pictures, depth_pictures, pictures_of.len()) + color.missing + depth.missing;
     let mut notes = Vec::new();
     let file = format!("{root}{INTRINSICS}");
-    let (cameras, shutter, intrinsics) = if container.contains(&file) {
-        (
-            Cameras::One(read_intrinsics(container, &file, Of::Depth)?),
-            None,
-            format!("{INTRINSICS}, for colour and depth"),
-        )
+    let is_given = container.contains(&file);
+    if !is_given && depth.present.first().is_some_and(|picture| is_not_of_kinect(container, &picture.value)) {
+        return Err(ClipError::MissingIntrinsics { name: file });
+    }
+    let (cameras, shutter, intrinsics) = if is_given {
+        let cameras = Cameras::One(read_intrinsics(container, &file, Of::Depth)?);
+        (cameras, None, format!("{INTRINSICS}, for colour and depth"))
     } else {
         notes.push(format!("there is no {INTRINSICS}; the Kinect's usual calibration was assumed"));
         let assumed = Intrinsics { name: format!("{INTRINSICS} (assumed)"), numbers: KINECT };
@@ -108,6 +109,13 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
+/// Returns whether a picture has another aspect ratio than a Kinect's 4:3, up to cropping by some pixels.
+fn is_not_of_kinect(container: &dyn Container, name: &str) -> bool {
+    let ratio = |(width, height): (u32, u32)| f64::from(width) * 0.75 / f64::from(height);
+    // A damaged picture is refused later.
+    picture::size(container, name).is_ok_and(|size| (ratio(size) - 1.0).abs() > 0.02)
+}
+
 /// The pictures of a list in the order of their times, and the number of missing ones.
 struct List {
     present: Vec<Timed<String>>,
@@ -126,7 +134,7 @@ fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, 
         let (time, picture) =
             text.split_once(char::is_whitespace).ok_or_else(|| bad("expected a time and a file name"))?;
         let time_s = time.parse().ok().filter(|t: &f64| t.is_finite()).ok_or_else(|| bad("bad time"))?;
-        let value = format!("{root}{}", picture.trim().trim_start_matches("./"));
+        let value = format!("{root}{}", listed_path(picture.trim()));
         if container.contains(&value) {
             list.present.push(Timed { time_s, value });
         } else {

@@ -12,7 +12,7 @@ const MAX_CELLS: usize = 4 << 20;
 const MARGIN_M: f64 = 3.0;
 /// A wall needs at least this many rays that end in it, and this fraction of the rays that reach it.
 const WALL_HITS: u16 = 2;
-const WALL_SHARE: f64 = 0.2;
+const WALL_FRACTION: f64 = 0.2;
 /// With fewer scans, a single ray is enough.
 const FEW_SCANS: usize = 10;
 
@@ -87,8 +87,8 @@ pub(super) fn raster(scans: &[Scan], poses: &[Pose2]) -> Result<Grid<Cell>, Lida
     }
     let wall_hits = if scans.len() < FEW_SCANS { 1 } else { WALL_HITS };
     let decide = |[hits, passes]: [u16; 2]| {
-        let share = f64::from(hits) / (f64::from(hits) + f64::from(passes)).max(1.0);
-        if hits >= wall_hits && share > WALL_SHARE {
+        let fraction = f64::from(hits) / (f64::from(hits) + f64::from(passes)).max(1.0);
+        if hits >= wall_hits && fraction > WALL_FRACTION {
             Cell::Occupied
         } else if passes > 0 {
             Cell::Free

@@ -1,4 +1,4 @@
-//! Points as records of numbers, common to PLY and PCD.
+//! Points as records of numbers, common to CSV, PLY and PCD.
 
 use super::Cloud;
 use crate::lidar::{LidarError, LidarMap};

@@ -14,7 +14,7 @@ const IMAGE_AT: usize = 48;
 const IMAGE_HEADER_BYTES: usize = 40;
 const PATH_POINT_BYTES: usize = 9;
 const AREA_BYTES: usize = 92;
-/// Cells from this value on are of a room that is being cleaned, whose number is 50 less.
+/// Cells of at least this value are of a room that is being cleaned, whose number is 50 less.
 const FIRST_ACTIVE: u8 = 60;
 /// Maximum number of rooms, as in Valetudo. A larger number is the beginning of another name.
 const MAX_ROOMS: u32 = 255;

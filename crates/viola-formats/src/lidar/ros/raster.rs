@@ -43,7 +43,7 @@ const SAVED_FREE: u8 = 254;
 const NAV2_FREE_THRESHOLD: f64 = 0.25;
 /// Minimum fraction of 205 among the pixels of a saver's image that was edited; if it is lower, half of the border
 /// has to be 205.
-const MIN_UNKNOWN_SHARE: f64 = 0.03;
+const MIN_UNKNOWN_FRACTION: f64 = 0.03;
 
 /// Returns whether a map saver wrote the image and the file's `free_thresh` would make unknown cells free:
 /// 205 is an occupancy of 0.196. Editors add other values and save grey as red, green and blue.
@@ -54,7 +54,7 @@ pub(super) fn is_saved_with_wide_threshold(image: &DynamicImage, description: &D
         return false;
     }
     let Some(count) = Count::of(image) else { return false };
-    let is_frequent = count.unknown as f64 >= MIN_UNKNOWN_SHARE * count.pixels as f64
+    let is_frequent = count.unknown as f64 >= MIN_UNKNOWN_FRACTION * count.pixels as f64
         || 2 * count.unknown_at_border > count.border;
     count.free > 0
         && count.unknown > 0

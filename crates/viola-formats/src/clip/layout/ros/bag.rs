@@ -130,7 +130,7 @@ impl Bag {
         self.pose_count += more;
         let is_many = self.pose_count > MAX_POSES;
         if is_many {
-            Err(format!("there are more than {MAX_POSES} poses; send the recording in parts"))
+            Err(format!("there are more than {MAX_POSES} poses; split the recording into several clips"))
         } else {
             Ok(())
         }

@@ -25,6 +25,9 @@ const CHUNK: u8 = 0x06;
 /// A message's sequence number and two times.
 const MESSAGE_TIMES_BYTES: u64 = 20;
 
+/// Advice for a file without its end: a recorder that was killed does not write it.
+const CUT_ADVICE: &str = "send the whole file, or run `mcap recover` if its recorder was killed";
+
 /// Visits the messages of a file that is known to begin with [`MAGIC`].
 pub(super) fn read(region: &Region, name: &str, visit: Visit) -> Result<(), ClipError> {
     let left = region.bytes.saturating_mul(MAX_RATIO).clamp(RATIO_FREE_BYTES, MAX_UNPACKED_BYTES);
@@ -39,9 +42,9 @@ pub(super) fn read(region: &Region, name: &str, visit: Visit) -> Result<(), Clip
             return ContainerError::Unreadable { name: name.to_string(), source }.into();
         }
         let reason = match source.kind() {
-            io::ErrorKind::UnexpectedEof => "it ends too early; send the whole file".to_string(),
+            io::ErrorKind::UnexpectedEof => format!("it ends too early; {CUT_ADVICE}"),
             io::ErrorKind::InvalidData => source.to_string(),
-            _ => format!("it is damaged or cut ({source}); send the whole file"),
+            _ => format!("it is damaged or cut ({source}); {CUT_ADVICE}"),
         };
         ClipError::BadMetadata { name: name.to_string(), reason }
     })

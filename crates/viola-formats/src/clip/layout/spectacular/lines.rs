@@ -152,7 +152,8 @@ pub(super) fn read(
         if text.trim_ascii().is_empty() {
             continue;
         }
-        take(serde_json::from_slice(&text).map_err(|error| bad(error.to_string()))?)?;
+        let line = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+        take(serde_json::from_slice(line).map_err(|error| bad(error.to_string()))?)?;
     }
     Ok(())
 }

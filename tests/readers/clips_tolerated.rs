@@ -1,0 +1,200 @@
+//! Clips as other programs write, change or pack them: all but archives in archives and unknown cameras are read.
+
+use crate::bags::db3;
+use crate::edits::*;
+use crate::export_writers as writers;
+use crate::exports::check_poses;
+use crate::recording::{Recording, gl};
+use crate::refusals::check_error;
+use crate::writers::{Files, color_jpeg, depth_png, tum, zip_bytes};
+use nalgebra::Matrix4;
+use serde_json::json;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::Zip;
+
+fn open(files: &Files) -> Result<Clip, ClipError> {
+    Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(files)).unwrap()))
+}
+
+fn check_note(clip: &Clip, words: &str) {
+    let notes = &clip.info().notes;
+    assert!(notes.iter().any(|note| note.contains(words)), "{words}: {notes:?}");
+}
+
+#[test]
+fn paths_of_windows_are_read() {
+    let recording = Recording::small(3);
+    let mut files = writers::nerfstudio("", &recording);
+    edit_json(&mut files, "transforms.json", |file| {
+        for frame in file["frames"].as_array_mut().unwrap() {
+            for member in ["file_path", "depth_file_path"] {
+                frame[member] = json!(frame[member].as_str().unwrap().replace('/', "\\"));
+            }
+        }
+    });
+    check_poses(&open(&files).unwrap(), &recording, "nerfstudio");
+
+    let mut files = tum("", &[0, 1, 2]);
+    for list in ["rgb.txt", "depth.txt"] {
+        edit_lines(&mut files, list, |_, line| Some(line.replace('/', "\\")));
+    }
+    assert_eq!(open(&files).unwrap().info().frames, 3);
+}
+
+#[test]
+fn a_byte_order_mark_in_front_of_a_text_is_read() {
+    let recording = Recording::small(3);
+    let lists = ["rgb.txt", "depth.txt", "groundtruth.txt", "camera-intrinsics.txt"];
+    let cases: [(Files, &[&str]); 5] = [
+        (writers::stray("", &recording), &["odometry.csv", "camera_matrix.csv"]),
+        (writers::nerfstudio("", &recording), &["transforms.json"]),
+        (writers::redwood("", &recording), &["scene/trajectory.log", "camera_intrinsic.json"]),
+        (writers::spectacular("", &recording), &["data.jsonl"]),
+        (tum("", &[0, 1, 2]), &lists),
+    ];
+    for (files, texts) in cases {
+        let plain = open(&files).unwrap();
+        for name in texts {
+            let mut marked = files.clone();
+            let bytes = [&b"\xef\xbb\xbf"[..], content(&mut marked, name).as_slice()].concat();
+            set(&mut marked, name, bytes);
+            let clip = open(&marked).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(clip.frames(), plain.frames(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn frames_in_any_order_are_sorted_by_their_times() {
+    let recording = Recording::small(3);
+    let mut files = writers::nerf_capture("", &recording);
+    edit_json(&mut files, "transforms.json", |file| file["frames"].as_array_mut().unwrap().reverse());
+    check_poses(&open(&files).unwrap(), &recording, "nerf_capture");
+}
+
+#[test]
+fn depth_path_alone_does_not_tell_the_upward_axis() {
+    let recording = Recording::small(3);
+    let with_marks = |marks: &[&str]| {
+        let has = |mark: &str| marks.contains(&mark);
+        let mut files = writers::nerf_capture("", &recording);
+        edit_json(&mut files, "transforms.json", |file| {
+            let scale = file.as_object_mut().unwrap().remove("depth_integer_scale").unwrap();
+            file[if has("scale") { "depth_integer_scale" } else { "integer_depth_scale" }] = scale;
+            for frame in file["frames"].as_array_mut().unwrap() {
+                if !has("time") {
+                    frame.as_object_mut().unwrap().remove("timestamp");
+                }
+                for member in ["file_path", "depth_path"].into_iter().filter(|_| !has("names")) {
+                    frame[member] = json!(frame[member].as_str().unwrap().replace("images/", "data/"));
+                }
+            }
+        });
+        for (name, _) in files.iter_mut().filter(|_| !has("names")) {
+            *name = name.replace("images/", "data/");
+        }
+        let clip = open(&files).unwrap_or_else(|error| panic!("{marks:?}: {error}"));
+        check_poses(&clip, &recording, &clip.info().layout);
+        clip
+    };
+    for mark in ["scale", "time", "names"] {
+        let clip = with_marks(&[mark]);
+        assert_eq!(clip.info().layout, "nerf_capture", "{mark}");
+        assert!(clip.up_in_world().is_some(), "{mark}");
+    }
+    let clip = with_marks(&[]);
+    assert_eq!((clip.info().layout.as_str(), clip.up_in_world()), ("nerfstudio", None));
+}
+
+#[test]
+fn poses_that_are_all_the_identity_are_not_used() {
+    let all_at = |count: u32, pose: Matrix4<f64>| {
+        let mut recording = Recording::small(count);
+        recording.frames.iter_mut().for_each(|frame| frame.world_from_camera = pose);
+        recording
+    };
+    let identity = Matrix4::identity();
+    let read = |files: Files| open(&files).unwrap();
+    // Nerfstudio's matrices, too, are the identity.
+    let redwood = read(writers::redwood("", &all_at(3, identity)));
+    let nerfstudio = read(writers::nerfstudio("", &all_at(3, gl(&identity))));
+    for clip in [redwood, nerfstudio] {
+        assert_eq!((clip.info().frames, clip.info().frames_with_pose), (3, 0));
+        check_note(&clip, "all poses are the identity");
+        check_note(&clip, "tracked");
+    }
+    let tripod = Recording::small(1).frames[0].world_from_camera;
+    for (count, pose) in [(2, identity), (3, tripod)] {
+        let clip = read(writers::redwood("", &all_at(count, pose)));
+        assert_eq!(clip.info().frames_with_pose, clip.info().frames);
+    }
+}
+
+#[test]
+fn an_archive_in_an_archive_is_refused_by_name() {
+    let inner = zip_bytes(&writers::record3d("", &Recording::small(2)));
+    let files = vec![("Room 1.r3d".to_string(), inner)];
+    check_error(open(&files).err().unwrap(), "not_an_archive", "Room 1.r3d is an archive");
+}
+
+#[test]
+fn depth_of_record3d_without_a_size_lies_as_colour_does() {
+    for (depth_size, color_size) in [((192, 256), (72, 96)), ((256, 192), (96, 72))] {
+        let mut recording = Recording::small(2);
+        (recording.depth_size, recording.color_size) = (depth_size, color_size);
+        recording.depth_k = [170.0, 171.0, f64::from(depth_size.0) / 2.0, f64::from(depth_size.1) / 2.0];
+        for frame in &mut recording.frames {
+            frame.depth_mm = (0..192 * 256).map(|i| 500 + (i % 3000) as u16).collect();
+            frame.jpeg = color_jpeg(color_size.0, color_size.1);
+        }
+        let mut files = writers::record3d("", &recording);
+        drop_member(&mut files, "metadata", "dw");
+        drop_member(&mut files, "metadata", "dh");
+        let clip = open(&files).unwrap_or_else(|error| panic!("{depth_size:?}: {error}"));
+        assert_eq!((clip.info().depth_width, clip.info().depth_height), depth_size);
+        let second_row = recording.frames[0].depth_mm[depth_size.0 as usize + 1];
+        assert_eq!(clip.load(0).unwrap().depth.at(1, 1), f32::from(second_row) / 1000.0);
+    }
+}
+
+#[test]
+fn tum_pictures_that_no_kinect_took_need_their_intrinsics() {
+    let mut files = tum("", &[0, 1, 2]);
+    let file = "camera-intrinsics.txt";
+    remove(&mut files, |name| name == file);
+    check_note(&open(&files).unwrap(), "Kinect");
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name.ends_with(".png")) {
+        *bytes = depth_png(48, 27, |_, _| 1000);
+    }
+    check_error(open(&files).err().unwrap(), "missing_intrinsics", file);
+}
+
+#[test]
+fn the_log_beside_a_bag_is_noted() {
+    let mut files = db3("", &Recording::small(3));
+    files.push(("bag_0.db3-wal".to_string(), vec![1]));
+    check_note(&open(&files).unwrap(), "bag_0.db3-wal was not read");
+}
+
+/// The video has 30 frames.
+#[test]
+fn a_stray_scanner_recording_without_its_start_has_the_colour_of_its_rows() {
+    let video = format!("{}/tests/video/h264_no_b.mp4", env!("CARGO_MANIFEST_DIR"));
+    let video = std::fs::read(video).unwrap();
+    let read = |first: u32, frames: u32| {
+        let mut recording = Recording::small(frames);
+        recording.color_size = (160, 120);
+        recording.frames.iter_mut().for_each(|frame| frame.number += first);
+        let clip = open(&writers::stray_with_video("", &recording, video.clone())).unwrap();
+        assert_eq!(clip.info().frames, frames as usize, "from {first}");
+        clip
+    };
+    let color = |clip: &Clip, index: usize| clip.load(index).unwrap().color.unwrap();
+    let whole = read(0, 30);
+    // The video was cut with the odometry, or the odometry alone.
+    for (cut, at) in [(read(5, 30), 0), (read(5, 25), 5)] {
+        for index in [0, 3, 24] {
+            assert!(color(&cut, index) == color(&whole, index + at), "frame {index}, {at} later");
+        }
+    }
+}
