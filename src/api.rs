@@ -1,7 +1,6 @@
 //! The HTTP API: one file per resource; all refusals are in `error`.
 
 mod access;
-mod attempts;
 mod bodies;
 mod changes;
 mod choice;
@@ -15,7 +14,7 @@ mod documents;
 mod error;
 mod export;
 mod extract;
-mod fair;
+mod fairness;
 mod health;
 mod home_events;
 mod homes;
@@ -23,9 +22,7 @@ mod jobs;
 mod layers;
 mod lidar_map;
 mod lidar_maps;
-mod limits;
 mod list;
-mod making;
 mod map;
 mod metrics;
 mod names;
@@ -37,47 +34,38 @@ mod parameters;
 mod peer;
 mod problems;
 mod ranges;
-mod readers;
 mod reply;
 mod request_log;
 mod sent_files;
 mod server;
 mod session;
-mod turns;
 mod types;
 mod uploads;
 mod usage;
 mod webhooks;
 
-pub use attempts::AttemptParams;
 pub use bodies::BodyParams;
 pub use clips::recorded_at_of_file;
 pub use connections::ConnectionParams;
+pub use fairness::{FailedKeyParams, LimitParams, ReaderParams};
 pub use layers::Origin;
-pub use limits::LimitParams;
 pub use map::{objects_document, rooms_document};
-pub use readers::ReaderParams;
 pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::{UploadParams, opened_clip_json};
 
 use crate::jobs::Queue;
 use crate::storage::Storage;
 use crate::webhooks::WebhookParams;
-use attempts::Attempts;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use fair::FairPlaces;
-use limits::Limits;
-use making::Making;
+use fairness::{ExportPlaces, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
 use parameters::Parameters;
-use readers::Readers;
 use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
-use turns::Turns;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
@@ -98,7 +86,7 @@ struct Shared {
     bodies: BodyParams,
     limits: Limits,
     turns: Turns,
-    attempts: Attempts,
+    failed_keys: FailedKeys,
     /// True if only this machine can reach the listener.
     is_on_loopback: bool,
     webhooks: WebhookParams,
@@ -107,11 +95,11 @@ struct Shared {
     /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: AtomicBool,
     readers: Arc<Readers>,
-    making: Making,
+    makers: Makers,
     /// The places of requests that wait for changes, and of searches for homes.
     waits: FairPlaces,
     searches: FairPlaces,
-    exports: export::Places,
+    exports: ExportPlaces,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
 }

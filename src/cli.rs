@@ -1,48 +1,32 @@
-//! The command line, one file per command.
+//! The command line: commands, and the arguments that several of them share.
 
 mod align;
-mod align_job;
+mod args;
+mod child;
 mod clean;
-mod completion;
 mod config;
 mod convert;
-mod decode_video;
 mod demo;
 mod evaluate;
-mod evaluate_changes;
-mod evaluate_each_home;
-mod evaluate_home;
-mod evaluate_joint;
-mod evaluate_labels;
-mod evaluate_track;
 mod health;
 mod inspect;
 mod keys;
-mod levels;
 mod map;
-mod method;
 mod migrate;
 mod models;
-mod networks;
-mod numbers;
-mod open_clip;
 mod openapi;
 mod output;
 mod progress;
 mod provenance;
-mod runtime;
-mod seconds;
 mod serve;
 mod service;
 mod shell;
 mod simulate;
-mod store;
 mod surfaces;
 mod telemetry;
 mod tenants;
 mod video_tools;
 mod work;
-mod worker;
 mod wrong_file;
 
 use anyhow::Result;
@@ -57,7 +41,7 @@ struct Arguments {
     /// Print no progress, only the result and errors.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Print each stage of the work, also where there is no terminal.
+    /// Print each stage of the work, even without a terminal.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
     #[command(subcommand)]
@@ -68,7 +52,7 @@ const EXIT_CODES: &str = "Exit codes:
   0  done
   1  an error; standard error names it
   2  wrong arguments
-  3  `align`: no pose can be given; `map`: a clip could not be read or aligned";
+  3  `align`: no pose can be given; `map`: a clip could not be read or has no pose";
 
 #[derive(Subcommand)]
 enum Command {
@@ -124,32 +108,14 @@ enum Command {
     Man(shell::ManArguments),
 }
 
-/// The commands of child processes, which only viola itself starts.
-#[derive(Parser)]
-struct ChildArguments {
-    #[command(subcommand)]
-    command: ChildCommand,
-}
-
-#[derive(Subcommand)]
-enum ChildCommand {
-    /// Decode frames of the video on standard input.
-    DecodeVideo(decode_video::DecodeVideoArguments),
-    /// Align the clip of a job.
-    AlignJob(align_job::AlignJobArguments),
-    /// Open an uploaded file.
-    OpenClip(open_clip::OpenClipArguments),
-}
-
 /// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
     viola_network::return_large_buffers();
     crate::tls::use_ring();
     end_without_standard_output();
     let first = std::env::args().nth(1);
-    if first.is_some_and(|name| ChildCommand::has_subcommand(&name)) {
-        let done = run_child(ChildArguments::parse().command);
-        return done.map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS);
+    if first.is_some_and(|name| child::has_command(&name)) {
+        return child::run().map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS);
     }
     let program = Arguments::command();
     let arguments = match config::with_file(std::env::args_os(), &program) {
@@ -189,14 +155,6 @@ fn run(command: Command, program: &clap::Command) -> Result<ExitCode> {
         Command::Man(arguments) => shell::man(&arguments, program),
     }?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn run_child(command: ChildCommand) -> Result<()> {
-    match command {
-        ChildCommand::DecodeVideo(arguments) => decode_video::run(&arguments),
-        ChildCommand::AlignJob(arguments) => align_job::run(&arguments),
-        ChildCommand::OpenClip(arguments) => open_clip::run(&arguments),
-    }
 }
 
 /// Ends the process if standard output cannot be written: without a message if nobody reads it any more, as after

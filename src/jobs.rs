@@ -1,19 +1,19 @@
 //! The queue of one process: it wakes workers and listeners; its state is in storage.
 
 mod align_clip;
+mod attempt_error;
 mod child;
 mod limits;
 mod merge;
 mod mesh;
 mod metrics;
 mod priority;
-mod report;
 mod run;
-mod trouble;
+mod shared_progress;
 mod watch;
 mod worker;
 
-pub use align_clip::{Failure, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
+pub use align_clip::{AlignJobError, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
 pub use child::{ChildOrder, ChildParams, serve_child};
 pub use limits::JobLimitParams;
 pub use merge::{Described, Earlier, describe};
@@ -35,8 +35,8 @@ use watch::Watched;
 /// Polling interval of listeners and idle workers: another process may have written.
 const POLL: Duration = Duration::from_secs(1);
 
-/// The shortest time between two signals of a kind to other processes.
-const TELL_EVERY: Duration = Duration::from_millis(5);
+/// Minimum time between two signals of a kind to other processes.
+const MIN_SIGNAL_INTERVAL: Duration = Duration::from_millis(5);
 
 pub struct Queue {
     storage: Arc<Storage>,
@@ -46,9 +46,9 @@ pub struct Queue {
     /// The tenants, by their names, whose feed somebody waits for.
     watched_tenants: Watched<String>,
     watched_jobs: Watched<Uuid>,
-    /// Signals that the other processes have not had yet.
-    untold_due: Notify,
-    untold_change: Notify,
+    /// Signals that were not sent to the other processes yet.
+    unsent_due: Notify,
+    unsent_change: Notify,
 }
 
 impl Queue {
@@ -60,16 +60,16 @@ impl Queue {
             watched_homes: Watched::default(),
             watched_tenants: Watched::default(),
             watched_jobs: Watched::default(),
-            untold_due: Notify::new(),
-            untold_change: Notify::new(),
+            unsent_due: Notify::new(),
+            unsent_change: Notify::new(),
         }
     }
 
     /// Wakes workers and listeners. To be called after jobs were queued or changed.
     pub fn wake(&self) {
         self.due.notify_one();
-        self.untold_due.notify_one();
-        self.tell_of_change();
+        self.unsent_due.notify_one();
+        self.notify_listeners();
     }
 
     /// Returns the notification of every change, by this process and by others.
@@ -78,31 +78,31 @@ impl Queue {
     }
 
     /// Wakes listeners only. To be called after a change that does not concern workers.
-    fn tell_of_change(&self) {
+    fn notify_listeners(&self) {
         self.changed.notify_waiters();
-        self.untold_change.notify_one();
+        self.unsent_change.notify_one();
     }
 
     /// Exchanges signals with the other processes until `stop`. Many of one kind become one.
     pub async fn exchange_signals(self: Arc<Queue>, stop: CancellationToken) {
-        let tell = async |untold: &Notify, signal: Signal| {
+        let send = async |unsent: &Notify, signal: Signal| {
             loop {
-                untold.notified().await;
-                if let Err(error) = self.storage.tell(signal).await {
-                    warn!(%error, "other processes could not be told; they find out by themselves");
+                unsent.notified().await;
+                if let Err(error) = self.storage.notify_processes(signal).await {
+                    warn!(%error, "other processes could not be notified; they poll");
                 }
-                tokio::time::sleep(TELL_EVERY).await;
+                tokio::time::sleep(MIN_SIGNAL_INTERVAL).await;
             }
         };
         tokio::select! {
             () = stop.cancelled() => {}
-            () = tell(&self.untold_due, Signal::Due) => {}
-            () = tell(&self.untold_change, Signal::Changed) => {}
-            () = self.hear() => {}
+            () = send(&self.unsent_due, Signal::Due) => {}
+            () = send(&self.unsent_change, Signal::Changed) => {}
+            () = self.receive_signals() => {}
         }
     }
 
-    async fn hear(&self) {
+    async fn receive_signals(&self) {
         loop {
             match self.storage.signals().await {
                 Ok(Some(mut signals)) => loop {
@@ -110,14 +110,14 @@ impl Queue {
                         Ok(Signal::Due) => self.due.notify_one(),
                         Ok(Signal::Changed) => self.changed.notify_waiters(),
                         Err(error) => {
-                            warn!(%error, "signals of other processes cannot be heard for now");
+                            warn!(%error, "signals of other processes cannot be received for now");
                             break;
                         }
                     }
                 },
                 // There is no other process.
                 Ok(None) => return std::future::pending().await,
-                Err(error) => warn!(%error, "signals of other processes cannot be heard for now"),
+                Err(error) => warn!(%error, "signals of other processes cannot be received for now"),
             }
             tokio::time::sleep(POLL).await;
         }
@@ -126,7 +126,7 @@ impl Queue {
     /// Cancels a queued or running job; returns `None` if there is no such job.
     pub async fn cancel(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         let job = self.storage.cancel_job(id, Timestamp::now()).await?;
-        self.tell_of_change();
+        self.notify_listeners();
         Ok(job)
     }
 

@@ -35,8 +35,8 @@ mod open;
 mod params;
 mod pending_deletes;
 mod placement;
+mod quota;
 pub mod result_file;
-mod room;
 mod scratch;
 mod seal;
 mod sessions;
@@ -55,7 +55,7 @@ pub use clip_list::ClipFilter;
 pub use clip_state::ClipState;
 pub use clips::{Added, Clip, NewClip};
 pub use corrections::{
-    CorrectionError, Corrections, Kept, MOST_CORRECTIONS, ObjectChange, ObjectState, RoomChange, RoomState,
+    CorrectionError, Corrections, Kept, MAX_CORRECTIONS, ObjectChange, ObjectState, RoomChange, RoomState,
 };
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;
@@ -68,7 +68,7 @@ pub use homes::{Home, HomeFilter, HomeId, InvalidHomeId, InvalidTenant, LevelCov
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState, QueueState};
 pub use keys::{ApiKey, NewKey, Role, Secret};
-pub use leases::{Claim, Ending, Fault, Reached, RetryPolicy};
+pub use leases::{AttemptEnd, Claim, Fault, JobProgress, RetryPolicy};
 pub use lidar_maps::{FromEarlier, LidarMapRevision, NewLidarMap};
 pub use open::Storage;
 pub use params::{Page, PostgresParams, StorageParams, UnpackParams};
@@ -82,6 +82,6 @@ pub use uploads::{
     Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
 };
 pub use webhooks::{
-    Delivery, DeliveryState, MOST_WEBHOOKS, RETRY_AFTER, Sending, Sent, ToSend, Webhook, WebhookMade,
+    Delivery, DeliveryState, MAX_WEBHOOKS, RETRY_AFTER, Sending, Sent, ToSend, Webhook, WebhookMade,
     WebhookSecret,
 };

@@ -55,15 +55,15 @@ pub async fn deliver(
     };
     let fan_out = async {
         loop {
-            let mut told = std::pin::pin!(changed.notified());
+            let mut notified = std::pin::pin!(changed.notified());
             // Listening begins before reading, so that no change is missed.
-            told.as_mut().enable();
+            notified.as_mut().enable();
             match storage.fan_out(Timestamp::now()).await {
                 Ok(true) => continue,
                 Ok(false) => {}
                 Err(error) => warn!(%error, "changes could not be prepared for webhooks; they wait"),
             }
-            let _ = tokio::time::timeout(POLL, told).await;
+            let _ = tokio::time::timeout(POLL, notified).await;
         }
     };
     tokio::select! {
@@ -106,7 +106,7 @@ async fn send_for_ever(storage: &Arc<Storage>, sender: &Arc<Sender>) {
 async fn send_batch(storage: &Storage, sender: &Sender, sending: &Sending) -> Result<(), StorageError> {
     let attempts = sending.deliveries.iter().map(async |delivery| {
         let sent = sender.send(sending, delivery).await;
-        tell(sending, delivery.id, &sent);
+        log_attempt(sending, delivery.id, &sent);
         storage.note_attempt(sending, delivery, &sent, Timestamp::now()).await
     });
     let noted = futures::future::join_all(attempts).await;
@@ -115,7 +115,7 @@ async fn send_batch(storage: &Storage, sender: &Sender, sending: &Sending) -> Re
 }
 
 /// Counts and logs an attempt. The address is not logged: it may hold a password.
-fn tell(sending: &Sending, delivery: uuid::Uuid, sent: &Sent) {
+fn log_attempt(sending: &Sending, delivery: uuid::Uuid, sent: &Sent) {
     let (outcome, status, error) = match sent {
         Sent::Delivered { status } => ("delivered", Some(*status), None),
         Sent::Failed { status, error, .. } => ("failed", *status, Some(error.as_str())),

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
-use viola::jobs::{Failure, Finished, JobParams, LevelFile, Queue, WorkerParams, work};
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Queue, WorkerParams, work};
 use viola::storage::{
     Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams, UnpackParams,
 };
@@ -134,10 +134,10 @@ async fn claims(storage: &Arc<Storage>) -> anyhow::Result<()> {
 }
 
 /// Fails at once: the file is not a valid clip.
-fn refuse(path: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+fn refuse(path: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
     match Clip::open(path) {
         Err(error) => Err(error.into()),
-        Ok(_) => Err(Failure::Cancelled),
+        Ok(_) => Err(AlignJobError::Cancelled),
     }
 }
 

@@ -4,8 +4,8 @@
 use super::App;
 use super::connections::Asked;
 use super::error::{Defence, Error};
+use super::fairness::Turn;
 use super::peer;
-use super::turns::Turn;
 use crate::storage::{ApiKey, HomeId, Role, Secret, SessionToken, StorageError, Tenant};
 use axum::extract::{FromRequestParts, MatchedPath, Request, State};
 use axum::http::request::Parts;
@@ -170,11 +170,11 @@ async fn find_key(
     sha256: &str,
     find: impl Future<Output = Result<Option<ApiKey>, StorageError>>,
 ) -> Result<Option<ApiKey>, Error> {
-    app.attempts.begin(address, sha256, Instant::now())?;
+    app.failed_keys.begin(address, sha256, Instant::now())?;
     let found = find.await?;
     match &found {
-        Some(key) => app.attempts.succeeded(address, sha256, &key.tenant),
-        None => app.attempts.failed(sha256),
+        Some(key) => app.failed_keys.succeeded(address, sha256, &key.tenant),
+        None => app.failed_keys.failed(sha256),
     }
     Ok(found)
 }
@@ -219,7 +219,7 @@ impl Credentials {
 
     /// Returns the tenant, if the credentials were valid before.
     fn known_tenant(&self, app: &App) -> Option<Tenant> {
-        app.attempts.tenant_of(&self.sha256())
+        app.failed_keys.tenant_of(&self.sha256())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::error::Error;
-use super::fair::FairPlace;
+use super::fairness::FairPlace;
 use super::metrics;
 use super::reply::REVALIDATED;
 use crate::storage::{Arrived, BlobReader};
@@ -214,7 +214,7 @@ pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::api::fair::FairPlaces;
+    use crate::api::fairness::FairPlaces;
 
     #[tokio::test]
     async fn a_made_file_has_its_place_until_it_is_sent() {

@@ -4,7 +4,7 @@ use super::App;
 use super::access::Caller;
 use super::error::{Error, Problem};
 use super::extract::Query;
-use super::fair::FairPlaces;
+use super::fairness::FairPlaces;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
 use super::reply::Document;

@@ -11,7 +11,7 @@ use crate::storage::{StorageError, result_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use viola_home::{MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
+use viola_home::{MAP_VOXEL_M, UnknownFileFormat, cloud_ply, read_cloud_ply};
 
 /// The media type of PLY.
 const PLY: &str = "model/ply";
@@ -70,13 +70,14 @@ pub(super) async fn get_clip_cloud(
         return Ok(tagged(send(blob, PLY), &tag));
     };
     // The points are in memory from here until they are sent.
-    let place = app.making.unsent(home.tenant()).await?;
+    let place = app.makers.unsent(home.tenant()).await?;
     let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
     let moved = app.readers.run(home.tenant(), move || {
         let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
-        Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
+        Ok::<_, UnknownFileFormat>(cloud_ply(&cloud, Some(&map_from_clip)))
     });
-    let damaged = |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
+    let damaged =
+        |error: UnknownFileFormat| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
     let bytes = moved.await?.map_err(damaged)?;
     Ok(tagged(send_made(bytes.into(), PLY, place), &tag))
 }

@@ -127,7 +127,7 @@ pub(super) async fn add_clip(
     };
     if !dry_run && !is_retry {
         let told_bytes = content_length(request.headers()).unwrap_or(0);
-        app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
+        app.limits.check_quota(&app.storage, &caller.tenant, told_bytes).await?;
     }
     let file = receive(&app, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;

@@ -1,25 +1,25 @@
 //! Connections: their maximum number, their timeouts and their graceful shutdown.
 
-mod crowd;
-mod lanes;
+mod accept_queue;
+mod displacement;
 mod watched;
 mod whole;
 
-pub(super) use crowd::Asked;
-pub(super) use lanes::TenantOf;
+pub(super) use accept_queue::TenantOf;
+pub(super) use displacement::Asked;
 
 use super::peer::Peer;
 use super::server::ServeError;
+use accept_queue::{AcceptQueue, AcceptQueueParams, Lane, lane_of};
 use axum::Router;
 use axum::body::Body;
-use crowd::{Crowd, Place};
+use displacement::{OpenConnections, Place};
 use futures::poll;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
-use lanes::{Lane, LaneParams, Lanes, lane_of};
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -74,9 +74,11 @@ const UNSENT_BYTES: u32 = 128 << 10;
 
 /// New connections of tenants that begin at once: at most about 600 of a tenant in a second. While one begins, its request
 /// is read and started; with few at a time the tasks of running requests wait for little else.
-const OF_TENANTS: LaneParams = LaneParams { at_once: 16, at_once_of_lane: 2, hold: Duration::from_millis(3) };
+const OF_TENANTS: AcceptQueueParams =
+    AcceptQueueParams { at_once: 16, at_once_of_lane: 2, hold: Duration::from_millis(3) };
 /// The same of clients whose tenant is unknown: at most 500 in a second.
-const OF_UNKNOWN: LaneParams = LaneParams { at_once: 4, at_once_of_lane: 4, hold: Duration::from_millis(8) };
+const OF_UNKNOWN: AcceptQueueParams =
+    AcceptQueueParams { at_once: 4, at_once_of_lane: 4, hold: Duration::from_millis(8) };
 
 /// Delay after the system failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -94,8 +96,8 @@ pub(super) async fn answer(
     let address = listener.local_addr()?;
     info!(%address, "listening");
     listening(address);
-    let crowd = Crowd::new(params.most, params.most_of_network);
-    let (tenants, unknown) = (Lanes::new(OF_TENANTS), Lanes::new(OF_UNKNOWN));
+    let connections = OpenConnections::new(params.most, params.most_of_network);
+    let (tenants, unknown) = (AcceptQueue::new(OF_TENANTS), AcceptQueue::new(OF_UNKNOWN));
     let door =
         Arc::new(Door { tenants, unknown, tenant_of, router, params: params.clone(), stop: stop.clone() });
     let open = GracefulShutdown::new();
@@ -103,7 +105,7 @@ pub(super) async fn answer(
         loop {
             match listener.accept().await {
                 Ok((stream, peer)) => {
-                    let place = crowd.enter(peer.ip());
+                    let place = connections.enter(peer.ip());
                     tokio::spawn(door.clone().enter(stream, peer.ip(), place, open.watcher()));
                 }
                 Err(error) if is_of_one(&error) => {}
@@ -130,9 +132,9 @@ pub(super) async fn answer(
 
 /// State shared by all connections.
 struct Door {
-    tenants: Arc<Lanes>,
+    tenants: Arc<AcceptQueue>,
     /// The lanes of networks.
-    unknown: Arc<Lanes>,
+    unknown: Arc<AcceptQueue>,
     tenant_of: TenantOf,
     router: Router,
     params: ConnectionParams,

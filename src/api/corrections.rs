@@ -39,7 +39,7 @@ pub(super) struct ObjectPatch {
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
-    /// Its centre in the map's frame. The object stays in the map also if no clip shows it there.
+    /// Its centre in the map's frame. The object stays in the map even if no clip shows it there.
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<[f64; 3]>, min_items = 3, max_items = 3)]
     centre_m: Member,
@@ -106,7 +106,7 @@ pub(super) async fn get_map_object(
 /// Correct an object: its class, name or place; pin or hide it
 ///
 /// The body is a JSON Merge Patch (RFC 7396). The correction is kept apart from what the clips say, and holds
-/// for the next revision, which follows at once, and for all later ones, also after a new LiDAR map. The
+/// for the next revision, which follows at once, and for all later ones, even after a new LiDAR map. The
 /// answer has the object as the current revision shows it. `null` withdraws a member. A hidden object is
 /// listed by `GET .../map/corrections`.
 #[utoipa::path(patch, path = "/v1/homes/{home}/map/objects/{object}", tag = "map",
@@ -178,7 +178,7 @@ pub(super) async fn correct_map_room(
     .await
 }
 
-/// List the corrections of a home, also of objects that are hidden
+/// List the corrections of a home, including those of hidden objects
 #[utoipa::path(get, path = "/v1/homes/{home}/map/corrections", tag = "map", params(HomePath),
     responses((status = 200, description = "All, at most 500", body = Corrections), CommonProblems))]
 pub(super) async fn list_map_corrections(

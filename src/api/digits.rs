@@ -5,7 +5,7 @@ use serde_json::Serializer;
 use serde_json::ser::Formatter;
 use std::io::{self, Write};
 
-/// Numbers from here on are sent as they are: their last digit is above the fourth decimal.
+/// Numbers of at least this size are sent as they are: their last digit is above the fourth decimal.
 const LARGE: f64 = 1e11;
 
 /// Returns a document as JSON.

@@ -4,13 +4,14 @@
 mod codes;
 mod correction;
 mod defence;
+mod storage;
 
 pub(super) use defence::Defence;
 
 pub(super) use codes::CODES;
 
 use super::uploads::UploadRefusal;
-use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
+use crate::storage::{CorrectionError, MAX_WEBHOOKS, StorageError};
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -84,13 +85,15 @@ pub(super) enum Error {
     NoAnswerYet(String),
     #[error("the job has ended with `{0}` and cannot be cancelled")]
     JobEnded(&'static str),
-    #[error("the tenant has {MOST_WEBHOOKS} webhooks already; remove one first")]
+    #[error("the tenant has {MAX_WEBHOOKS} webhooks already; remove one first")]
     TooManyWebhooks,
     #[error("no job has this id; a job is removed with its clip")]
     NoSuchJob,
     #[error("{0}")]
     Correction(CorrectionError),
-    #[error("revision {revision} of the home's map was removed: the newest five are kept, from {oldest} on")]
+    #[error(
+        "revision {revision} of the home's map was removed: the newest five are kept; the oldest is {oldest}"
+    )]
     MapRevisionRemoved { revision: i64, oldest: i64 },
     #[error(
         "this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page"
@@ -102,23 +105,21 @@ pub(super) enum Error {
     Forbidden(&'static str),
     #[error("too many requests for this tenant; wait {retry_after_s} s")]
     TooManyRequests { retry_after_s: u64 },
-    #[error(
-        "as many exports run as may at once: {most} of all tenants, {most_of_tenant} of one; try again when one has ended"
-    )]
+    #[error("at most {most} exports run at once, {most_of_tenant} of one tenant; retry later")]
     TooManyExports { most: usize, most_of_tenant: usize },
     #[error(
         "the clip is `{0}`: it has this file once a job ran to an answer; completion.png only if something was filled in, frames.jpg only if the clip is not `aligned`"
     )]
     NoSuchResult(&'static str),
     #[error(
-        "no frame of the clip has a colour picture that can be decoded, or an earlier version of the service aligned it; align it again to find out"
+        "no frame of the clip has a colour picture that can be decoded, or an earlier version of the service aligned it; then align it again"
     )]
     NoThumbnail,
     #[error(
-        "the home has no map of this revision: none before a clip of it has been aligned and merged, and the newest five are kept"
+        "the home has no map of this revision: the first revision follows the first aligned clip; the newest five are kept"
     )]
     NoSuchMap,
-    #[error("the {what} exists already; the request asks that it is new")]
+    #[error("the {what} exists already; the request has `If-None-Match: *`")]
     Exists { what: &'static str },
     #[error("the LiDAR map has no revision {0}: the list of its revisions names those that are kept")]
     NoSuchLidarRevision(i64),
@@ -170,6 +171,7 @@ impl Error {
                 let status = StatusCode::from_u16(problem.status).unwrap_or(S::UNPROCESSABLE_ENTITY);
                 (status, "told", "As it was told before")
             }
+            // Before the arms of the same errors: a retry of this request may succeed.
             error if error.is_passing() => {
                 (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
             }
@@ -189,9 +191,6 @@ impl Error {
             Error::TooManyRequests { .. } => (S::TOO_MANY_REQUESTS, "too_many_requests", "Too many requests"),
             Error::TooManyExports { .. } => {
                 (S::SERVICE_UNAVAILABLE, "too_many_exports", "Too many exports run at once")
-            }
-            Error::Storage(StorageError::TenantFull { .. }) => {
-                (S::INSUFFICIENT_STORAGE, "tenant_full", "The tenant has no room left")
             }
             Error::TooManyWebhooks => {
                 (S::CONFLICT, "too_many_webhooks", "The tenant has as many webhooks as it may have")
@@ -217,37 +216,11 @@ impl Error {
             Error::Defence(refusal) => refusal.mapping(),
             Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
-            Error::Storage(StorageError::NoSuchHome) => {
-                (S::NOT_FOUND, "home_not_found", "There is no such home")
-            }
-            Error::Storage(StorageError::NoSuchClip) => {
-                (S::NOT_FOUND, "clip_not_found", "There is no such clip")
-            }
-            Error::Exists { .. } | Error::Storage(StorageError::Changed { .. }) => {
+            Error::Exists { .. } => {
                 (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
             }
-            Error::Storage(StorageError::NoSuchWebhook) => {
-                (S::NOT_FOUND, "webhook_not_found", "There is no such webhook")
-            }
-            Error::Storage(StorageError::NoSuchDelivery) => {
-                (S::NOT_FOUND, "delivery_not_found", "The webhook has no such delivery")
-            }
-            Error::Storage(StorageError::NoLidarMap) => {
-                (S::NOT_FOUND, "lidar_map_not_found", "There is no such LiDAR map")
-            }
-            Error::Storage(StorageError::TooManyLevels) => {
-                (S::CONFLICT, "too_many_levels", "The home has as many levels as it may have")
-            }
-            Error::Storage(StorageError::LastLevel) => {
-                (S::CONFLICT, "last_level", "The home has no other level")
-            }
-            Error::Storage(StorageError::CursorExpired) => {
-                (S::GONE, "cursor_expired", "The feed cannot go on from this cursor")
-            }
-            Error::Storage(error) if error.is_full() => {
-                (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
-            }
-            Error::Storage(_) | Error::Opener(_) | Error::Panicked(_) => {
+            Error::Storage(error) => storage::mapping(error),
+            Error::Opener(_) | Error::Panicked(_) => {
                 (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
             }
         }
@@ -297,8 +270,8 @@ impl Error {
     /// Returns whether a retry of the same request may succeed.
     fn is_passing(&self) -> bool {
         match self {
-            Error::Clip(error) => error.is_ours(),
-            Error::Lidar(error) => error.is_ours(),
+            Error::Clip(error) => error.is_service_fault(),
+            Error::Lidar(error) => error.is_service_fault(),
             Error::Storage(error) => error.is_transient() && !error.is_full(),
             _ => false,
         }
@@ -317,8 +290,8 @@ impl Error {
                 | Error::Upload(UploadRefusal::Waits { .. })
                 | Error::Defence(_)
         );
-        let is_ours = status.is_server_error() && !is_bound;
-        let detail = if is_ours {
+        let is_service_fault = status.is_server_error() && !is_bound;
+        let detail = if is_service_fault {
             tracing::error!(code, cause = %self, "a request failed");
             let advice = match code {
                 "unavailable" => "Try again in a few seconds. ",

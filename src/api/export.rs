@@ -2,14 +2,12 @@
 
 mod archive;
 mod contents;
-mod places;
-
-pub(super) use places::Places;
 
 use super::App;
 use super::bodies::{FileBytes, attachment};
 use super::error::Error;
 use super::extract::HomePath;
+use super::fairness::ExportPlace;
 use super::problems::{CommonProblems, ExportProblems};
 use archive::Archive;
 use axum::body::Body;
@@ -19,7 +17,6 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use contents::{Contents, ExportError};
 use futures::{FutureExt, StreamExt, stream};
-use places::Place;
 use std::io;
 use tokio::sync::mpsc;
 use tokio_util::task::AbortOnDropHandle;
@@ -53,7 +50,7 @@ pub(super) async fn export_home(
 fn body(
     writing: impl Future<Output = Result<(), ExportError>> + Send + 'static,
     pieces: mpsc::Receiver<Bytes>,
-    place: Place,
+    place: ExportPlace,
 ) -> Body {
     let pieces = stream::unfold((pieces, place), |(mut pieces, place)| async {
         pieces.recv().await.map(|piece| (Ok(piece), (pieces, place)))

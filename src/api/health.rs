@@ -13,7 +13,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// Minimum free space on the disk of incoming files; with less, the process is not ready.
-const LEAST_FREE_BYTES: u64 = 256 << 20;
+const MIN_FREE_BYTES: u64 = 256 << 20;
 
 /// Returns the route for anybody.
 pub(super) fn open_routes() -> OpenApiRouter<Arc<Storage>> {
@@ -76,7 +76,7 @@ async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, 
         |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
     let queue = storage.queue_state(Timestamp::now()).await.map_err(not_ready("database"))?;
     let free_bytes = storage.blobs_ready().await.map_err(not_ready("blobs"))?;
-    if free_bytes < LEAST_FREE_BYTES {
+    if free_bytes < MIN_FREE_BYTES {
         return Err(Error::NotReady { what: "disk", cause: None });
     }
     storage.check_writes().await.map_err(|error| {

@@ -6,7 +6,7 @@ use super::bodies::to_the_end;
 use super::clips::flag;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Query};
-use super::fair::FairPlaces;
+use super::fairness::FairPlaces;
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};

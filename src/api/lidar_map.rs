@@ -122,7 +122,7 @@ pub(super) async fn put(
         return Ok((StatusCode::OK, Document(PutAnswer::DryRun(Box::new(report)))));
     }
     if !is_same {
-        app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
+        app.limits.check_quota(&app.storage, &caller.tenant, new.bytes()).await?;
         new.from_earlier = from_current(&app, &home, level, bytes).await;
     }
     to_the_end(async move {
@@ -140,7 +140,7 @@ pub(super) async fn put(
     .await
 }
 
-/// Returns whether a level's current map has a file, so that storing the file changes nothing.
+/// Returns whether a level's current map has a file already: storing it would change nothing.
 pub(super) async fn is_current(
     app: &App,
     home: &HomeId,

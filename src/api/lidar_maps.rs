@@ -87,7 +87,7 @@ pub(super) async fn restore_lidar_map(
     let earlier = earlier.ok_or(Error::NoSuchLidarRevision(revision))?;
     let mut from_current = None;
     if !lidar_map::is_current(&app, &home, level, &earlier.sha256).await? {
-        app.limits.room(&app.storage, &caller.tenant, earlier.size_bytes).await?;
+        app.limits.check_quota(&app.storage, &caller.tenant, earlier.size_bytes).await?;
         let file = app.storage.lidar_map_file(earlier.id()).await?;
         from_current = lidar_map::from_current(&app, &home, level, file).await;
     }

@@ -84,15 +84,15 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain"), KeyProblems))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
     match storage.queue_state(Timestamp::now()).await {
-        Ok(state) => tell(&state),
-        Err(error) => unknown(&error),
+        Ok(state) => set_queue_gauges(&state),
+        Err(error) => clear_queue_gauges(&error),
     }
     let text = RECORDER.get().and_then(Option::as_ref).map(PrometheusHandle::render).unwrap_or_default();
     let media_type = HeaderValue::from_static("text/plain; version=0.0.4");
     ([(header::CONTENT_TYPE, media_type)], text).into_response()
 }
 
-fn tell(state: &QueueState) {
+fn set_queue_gauges(state: &QueueState) {
     gauge!(QUEUED, "state" => "queued").set(state.queued as f64);
     gauge!(QUEUED, "state" => "running").set(state.running as f64);
     gauge!(QUEUE_AGE).set(state.age.as_secs_f64());
@@ -100,7 +100,7 @@ fn tell(state: &QueueState) {
 }
 
 /// Sets the gauges of the queue to NaN, since no number is better than an old one.
-fn unknown(error: &StorageError) {
+fn clear_queue_gauges(error: &StorageError) {
     tracing::warn!(%error, "the queue cannot be counted");
     for state in ["queued", "running"] {
         gauge!(QUEUED, "state" => state).set(f64::NAN);

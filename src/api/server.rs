@@ -1,14 +1,11 @@
 //! A process from start to graceful stop: HTTP with or without workers (`viola serve`), or workers alone (`viola work`).
 
-use super::attempts::{AttemptParams, Attempts};
 use super::bodies::BodyParams;
 use super::connections::{ConnectionParams, TenantOf};
-use super::export::Places;
+use super::fairness::{
+    ExportPlaces, FailedKeyParams, FailedKeys, LimitParams, Limits, Makers, ReaderParams, Readers, Turns,
+};
 use super::layers::Origin;
-use super::limits::{LimitParams, Limits};
-use super::making::Making;
-use super::readers::{ReaderParams, Readers};
-use super::turns::Turns;
 use super::uploads::{UploadParams, clean};
 use super::{App, Shared, access, changes, connections, homes, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
@@ -35,7 +32,7 @@ pub struct ServeParams {
     pub uploads: UploadParams,
     pub readers: ReaderParams,
     pub limits: LimitParams,
-    pub attempts: AttemptParams,
+    pub failed_keys: FailedKeyParams,
     pub bodies: BodyParams,
     pub connections: ConnectionParams,
     pub worker: WorkerParams,
@@ -91,20 +88,20 @@ pub async fn serve(
         limits: Limits::new(&params.limits),
         turns: Turns::default(),
         bodies: params.bodies,
-        attempts: Attempts::new(params.attempts),
+        failed_keys: FailedKeys::new(params.failed_keys),
         is_on_loopback: params.listen.ip().is_loopback(),
         webhooks: params.webhooks,
         cors_origins: params.cors_origins,
         has_keys: has_keys.into(),
         readers: Arc::new(Readers::new(params.readers)),
-        making: Making::default(),
+        makers: Makers::default(),
         waits: changes::waits(),
         searches: homes::searches(),
-        exports: Places::default(),
+        exports: ExportPlaces::default(),
         stop: stop.clone(),
     }));
     tasks.spawn(clean(app.clone()));
-    tasks.spawn(app.queue.clone().tell_watchers(stop.clone()));
+    tasks.spawn(app.queue.clone().notify_watchers(stop.clone()));
     let has_admin_listener = admin_listener.is_some();
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));

@@ -86,7 +86,7 @@ pub(super) async fn delete_session(
             Err(Error::Defence(Defence::SessionEnded)) => {}
             Err(error) => return Err(error),
         }
-        app.attempts.failed(&token.sha256());
+        app.failed_keys.failed(&token.sha256());
     }
     Ok((StatusCode::NO_CONTENT, set("", 0, is_secure(&app, &headers))))
 }

@@ -108,10 +108,10 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
 /// `home`, and optionally its `filename`, its `title`, its time of recording (`recorded_at`, RFC 3339), its
 /// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header
-/// `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one always: if an upload must begin anew, it makes no second clip.
+/// `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one always: a repeated upload then makes no second clip.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
-/// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body. The
+/// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are then gone, and has no body. The
 /// same final request again returns the same upload.
 ///
 /// The request with the last byte is answered when the clip is durable and its job queued: `Viola-Clip` and
@@ -247,7 +247,7 @@ async fn head_upload(
 
 /// Resume an upload
 ///
-/// The body is the file from `Upload-Offset` on. If the connection breaks, the received bytes are kept, and
+/// The body is the file from byte `Upload-Offset`. If the connection breaks, the received bytes are kept, and
 /// HEAD returns the offset at which to resume; with `Upload-Checksum`, all of the body is kept or nothing. If
 /// two requests resume the same upload, the one that began later succeeds; the other gets 409.
 ///

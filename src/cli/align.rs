@@ -1,8 +1,7 @@
 //! `viola align`: aligns one clip to one map, without a server.
 
-use super::completion::CompletionArguments;
-use super::levels::{self, LevelArgument};
-use super::networks::NetworkArguments;
+use super::args::levels::{self, LevelArgument};
+use super::args::{CompletionArguments, NetworkArguments};
 use super::output;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
@@ -51,7 +50,7 @@ pub struct AlignArguments {
     networks: NetworkArguments,
     #[command(flatten)]
     completion: CompletionArguments,
-    /// Seed of the floor's RANSAC.
+    /// Seed of the floor's RANSAC and of the inpainting.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print result.json instead of the summary.

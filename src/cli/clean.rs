@@ -1,8 +1,7 @@
 //! `viola clean`: removes expired uploads and the files that killed processes left behind. A server on SQLite
 //! does so at its start; if many processes share a store, run this command periodically.
 
-use super::seconds::seconds;
-use super::store::StoreArguments;
+use super::args::{StoreArguments, seconds};
 use crate::storage::{Storage, SweepLimit};
 use anyhow::Result;
 use clap::Args;

@@ -3,10 +3,10 @@
 mod client;
 mod recordings;
 
-use super::networks::NetworkArguments;
-use super::numbers;
+use super::args::{NetworkArguments, numbers};
 use crate::api::{
-    AttemptParams, BodyParams, ConnectionParams, LimitParams, ReaderParams, ServeParams, UploadParams, serve,
+    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
+    serve,
 };
 use crate::jobs::{JobParams, WorkerParams};
 use crate::storage::{FolderLock, StorageParams};
@@ -26,13 +26,11 @@ use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use viola_align::AlignParams;
 use viola_geometry::angle_between;
+use viola_lab::evaluate::{SUCCESS_DEG, SUCCESS_M};
 
 const HOME: &str = "demo";
 /// File that marks a folder as made by the demo: it may be emptied.
 const MARKER: &str = "made-by-viola-demo";
-/// The paper's bounds of success.
-const CLOSE_M: f64 = 0.3;
-const CLOSE_DEG: f64 = 10.0;
 
 /// Serve on a fresh folder, upload a simulated home's map and clips, and compare the poses with the truth.
 #[derive(Args)]
@@ -80,7 +78,7 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         max_upload_bytes: 1 << 30,
         uploads: UploadParams::default(),
         limits: LimitParams::default(),
-        attempts: AttemptParams::default(),
+        failed_keys: FailedKeyParams::default(),
         readers: ReaderParams::default(),
         bodies: BodyParams::default(),
         connections: ConnectionParams::default(),
@@ -151,7 +149,10 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     if answers.iter().any(|answer| answer.state == "aligned") {
         println!("\n{}", line_of_objects(&client.objects(HOME).await?));
     }
-    println!("\n{found} of {} clips within {CLOSE_M} m and {CLOSE_DEG} degrees of the truth.", answers.len());
+    println!(
+        "\n{found} of {} clips within {SUCCESS_M} m and {SUCCESS_DEG} degrees of the truth.",
+        answers.len()
+    );
     println!("Pictures: {}; the home from above: {}", pictures.display(), recordings.plan.display());
     Ok(found)
 }
@@ -189,7 +190,7 @@ fn print_answer(recording: &Recording, answer: &ClipAnswer) -> bool {
     let error_m = pose.distance_m(&recording.map_from_clip);
     let error_deg = angle_between(pose.yaw_rad, recording.map_from_clip.yaw_rad).to_degrees();
     let seconds: f64 = answer.alignment.iter().flat_map(|alignment| alignment.seconds.values()).sum();
-    let close = error_m < CLOSE_M && error_deg < CLOSE_DEG;
+    let close = error_m < SUCCESS_M && error_deg < SUCCESS_DEG;
     println!(
         "{:<8} {:<10} {:>6.1} cm {:>5.2} deg {:>8.1} s  {rooms}",
         recording.name,

@@ -1,9 +1,15 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
+mod changes;
+mod each_home;
+mod home;
+mod joint;
+mod labels;
 mod report;
+mod track;
 mod unused;
 
-use super::networks::NetworkArguments;
+use super::args::NetworkArguments;
 use super::progress::Steps;
 use super::provenance::{commit, program};
 use anyhow::{Context, Result, bail};
@@ -29,11 +35,11 @@ const DEFAULT_FRAMES: usize = 60;
 pub struct EvaluateArguments {
     /// Recording with true poses, in any layout that `viola align` reads.
     #[arg(long, group = "source")]
-    pub(super) scene: Option<PathBuf>,
+    scene: Option<PathBuf>,
     /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed, storeys, drifted,
     /// glass, crowded.
     #[arg(long, group = "source", value_delimiter = ',')]
-    pub(super) set: Vec<Set>,
+    set: Vec<Set>,
     /// LiDAR map with free cells, instead of a scene: clips are drawn inside it. May be given several times.
     #[arg(long, group = "source")]
     map: Vec<PathBuf>,
@@ -45,10 +51,10 @@ pub struct EvaluateArguments {
         value_parser = super::align::range::<u64>,
         conflicts_with_all = ["scene", "map"]
     )]
-    pub(super) seeds: Range<u64>,
+    seeds: Range<u64>,
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar", conflicts_with_all = ["scene", "map", "home"])]
-    pub(super) sensor: Sensor,
+    sensor: Sensor,
     /// Least accuracy of labels that simulated pictures get from the truth, 0 to 1: a wrong label may be right by
     /// chance. They replace a network, because simulated pictures are too plain for one.
     #[arg(
@@ -57,7 +63,7 @@ pub struct EvaluateArguments {
         value_parser = share,
         conflicts_with_all = ["scene", "map", "labels", "joint", "track"]
     )]
-    pub(super) picture_labels: Option<f64>,
+    picture_labels: Option<f64>,
     /// Also align every simulated clip to the map of another home, in which no pose is right.
     #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "joint", "changes", "track"])]
     foreign: bool,
@@ -94,7 +100,7 @@ pub struct EvaluateArguments {
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
     /// default 3 (1 with --track, 14 with --joint, 6 with --changes). Map: clips of each map, default 10.
     #[arg(long, conflicts_with_all = ["labels", "home"])]
-    pub(super) clips: Option<usize>,
+    clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
     /// clips against the true surface, one clip of each length for each home.
     #[arg(long, conflicts_with_all = ["map", "fit"])]
@@ -118,9 +124,9 @@ pub struct EvaluateArguments {
     track: bool,
     /// With --track: poses of the scene's frames by other programs, in the format of benches/peers/track.py.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["set", "map"])]
-    pub(super) trajectories: Vec<PathBuf>,
+    trajectories: Vec<PathBuf>,
     #[command(flatten)]
-    pub(super) networks: NetworkArguments,
+    networks: NetworkArguments,
     /// Names of the methods to compare.
     #[arg(
         long,
@@ -131,10 +137,10 @@ pub struct EvaluateArguments {
     methods: Vec<String>,
     /// Output folder for tables, plots and pictures. Results that it already has are not computed again.
     #[arg(long)]
-    pub(super) out: PathBuf,
+    out: PathBuf,
     /// Seed of the random draws: excerpts, clips in a map, samples of RANSAC.
     #[arg(long, default_value_t = 0)]
-    pub(super) seed: u64,
+    seed: u64,
     /// Number of clips in parallel, each on one thread; default: the number of cores.
     #[arg(long, conflicts_with_all = ["labels", "home", "joint", "changes", "track"])]
     threads: Option<usize>,
@@ -142,12 +148,12 @@ pub struct EvaluateArguments {
 
 impl EvaluateArguments {
     /// Returns the lengths of the clips in frames.
-    pub(super) fn lengths(&self) -> Vec<usize> {
+    fn lengths(&self) -> Vec<usize> {
         if self.frames.is_empty() { vec![DEFAULT_FRAMES] } else { self.frames.clone() }
     }
 
     /// Returns the first length, for evaluations of clips of one length.
-    pub(super) fn first_length(&self) -> usize {
+    fn first_length(&self) -> usize {
         self.frames.first().copied().unwrap_or(DEFAULT_FRAMES)
     }
 }
@@ -157,23 +163,23 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
     if arguments.labels {
         return match &arguments.scene {
-            Some(scene) => super::evaluate_labels::scene(arguments, scene),
-            None => super::evaluate_labels::simulated(arguments),
+            Some(scene) => labels::scene(arguments, scene),
+            None => labels::simulated(arguments),
         };
     }
     if arguments.track {
-        return super::evaluate_track::run(arguments);
+        return track::run(arguments);
     }
     if arguments.joint {
-        return super::evaluate_joint::run(arguments);
+        return joint::run(arguments);
     }
     if arguments.changes {
-        return super::evaluate_changes::run(arguments);
+        return changes::run(arguments);
     }
     if arguments.home {
         return match &arguments.scene {
-            Some(scene) => super::evaluate_home::scene(arguments, scene),
-            None => super::evaluate_home::simulated(arguments),
+            Some(scene) => home::scene(arguments, scene),
+            None => home::simulated(arguments),
         };
     }
     let mut methods = methods(arguments)?;
@@ -265,7 +271,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
     Ok(Box::new(HomeClips::new(homes(arguments))))
 }
 
-pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
+fn homes(arguments: &EvaluateArguments) -> HomesParams {
     HomesParams {
         sets: arguments.set.clone(),
         seeds: arguments.seeds.clone(),
@@ -289,7 +295,7 @@ fn default_clips(arguments: &EvaluateArguments) -> usize {
 }
 
 /// Returns the scene with the given LiDAR map, or with one cut out of its mesh.
-pub(super) fn scene_of(arguments: &EvaluateArguments, path: &Path) -> Result<Scene> {
+fn scene_of(arguments: &EvaluateArguments, path: &Path) -> Result<Scene> {
     let scene = match (&arguments.lidar, &arguments.truth) {
         (Some(lidar), Some(truth)) => Scene::open(path, lidar, truth)?,
         _ => {
@@ -326,7 +332,7 @@ fn share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
 }
 
-pub(super) fn save(out: &Path, name: &str, text: &str) -> Result<()> {
+fn save(out: &Path, name: &str, text: &str) -> Result<()> {
     let path = out.join(name);
     fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }

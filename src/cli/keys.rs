@@ -1,6 +1,6 @@
 //! `viola keys`: manages the keys of the service.
 
-use super::store::StoreArguments;
+use super::args::StoreArguments;
 use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};

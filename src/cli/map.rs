@@ -14,11 +14,10 @@ mod files;
 mod robot;
 mod table;
 
-use super::completion::CompletionArguments;
-use super::levels::{self, LevelArgument};
-use super::networks::NetworkArguments;
+use super::args::levels::{self, LevelArgument};
+use super::args::{CompletionArguments, NetworkArguments};
 use super::output;
-use super::progress::{TerminalProgress, tell};
+use super::progress::{TerminalProgress, print_line};
 use super::video_tools::video_tools;
 use super::wrong_file::Advice;
 use crate::jobs::{JobParams, level_maps};
@@ -87,7 +86,7 @@ pub struct MapArguments {
     networks: NetworkArguments,
     #[command(flatten)]
     completion: CompletionArguments,
-    /// Seed of the floor's RANSAC.
+    /// Seed of the floor's RANSAC and of the inpainting.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Print map.json instead of the table.
@@ -111,10 +110,10 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
-    tell(&format!("map: fuse {} of {} clips", members.len(), clips.len()));
+    print_line(&format!("map: fuse {} of {} clips", members.len(), clips.len()));
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     let map = map.label(BTreeMap::new(), params.align.label.surface.as_deref());
-    tell("map: describe");
+    print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
     let valetudo = levels::valetudo_files(&arguments.lidar)?;
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
@@ -150,11 +149,11 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
     for (number, path) in (1..).zip(paths) {
         let part = format!("clip {number} of {}", paths.len());
         let file = path.display().to_string();
-        tell(&format!("{part}: {file}"));
+        print_line(&format!("{part}: {file}"));
         let content = Content::of(path);
         if let Some(first) = content.as_ref().ok().and_then(|content| known.get(content)) {
             let first = &mut clips[*first];
-            tell(&format!("{part}: the same content as {}, used once", first.file));
+            print_line(&format!("{part}: the same content as {}, used once", first.file));
             first.file = file.min(std::mem::take(&mut first.file));
             continue;
         }

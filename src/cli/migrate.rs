@@ -1,6 +1,6 @@
 //! `viola migrate`: creates or updates the database tables without serving.
 
-use super::store::StoreArguments;
+use super::args::StoreArguments;
 use crate::storage::Storage;
 use anyhow::Result;
 use clap::Args;

@@ -10,7 +10,7 @@ pub(super) mod sum;
 mod test_server;
 mod timed;
 
-use super::networks::NO_NETWORKS;
+use super::args::NO_NETWORKS;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use serde_json::json;

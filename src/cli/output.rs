@@ -63,7 +63,7 @@ pub fn refuse_to_overwrite(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
-/// Returns the path without links, also of a file or folder that does not exist yet.
+/// Returns the path without links, even of a file or folder that does not exist yet.
 fn resolved(path: &Path) -> PathBuf {
     // An empty path is the working folder.
     let here = Path::new(".").join(path);

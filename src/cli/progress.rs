@@ -69,7 +69,7 @@ impl Steps {
         let line = self.line(step);
         self.bar.set_position(self.done.load(Ordering::Relaxed));
         if self.bar.is_hidden() {
-            tell(&line);
+            print_line(&line);
         }
     }
 
@@ -86,7 +86,7 @@ impl Drop for Steps {
 }
 
 /// Prints a line about the work, unless `--quiet` is given.
-pub fn tell(line: &str) {
+pub fn print_line(line: &str) {
     if is_at_least(Verbosity::Normal) {
         eprintln!("{line}");
     }
@@ -116,7 +116,7 @@ impl TerminalProgress {
         if has_bars() {
             return TerminalProgress::of_part(part);
         }
-        tell(&part);
+        print_line(&part);
         TerminalProgress::new()
     }
 

@@ -1,12 +1,10 @@
 //! `viola serve`: serves the HTTP API, with or without workers in the same process.
 
-use super::align_job::child;
-use super::seconds::seconds;
+use super::args::{StoreArguments, WorkerArguments, seconds};
+use super::child::child;
 use super::service::{self, print_address};
-use super::store::StoreArguments;
-use super::worker::WorkerArguments;
 use crate::api::{
-    AttemptParams, BodyParams, ConnectionParams, LimitParams, Origin, ReaderParams, ServeParams,
+    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, Origin, ReaderParams, ServeParams,
     UploadParams, serve,
 };
 use crate::storage::UploadLimits;
@@ -71,7 +69,7 @@ fn params(arguments: &ServeArguments) -> Result<ServeParams> {
             requests_per_s: arguments.tenant_requests_per_second,
             storage_bytes: arguments.tenant_storage_mb.map(|mib| mib.saturating_mul(1 << 20)),
         },
-        attempts: AttemptParams::default(),
+        failed_keys: FailedKeyParams::default(),
         readers: ReaderParams::default(),
         bodies: BodyParams::default(),
         connections: connections(),

@@ -1,8 +1,8 @@
 //! `viola simulate`: writes a furnished home with its vacuum's map and clips to a folder.
 
-use super::numbers;
+use super::args::numbers;
 use super::output;
-use super::progress::tell;
+use super::progress::print_line;
 use anyhow::{Context, Result};
 use serde_json::json;
 use std::fs;
@@ -13,7 +13,7 @@ use viola_lab::simulate::{
 };
 
 /// More clips than one home needs; each is a file of megabytes.
-const MOST_CLIPS: u64 = 999;
+const MAX_CLIPS: u64 = 999;
 
 #[derive(clap::Args)]
 pub struct SimulateArguments {
@@ -25,7 +25,7 @@ pub struct SimulateArguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Number of clips.
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(..=MOST_CLIPS))]
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(..=MAX_CLIPS))]
     clips: u64,
     /// Frames of each clip.
     #[arg(long, default_value_t = 60, value_parser = numbers::frames)]
@@ -44,7 +44,7 @@ pub struct SimulateArguments {
 pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
-    tell("making a home and mapping it with its vacuum");
+    print_line("making a home and mapping it with its vacuum");
     let home = Home::generate(&HomeParams::new(arguments.set, arguments.seed));
     let survey = home.survey();
     let params = ClipParams {
@@ -80,7 +80,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
 }
 
 fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
-    tell(&format!("filming clip {} of {clips}", index + 1));
+    print_line(&format!("filming clip {} of {clips}", index + 1));
     home.clip(survey, index, params)
 }
 

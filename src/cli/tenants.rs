@@ -1,7 +1,7 @@
 //! `viola tenants`: lists the tenants, sets their limits and removes one.
 
+use super::args::StoreArguments;
 use super::progress::spinner;
-use super::store::StoreArguments;
 use crate::storage::{Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};

@@ -1,8 +1,7 @@
 //! `viola work`: runs jobs only, beside any number of servers and other workers.
 
+use super::args::{StoreArguments, WorkerArguments};
 use super::service::{self, print_address};
-use super::store::StoreArguments;
-use super::worker::WorkerArguments;
 use crate::api::{WorkParams, work};
 use anyhow::Result;
 use clap::Args;

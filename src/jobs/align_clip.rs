@@ -30,7 +30,7 @@ pub struct Finished {
 
 /// Reason why a job has no result.
 #[derive(Debug, thiserror::Error)]
-pub enum Failure {
+pub enum AlignJobError {
     #[error("the work was cancelled")]
     Cancelled,
     #[error(transparent)]
@@ -39,31 +39,31 @@ pub enum Failure {
     Lidar(#[from] LidarError),
 }
 
-impl From<AlignError> for Failure {
-    fn from(error: AlignError) -> Failure {
+impl From<AlignError> for AlignJobError {
+    fn from(error: AlignError) -> AlignJobError {
         match error {
-            AlignError::Cancelled => Failure::Cancelled,
-            AlignError::Clip(error) => Failure::Clip(error),
+            AlignError::Cancelled => AlignJobError::Cancelled,
+            AlignError::Clip(error) => AlignJobError::Clip(error),
         }
     }
 }
 
-impl Failure {
+impl AlignJobError {
     /// Returns whether the machine is at fault and not the files: then the attempt does not count.
-    pub fn is_ours(&self) -> bool {
+    pub fn is_service_fault(&self) -> bool {
         match self {
-            Failure::Cancelled => false,
-            Failure::Clip(error) => error.is_ours(),
-            Failure::Lidar(error) => error.is_ours(),
+            AlignJobError::Cancelled => false,
+            AlignJobError::Clip(error) => error.is_service_fault(),
+            AlignJobError::Lidar(error) => error.is_service_fault(),
         }
     }
 
     /// Returns the reason for the clip's owner.
     pub fn reason(&self) -> Reason {
         let code = match self {
-            Failure::Cancelled => "cancelled",
-            Failure::Clip(error) => error.code(),
-            Failure::Lidar(error) => error.code(),
+            AlignJobError::Cancelled => "cancelled",
+            AlignJobError::Clip(error) => error.code(),
+            AlignJobError::Lidar(error) => error.code(),
         };
         Reason::new(code, self.to_string())
     }
@@ -87,7 +87,7 @@ pub fn align_clip(
     files: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     let watch = start(&params.align, progress);
     let clip = Clip::open_in(clip_path, &params.video, &params.scratch)?;
     let clip = if params.unknown_scale { clip.with_unknown_scale() } else { clip };
@@ -107,7 +107,7 @@ pub fn align_opened(
     levels: &[LevelMap],
     params: &AlignParams,
     progress: &dyn Progress,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     finish(clip, levels, params, start(params, progress))
 }
 
@@ -124,7 +124,7 @@ fn finish(
     levels: &[LevelMap],
     params: &AlignParams,
     watch: Stopwatch,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     let mut aligned = align::align_levels(clip, None, levels, params, &watch)?;
 
     watch.enter(Stage::Report);

@@ -7,10 +7,10 @@ mod serve;
 
 pub use serve::{ChildOrder, serve_child};
 
+use super::attempt_error::{AttemptError, MethodResult};
 use super::limits::JobLimits;
-use super::report::Report;
 use super::run::{Inputs, Working};
-use super::trouble::{Ended, Trouble};
+use super::shared_progress::SharedProgress;
 use futures::FutureExt;
 use leash::Leash;
 use protocol::Message;
@@ -57,7 +57,7 @@ impl ChildParams {
     }
 }
 
-/// Runs the method in a child process, which is killed when `report` is cancelled. Its files lie in `folder`.
+/// Runs the method in a child process, which is killed when `progress` is cancelled. Its files lie in `folder`.
 ///
 /// The process ends with the thread that started it, so this thread is not taken from a pool.
 pub(super) fn run_in_child(
@@ -65,31 +65,31 @@ pub(super) fn run_in_child(
     inputs: Inputs,
     limits: JobLimits,
     folder: TempDir,
-    report: Arc<Report>,
+    progress: Arc<SharedProgress>,
 ) -> Working {
     let leash = Arc::new(Leash::default());
-    let (tell, told) = oneshot::channel();
+    let (sender, receiver) = oneshot::channel();
     let tend = {
-        let (params, report, leash) = (params.clone(), report.clone(), leash.clone());
+        let (params, progress, leash) = (params.clone(), progress.clone(), leash.clone());
         move || {
-            let ended = tend(&params, &inputs, limits, folder.path(), &report, &leash);
+            let ended = tend(&params, &inputs, limits, folder.path(), &progress, &leash);
             drop(folder);
             // The worker may have stopped waiting.
-            let _ = tell.send(ended);
+            let _ = sender.send(ended);
         }
     };
     let started = std::thread::Builder::new().name("job-child".to_owned()).spawn(tend);
     let ended = async move {
-        started.map_err(Trouble::system)?;
+        started.map_err(AttemptError::system)?;
         let leash = KilledOnDrop(leash);
-        let mut told = told;
+        let mut receiver = receiver;
         tokio::select! {
-            ended = &mut told => ended.unwrap_or_else(|_| Err(Trouble::internal("the child's thread panicked"))),
-            () = report.stop_asked() => {
+            ended = &mut receiver => ended.unwrap_or_else(|_| Err(AttemptError::internal("the child's thread panicked"))),
+            () = progress.stop_asked() => {
                 leash.0.kill();
                 // The folder is removed before this returns.
-                let _ = told.await;
-                Err(Trouble::Cancelled)
+                let _ = receiver.await;
+                Err(AttemptError::Cancelled)
             }
         }
     };
@@ -110,9 +110,9 @@ fn tend(
     inputs: &Inputs,
     limits: JobLimits,
     folder: &Path,
-    report: &Report,
+    progress: &SharedProgress,
     leash: &Leash,
-) -> Ended {
+) -> MethodResult {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
         unknown_scale: !inputs.metric,
@@ -121,30 +121,30 @@ fn tend(
         memory_bytes: limits.memory_bytes,
     };
     for file in &inputs.levels {
-        fs::write(order.map_of(file.level), &file.bytes).map_err(Trouble::system)?;
+        fs::write(order.map_of(file.level), &file.bytes).map_err(AttemptError::system)?;
     }
     let said = folder.join("stderr");
     let mut command = Command::new(&params.program);
     command.args(&params.arguments).args(order.arguments());
     command.env_clear().envs(params.environment.iter().cloned());
     command.stdin(Stdio::null()).stdout(Stdio::piped());
-    command.stderr(File::create(&said).map_err(Trouble::system)?);
-    let Some(stdout) = leash.start(&mut command).map_err(Trouble::system)? else {
-        return Err(Trouble::Cancelled);
+    command.stderr(File::create(&said).map_err(AttemptError::system)?);
+    let Some(stdout) = leash.start(&mut command).map_err(AttemptError::system)? else {
+        return Err(AttemptError::Cancelled);
     };
-    let last = listen(stdout, report);
-    let (status, is_killed) = leash.end().map_err(Trouble::system)?;
+    let last = listen(stdout, progress);
+    let (status, is_killed) = leash.end().map_err(AttemptError::system)?;
     match last {
         Some(Message::Finished) => protocol::read_result(folder),
-        Some(Message::Failed(trouble)) => Err(trouble),
-        Some(_) => Err(Trouble::internal("the child said what is no message")),
-        None if is_killed => Err(Trouble::Cancelled),
+        Some(Message::Failed(error)) => Err(error),
+        Some(_) => Err(AttemptError::internal("the child sent an invalid message")),
+        None if is_killed => Err(AttemptError::Cancelled),
         None => Err(without_a_word(status, &last_words(&said), limits)),
     }
 }
 
 /// Forwards the progress; returns the last message, `None` if the process ended without one.
-fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
+fn listen(stdout: impl Read, progress: &SharedProgress) -> Option<Message> {
     let mut stdout = BufReader::new(stdout);
     loop {
         let mut line = Vec::new();
@@ -154,28 +154,28 @@ fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
             return None;
         }
         match serde_json::from_slice(&line) {
-            Ok(Message::Enter(stage)) => report.enter(stage),
-            Ok(Message::Advance(fraction)) => report.advance(fraction),
-            Ok(Message::EarlyPose(pose)) => report.early_pose(pose),
+            Ok(Message::Enter(stage)) => progress.enter(stage),
+            Ok(Message::Advance(fraction)) => progress.advance(fraction),
+            Ok(Message::EarlyPose(pose)) => progress.early_pose(pose),
             Ok(last) => return Some(last),
             Err(_) => return Some(Message::Nonsense),
         }
     }
 }
 
-/// Returns the trouble of a process that ended without a last message.
-fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> Trouble {
+/// Returns the error of a process that ended without a last message.
+fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> AttemptError {
     let cause = format!("the child ended with {status}: {said}");
     if was_asked_to_stop(status) {
-        return Trouble::system(cause);
+        return AttemptError::system(cause);
     }
     match status.code() {
-        None if said.contains(NO_MEMORY) => Trouble::Refused(limits.too_large()),
-        // By a signal: it aborted, or the system killed it, also for want of memory.
-        None => Trouble::died(cause),
-        Some(PANICKED) => Trouble::internal(cause),
+        None if said.contains(NO_MEMORY) => AttemptError::Refused(limits.too_large()),
+        // By a signal: it aborted, or the system killed it, maybe for want of memory.
+        None => AttemptError::died(cause),
+        Some(PANICKED) => AttemptError::internal(cause),
         // It did not start its work.
-        Some(_) => Trouble::system(cause),
+        Some(_) => AttemptError::system(cause),
     }
 }
 

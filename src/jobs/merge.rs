@@ -8,11 +8,14 @@ pub use describing::{Described, Earlier, LeftMap, describe};
 use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
 use crate::storage::{
-    LevelCoverage, LidarMapRevision, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file,
+    LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage, StorageError,
+    map_file,
 };
 use assembling::assemble;
 use bytes::Bytes;
+use futures::stream::{self, StreamExt, TryStreamExt};
 use jiff::Timestamp;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread;
@@ -24,9 +27,12 @@ use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
-    Assembly, Coverage, LabelledMap, LookedThrough, Manifest, NotOurs, PlacedClip, Tile, TileKey,
+    Assembly, Coverage, LabelledMap, LookedThrough, Manifest, PlacedClip, Tile, TileKey, UnknownFileFormat,
 };
 use viola_reconstruct::label::SurfaceNetwork;
+
+/// Files that are read at a time: a store far away waits more than it works.
+const FILES_AT_A_TIME: usize = 8;
 
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
@@ -64,21 +70,23 @@ pub(super) async fn merge(
         Ok(Merged::Lost) => info!(home = %claim.home, "the map is due again"),
         Ok(Merged::Stopped) => {
             info!(home = %claim.home, "the merge ends with the worker");
-            told(claim, queue.storage.give_back_merge(claim, Timestamp::now()).await);
+            let released = queue.storage.give_back_merge(claim, Timestamp::now()).await;
+            log_failed_release(claim, released);
         }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
             // Waiting would not bring back a clip that was removed meanwhile.
             let may_have_passed = matches!(cause, MergeError::Gone);
-            told(claim, queue.storage.fail_merge(claim, may_have_passed, Timestamp::now()).await);
+            let released = queue.storage.fail_merge(claim, may_have_passed, Timestamp::now()).await;
+            log_failed_release(claim, released);
         }
     }
     is_new
 }
 
 /// Logs that a claim could not be given back: its lease expires, and the home is merged again.
-fn told(claim: &MergeClaim, given_back: Result<(), StorageError>) {
-    if let Err(error) = given_back {
+fn log_failed_release(claim: &MergeClaim, released: Result<(), StorageError>) {
+    if let Err(error) = released {
         error!(home = %claim.home, %error, "a merge could not be given back");
     }
 }
@@ -132,10 +140,10 @@ pub(super) enum MergeError {
     #[error("no thread could be started for the merge: {0}")]
     NoThread(std::io::Error),
     #[error("a stored file of the clip or of the map is damaged: {0}")]
-    Damaged(#[from] NotOurs),
+    Damaged(#[from] UnknownFileFormat),
     #[error("the LiDAR map cannot be read any more: {0}")]
     Lidar(#[from] LidarError),
-    #[error("a clip was removed or aligned anew meanwhile")]
+    #[error("a clip was removed or aligned again meanwhile")]
     Gone,
     #[error("nobody waits for the merge any more")]
     Abandoned,
@@ -180,12 +188,13 @@ async fn kept_tiles(
         let stays = levels.iter().any(|level| level.is_same && level.file.level == key.level);
         !stays && !assembly.changed.contains_key(key)
     };
-    let mut kept = Vec::new();
-    for file in storage.last_tiles(claim).await? {
-        let Some(key) = file.tile.filter(is_needed) else { continue };
-        kept.push((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::Gone)?));
-    }
-    Ok(kept)
+    let files = storage.last_tiles(claim).await?.into_iter();
+    let needed = files.filter_map(|file| Some((file.tile.filter(is_needed)?, file)));
+    let read = |(key, file): (TileKey, MapFile)| async move {
+        Ok((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::Gone)?))
+    };
+    let reads: Vec<_> = needed.map(read).collect();
+    stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
 }
 
 /// A level of the home, as the description needs it.
@@ -205,7 +214,7 @@ async fn levels(
 ) -> Result<Vec<Level>, MergeError> {
     let mut levels = Vec::new();
     for map in &claim.lidar_maps {
-        let clips = last.clips.iter().filter(|clip| clip.level_name == map.level).cloned().collect();
+        let clips = last.clips.iter().filter(|clip| clip.level == map.level).cloned().collect();
         let last = Earlier {
             clips,
             scene: scenes.remove(&map.level),
@@ -243,7 +252,7 @@ fn label(
     surface: Option<&SurfaceNetwork>,
 ) -> Result<LabelledMap, MergeError> {
     let read = |(key, bytes): (TileKey, Bytes)| Ok((key, Tile::read(&bytes)?));
-    let kept = kept.into_iter().map(read).collect::<Result<_, NotOurs>>()?;
+    let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>()?;
     let map = assembly.label(kept, surface);
     if let Some(failure) = &map.failure {
         warn!(%failure, "the surface network failed: parts of the map have the labels of the clips and of the shapes");
@@ -306,14 +315,14 @@ mod tests {
     fn clip(recorded_at_ms: Option<i64>) -> PlacedClip {
         PlacedClip {
             clip: Uuid::nil(),
-            share: String::new(),
+            contribution: String::new(),
             recorded_at_ms,
             by: PlacedBy::Alignment,
-            level_name: LevelName::MAIN,
+            level: LevelName::MAIN,
             probability: None,
             alone: Pose2::IDENTITY,
             map_from_clip: Pose2::IDENTITY,
-            level: viola_home::Level::default(),
+            floor_correction: viola_home::FloorCorrection::default(),
             with: Vec::new(),
             extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
             tiles: Vec::new(),

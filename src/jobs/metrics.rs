@@ -1,6 +1,6 @@
 //! Metrics of jobs and merges.
 
-use crate::storage::Ending;
+use crate::storage::AttemptEnd;
 use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
 use std::time::Duration;
 
@@ -29,12 +29,12 @@ pub(super) fn started(waited: Duration) {
 }
 
 /// Records the end of an attempt; `ending` is `None` if the job was lost.
-pub(super) fn ended(outcome: &str, ending: Option<&Ending>, took: Duration) {
+pub(super) fn ended(outcome: &str, ending: Option<&AttemptEnd>, took: Duration) {
     counter!(ATTEMPTS, "outcome" => outcome.to_owned()).increment(1);
     histogram!(ATTEMPT_SECONDS).record(took);
     match ending {
         None => counter!(LEASES_LOST).increment(1),
-        Some(Ending::Answered(alignment)) => {
+        Some(AttemptEnd::Answered(alignment)) => {
             for (stage, seconds) in &alignment.seconds {
                 histogram!(STAGE_SECONDS, "stage" => stage.clone()).record(*seconds);
             }

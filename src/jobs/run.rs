@@ -1,8 +1,8 @@
 //! The method, and its run in this process.
 
-use super::align_clip::{Failure, Finished, JobParams, LevelFile};
-use super::report::Report;
-use super::trouble::{Ended, Trouble};
+use super::align_clip::{AlignJobError, Finished, JobParams, LevelFile};
+use super::attempt_error::{AttemptError, MethodResult};
+use super::shared_progress::SharedProgress;
 use crate::storage::LocalFile;
 use futures::FutureExt;
 use futures::future::BoxFuture;
@@ -13,10 +13,10 @@ use std::sync::Arc;
 use viola_geometry::progress::Progress;
 
 /// Function from a clip's file, the home's LiDAR maps and parameters to an answer. It may take long and may panic.
-pub type Method = fn(&Path, &[LevelFile], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
+pub type Method = fn(&Path, &[LevelFile], &JobParams, &dyn Progress) -> Result<Finished, AlignJobError>;
 
-/// The running method. [`Report::cancel`] asks it to stop.
-pub(super) type Working = BoxFuture<'static, Ended>;
+/// The running method. [`SharedProgress::cancel`] asks it to stop.
+pub(super) type Working = BoxFuture<'static, MethodResult>;
 
 /// Input of the method.
 pub(super) struct Inputs {
@@ -39,25 +39,25 @@ pub(super) fn run_here(
     method: Method,
     params: Arc<JobParams>,
     inputs: Inputs,
-    report: Arc<Report>,
+    progress: Arc<SharedProgress>,
 ) -> Working {
-    let waiting = Waiting(report.clone());
-    let work = move || method(&inputs.clip, &inputs.levels, &params, report.as_ref());
+    let waiting = Waiting(progress.clone());
+    let work = move || method(&inputs.clip, &inputs.levels, &params, progress.as_ref());
     let work = tokio::task::spawn_blocking(work);
     let ended = async move {
         let _waiting = waiting;
         match work.await {
-            Ok(ended) => ended.map_err(Trouble::from),
+            Ok(ended) => ended.map_err(AttemptError::from),
             // The process ends.
-            Err(error) if error.is_cancelled() => Err(Trouble::Cancelled),
-            Err(panic) => Err(Trouble::internal(panic)),
+            Err(error) if error.is_cancelled() => Err(AttemptError::Cancelled),
+            Err(panic) => Err(AttemptError::internal(panic)),
         }
     };
     ended.boxed()
 }
 
 /// Cancels the method when its caller is dropped.
-struct Waiting(Arc<Report>);
+struct Waiting(Arc<SharedProgress>);
 
 impl Drop for Waiting {
     fn drop(&mut self) {

@@ -1,5 +1,5 @@
-//! Streams of the changes of homes and of jobs. One reader for each process tells the streams of a home or a job, and the
-//! readers of a tenant's feed, that it changed, so that a change costs the same however many wait for others.
+//! Streams of the changes of homes and of jobs. One reader in each process notifies the streams of a changed home or job,
+//! and the readers of its tenant's feed, so a change costs the same however many wait for others.
 
 use super::{POLL, Queue};
 use crate::storage::{Change, ChangeKind, HomeId, Job, StorageError};
@@ -47,7 +47,7 @@ impl<K: Clone + Eq + Hash> Watched<K> {
         things.keys().cloned().collect()
     }
 
-    fn tell(&self, thing: &K) {
+    fn notify(&self, thing: &K) {
         if let Some(notify) = self.things().get(thing).and_then(Weak::upgrade) {
             notify.notify_waiters();
         }
@@ -96,14 +96,14 @@ impl Queue {
         after: i64,
     ) -> Result<Vec<Change>, StorageError> {
         loop {
-            let mut told = std::pin::pin!(changed.notified());
+            let mut notified = std::pin::pin!(changed.notified());
             // Listening begins before reading, so that no change is missed.
-            told.as_mut().enable();
+            notified.as_mut().enable();
             let changes = self.storage.home_changes(home, after).await?;
             if !changes.is_empty() {
                 return Ok(changes);
             }
-            told.await;
+            notified.await;
         }
     }
 
@@ -129,26 +129,29 @@ impl Queue {
     /// Waits until the job's version differs from `seen`.
     async fn next_version(&self, id: Uuid, changed: &Notify, seen: i64) -> Result<Option<Job>, StorageError> {
         loop {
-            let mut told = std::pin::pin!(changed.notified());
+            let mut notified = std::pin::pin!(changed.notified());
             // As in `next_changes`.
-            told.as_mut().enable();
+            notified.as_mut().enable();
             match self.storage.job(id).await? {
                 Some(job) if job.version == seen => {}
                 other => return Ok(other),
             }
-            told.await;
+            notified.await;
         }
     }
 
-    /// Tells the streams of what changed, until `stop`.
-    pub async fn tell_watchers(self: Arc<Queue>, stop: CancellationToken) {
+    /// Notifies the streams of changes, until `stop`.
+    pub async fn notify_watchers(self: Arc<Queue>, stop: CancellationToken) {
         let mut seen = Seen::default();
         loop {
             let mut changed = std::pin::pin!(self.changed.notified());
             // As in `next_changes`.
             changed.as_mut().enable();
-            for told in [self.tell_of_feed(&mut seen.feed).await, self.tell_of_jobs(&mut seen.jobs).await] {
-                if let Err(error) = told {
+            for result in [
+                self.notify_feed_watchers(&mut seen.feed).await,
+                self.notify_job_watchers(&mut seen.jobs).await,
+            ] {
+                if let Err(error) = result {
                     warn!(%error, "event streams wait, for changes cannot be read for now");
                 }
             }
@@ -159,8 +162,8 @@ impl Queue {
         }
     }
 
-    /// Tells those that wait for the feed of a home or of a tenant, once for all of them.
-    async fn tell_of_feed(&self, seen: &mut Option<i64>) -> Result<(), StorageError> {
+    /// Notifies the streams of changed homes and the readers of their tenants' feeds, from one read of the feed.
+    async fn notify_feed_watchers(&self, seen: &mut Option<i64>) -> Result<(), StorageError> {
         let (homes, tenants) = (self.watched_homes.list(), self.watched_tenants.list());
         if homes.is_empty() && tenants.is_empty() {
             *seen = None;
@@ -172,28 +175,28 @@ impl Queue {
             Some(after) if after < last => self.storage.changed_homes(after).await?,
             // Nobody read the feed before, or the database was restored from a copy.
             _ => {
-                // Those that came while the position was read are told, too.
-                self.watched_tenants.list().iter().for_each(|tenant| self.watched_tenants.tell(tenant));
+                // Those that came while the position was read are notified, too.
+                self.watched_tenants.list().iter().for_each(|tenant| self.watched_tenants.notify(tenant));
                 self.watched_homes.list()
             }
         };
-        changed.iter().for_each(|home| self.watched_homes.tell(home));
+        changed.iter().for_each(|home| self.watched_homes.notify(home));
         let tenants: BTreeSet<String> = changed.iter().map(|home| home.tenant().to_owned()).collect();
-        tenants.iter().for_each(|tenant| self.watched_tenants.tell(tenant));
+        tenants.iter().for_each(|tenant| self.watched_tenants.notify(tenant));
         *seen = Some(last);
         Ok(())
     }
 
-    async fn tell_of_jobs(&self, seen: &mut HashMap<Uuid, i64>) -> Result<(), StorageError> {
+    async fn notify_job_watchers(&self, seen: &mut HashMap<Uuid, i64>) -> Result<(), StorageError> {
         let watched = self.watched_jobs.list();
         if watched.is_empty() {
             seen.clear();
             return Ok(());
         }
         let versions = self.storage.job_versions(&watched).await?;
-        // A job that was not watched before is told, too: it may have changed since its stream read it.
+        // A job that was not watched before counts as changed: it may have changed since its stream read it.
         let changed = watched.iter().filter(|id| !seen.contains_key(id) || seen.get(id) != versions.get(id));
-        changed.for_each(|id| self.watched_jobs.tell(id));
+        changed.for_each(|id| self.watched_jobs.notify(id));
         *seen = versions;
         Ok(())
     }
@@ -217,11 +220,11 @@ mod tests {
         for changed in ["acme", "bolt", "acme"] {
             let tenant: Tenant = changed.parse().unwrap();
             let home = tenant.home(&format!("h{}", woken.len()).parse().unwrap());
-            let mut told = watched.each_ref().map(|notify| Box::pin(notify.notified()));
-            told.iter_mut().for_each(|told| _ = told.as_mut().enable());
+            let mut notified = watched.each_ref().map(|notify| Box::pin(notify.notified()));
+            notified.iter_mut().for_each(|notified| _ = notified.as_mut().enable());
             storage.put_home(&home, None, |_| true, Timestamp::now()).await.unwrap();
-            queue.tell_of_feed(&mut seen).await.unwrap();
-            woken.push(told.map(|told| told.now_or_never().is_some()));
+            queue.notify_feed_watchers(&mut seen).await.unwrap();
+            woken.push(notified.map(|notified| notified.now_or_never().is_some()));
         }
         // The first reading of the feed knows no earlier one.
         assert_eq!(woken, [[true, true], [false, true], [true, false]]);
@@ -233,10 +236,10 @@ mod tests {
         let watched = Watched::<HomeId>::default();
         let [changed, still]: [HomeId; 2] = ["changed", "still"].map(|id| id.parse().unwrap());
         let notifications = [&changed, &changed, &still].map(|home| watched.watch(home));
-        let mut told = notifications.each_ref().map(|notify| Box::pin(notify.notified()));
-        told.iter_mut().for_each(|told| _ = told.as_mut().enable());
-        watched.tell(&changed);
-        assert_eq!(told.map(|told| told.now_or_never().is_some()), [true, true, false]);
+        let mut notified = notifications.each_ref().map(|notify| Box::pin(notify.notified()));
+        notified.iter_mut().for_each(|notified| _ = notified.as_mut().enable());
+        watched.notify(&changed);
+        assert_eq!(notified.map(|notified| notified.now_or_never().is_some()), [true, true, false]);
         assert_eq!(watched.list().len(), 2);
         drop(notifications);
         assert!(watched.list().is_empty() && watched.things().is_empty());

@@ -1,16 +1,17 @@
 //! A worker: claims and runs one job after the other.
 
 use super::align_clip::{Finished, JobParams, LevelFile, align_clip};
+use super::attempt_error::{AttemptError, MethodResult};
 use super::child::{ChildParams, run_in_child};
 use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::mesh::make_meshes;
-use super::report::{Heard, Report};
 use super::run::{Inputs, Method, Working, run_here};
-use super::trouble::{Ended, Trouble};
+use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
-use crate::storage::{Claim, Ending, Reached, RetryPolicy, StorageError};
+use crate::storage::{AttemptEnd, Claim, JobProgress, RetryPolicy, StorageError};
 use jiff::Timestamp;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
@@ -155,7 +156,7 @@ impl Attempt<'_> {
             metrics::started(Timestamp::now().duration_since(job.created_at).unsigned_abs());
         }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
-        let ending = self.work(stop).await;
+        let ending = self.work(stop).await.ok();
         let outcome = outcome_name(&ending);
         Span::current().record("outcome", outcome);
         let kept = match &ending {
@@ -176,7 +177,7 @@ impl Attempt<'_> {
 
     /// Records the end of the attempt. Retries failed writes while no other worker can take the job: the
     /// answer may have been expensive.
-    async fn record(&self, ending: &Ending, stop: &CancellationToken) -> Result<bool, StorageError> {
+    async fn record(&self, ending: &AttemptEnd, stop: &CancellationToken) -> Result<bool, StorageError> {
         let (begun, storage) = (Instant::now(), &self.queue.storage);
         loop {
             let recorded = storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await;
@@ -190,64 +191,31 @@ impl Attempt<'_> {
         }
     }
 
-    /// Runs the job; returns `None` if it is no longer this worker's.
-    async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
-        let report = Arc::new(Report::here());
-        let (mut method, limits) = match self.begin_alive(&report, stop).await {
-            Begun::Working(method, limits) => (method, limits),
-            Begun::Failed(trouble) => return Some(ending_of(trouble)),
-            Begun::Lost => return None,
-            Begun::Stopped => return Some(Ending::GivenUp),
+    /// Runs the job.
+    async fn work(&self, stop: &CancellationToken) -> Result<AttemptEnd, Lost> {
+        let progress = Arc::new(SharedProgress::here());
+        let begin = async {
+            tokio::select! {
+                begun = self.begin(&progress) => Some(begun),
+                () = stop.cancelled() => None,
+            }
         };
-        match self.attend(&mut method, limits, &report, stop).await {
-            Watched::Ended(ended) => Some(self.conclude(*ended, report.heard()).await),
-            Watched::TooSlowToStop => Some(Ending::GivenUp),
-            Watched::Lost => None,
-        }
+        // A remote clip must be fetched first.
+        let begun = self.with_heartbeat(&progress, JobProgress::default(), begin).await?;
+        let (mut method, limits) = match begun {
+            Some(Ok(begun)) => begun,
+            Some(Err(error)) => return Ok(end_after(error)),
+            None => return Ok(AttemptEnd::GivenUp),
+        };
+        Ok(match self.attend(&mut method, limits, &progress, stop).await? {
+            Some(Ok(finished)) => self.store(finished, &progress).await,
+            Some(Err(error)) => end_after(error),
+            None => AttemptEnd::GivenUp,
+        })
     }
 
-    async fn conclude(&self, ended: Ended, heard: Heard) -> Ending {
-        match ended {
-            Ok(finished) => self.keep_alive(finished, heard).await,
-            Err(trouble) => ending_of(trouble),
-        }
-    }
-
-    /// Stores the results and renews the lease meanwhile: a slow store would otherwise give the job away.
-    async fn keep_alive(&self, finished: Finished, heard: Heard) -> Ending {
-        let mut keeping = std::pin::pin!(self.keep(finished));
-        let mut tick = tokio::time::interval(TICK);
-        let mut said = Said { heard, at: Instant::now() };
-        loop {
-            tokio::select! {
-                ending = &mut keeping => return ending,
-                // A lost job is noticed when its end is recorded.
-                _ = tick.tick() => if let Err(error) = self.beat(heard, &mut said).await {
-                    warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded");
-                },
-            }
-        }
-    }
-
-    /// Starts the method and renews the lease meanwhile: a remote clip must be fetched first.
-    async fn begin_alive(&self, report: &Arc<Report>, stop: &CancellationToken) -> Begun {
-        let mut begin = std::pin::pin!(self.begin(report));
-        let mut tick = tokio::time::interval(TICK);
-        let mut said = Said { heard: Heard::default(), at: Instant::now() };
-        loop {
-            tokio::select! {
-                begun = &mut begin => return begun.unwrap_or_else(Begun::Failed),
-                () = stop.cancelled() => return Begun::Stopped,
-                _ = tick.tick() => match self.beat(report.heard(), &mut said).await {
-                    Ok(true) => {}
-                    Ok(false) => return Begun::Lost,
-                    Err(error) => warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded"),
-                },
-            }
-        }
-    }
-
-    async fn begin(&self, report: &Arc<Report>) -> Result<Begun, Trouble> {
+    /// Starts the method.
+    async fn begin(&self, progress: &Arc<SharedProgress>) -> Result<(Working, JobLimits), AttemptError> {
         let storage = &self.queue.storage;
         let job = &self.claim.job;
         let clip = storage.clip_file(job.clip).await?;
@@ -256,123 +224,139 @@ impl Attempt<'_> {
         for map in &self.claim.lidar_maps {
             levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
         }
-        let (inputs, report) = (Inputs { clip, metric, levels }, report.clone());
-        let uploaded_bytes = inputs.bytes().map_err(Trouble::system)?;
+        let (inputs, progress) = (Inputs { clip, metric, levels }, progress.clone());
+        let uploaded_bytes = inputs.bytes().map_err(AttemptError::system)?;
         let limits = JobLimits::new(&self.params.limits, uploaded_bytes);
         let working = match &self.params.child {
-            Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, report),
+            Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, progress),
             None => {
                 let scratch = storage.scratch(self.claim.job.home.tenant());
                 let unknown_scale = !inputs.metric;
                 let params = JobParams { scratch, unknown_scale, ..JobParams::clone(&self.params.align) };
-                run_here(self.params.method, params.into(), inputs, report)
+                run_here(self.params.method, params.into(), inputs, progress)
             }
         };
-        Ok(Begun::Working(working, limits))
+        Ok((working, limits))
     }
 
-    /// Renews the lease and records progress while the method runs, and forwards the order to stop. Ends a
-    /// method that takes too long.
+    /// Waits for the method's end, forwards the order to stop, and ends a method that takes too long. Returns `None` if the
+    /// method has not stopped within the grace period.
     async fn attend(
         &self,
         method: &mut Working,
         limits: JobLimits,
-        report: &Report,
+        progress: &SharedProgress,
         stop: &CancellationToken,
-    ) -> Watched {
-        let mut tick = tokio::time::interval(TICK);
-        let mut said = Said { heard: Heard::default(), at: Instant::now() };
-        let (mut lost, mut is_late) = (false, false);
-        let mut late = std::pin::pin!(tokio::time::sleep(limits.time));
+    ) -> Result<Option<MethodResult>, Lost> {
         let grace_over = async {
             stop.cancelled().await;
-            report.cancel();
+            progress.cancel();
             tokio::time::sleep(self.params.grace).await;
         };
-        let mut grace_over = std::pin::pin!(grace_over);
+        let mut grace_over = pin!(grace_over);
+        let end_in_time = async {
+            tokio::select! {
+                result = method.as_mut() => return result,
+                () = tokio::time::sleep(limits.time) => progress.cancel(),
+            }
+            match method.as_mut().await {
+                Err(AttemptError::Cancelled) => Err(AttemptError::Refused(limits.took_too_long())),
+                result => result,
+            }
+        };
+        let end = async {
+            tokio::select! {
+                result = end_in_time => Some(result),
+                () = &mut grace_over => None,
+            }
+        };
+        let end = self.with_heartbeat(progress, JobProgress::default(), end).await;
+        if end.is_err() {
+            progress.cancel();
+            tokio::select! {
+                _ = method => {}
+                () = grace_over => {}
+            }
+        }
+        end
+    }
+
+    /// Stores the results.
+    async fn store(&self, finished: Finished, progress: &SharedProgress) -> AttemptEnd {
+        let mut stored = pin!(self.put_results(finished));
+        // A slow store would otherwise give the job away.
+        let end = self.with_heartbeat(progress, progress.current(), stored.as_mut()).await;
+        match end {
+            Ok(end) => end,
+            // The record of the end notices it too, and removes the files.
+            Err(Lost) => stored.await,
+        }
+    }
+
+    async fn put_results(&self, finished: Finished) -> AttemptEnd {
+        let storage = &self.queue.storage;
+        for (name, bytes) in finished.files {
+            if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
+                return end_after(error.into());
+            }
+        }
+        AttemptEnd::Answered(Box::new(finished.alignment))
+    }
+
+    /// Returns the result of `work`, and renews the lease and records the progress meanwhile. `recorded` is the progress that
+    /// needs no record.
+    async fn with_heartbeat<T>(
+        &self,
+        progress: &SharedProgress,
+        recorded: JobProgress,
+        work: impl Future<Output = T>,
+    ) -> Result<T, Lost> {
+        let mut work = pin!(work);
+        let mut tick = tokio::time::interval(TICK);
+        let mut last = LastHeartbeat { progress: recorded, at: Instant::now() };
         loop {
             tokio::select! {
-                ended = &mut *method => return match ended {
-                    _ if lost => Watched::Lost,
-                    Err(Trouble::Cancelled) if is_late => {
-                        Watched::Ended(Box::new(Err(Trouble::Refused(limits.took_too_long()))))
-                    }
-                    ended => Watched::Ended(Box::new(ended)),
-                },
-                () = &mut late, if !is_late => {
-                    is_late = true;
-                    report.cancel();
-                }
-                () = &mut grace_over => return if lost { Watched::Lost } else { Watched::TooSlowToStop },
-                _ = tick.tick(), if !lost => match self.beat(report.heard(), &mut said).await {
+                result = &mut work => return Ok(result),
+                _ = tick.tick() => match self.heartbeat(progress.current(), &mut last).await {
                     Ok(true) => {}
-                    Ok(false) => {
-                        lost = true;
-                        report.cancel();
-                    }
-                    Err(error) => warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded"),
+                    Ok(false) => return Err(Lost),
+                    Err(error) => warn!(job = %self.claim.job.id, %error, "a heartbeat could not be recorded"),
                 },
             }
         }
     }
 
     /// Sends a heartbeat if one is due; returns false if the job is no longer this worker's.
-    async fn beat(&self, heard: Heard, said: &mut Said) -> Result<bool, StorageError> {
-        let quiet = said.at.elapsed();
-        let Heard { stage, progress, early_pose } = heard;
-        let news = (stage, early_pose) != (said.heard.stage, said.heard.early_pose)
-            || (heard != said.heard && quiet >= PROGRESS_EVERY);
-        if !news && quiet < self.params.lease / 3 {
+    async fn heartbeat(&self, current: JobProgress, last: &mut LastHeartbeat) -> Result<bool, StorageError> {
+        let quiet = last.at.elapsed();
+        let is_news = (current.stage, current.early_pose) != (last.progress.stage, last.progress.early_pose)
+            || (current != last.progress && quiet >= PROGRESS_EVERY);
+        if !is_news && quiet < self.params.lease / 3 {
             return self.queue.storage.holds(&self.claim).await;
         }
         let (lease, now) = (self.params.lease, Timestamp::now());
-        let reached = Reached { stage, progress, early_pose };
-        let held = self.queue.storage.heartbeat(&self.claim, &reached, lease, now).await?;
-        *said = Said { heard, at: Instant::now() };
-        self.queue.tell_of_change();
+        let held = self.queue.storage.heartbeat(&self.claim, &current, lease, now).await?;
+        *last = LastHeartbeat { progress: current, at: Instant::now() };
+        self.queue.notify_listeners();
         Ok(held)
     }
-
-    async fn keep(&self, finished: Finished) -> Ending {
-        let storage = &self.queue.storage;
-        for (name, bytes) in finished.files {
-            if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
-                return ending_of(error.into());
-            }
-        }
-        Ending::Answered(Box::new(finished.alignment))
-    }
 }
 
-/// Result of starting a job.
-enum Begun {
-    Working(Working, JobLimits),
-    Failed(Trouble),
-    /// As in [`Watched`].
-    Lost,
-    Stopped,
-}
-
-/// Result of watching the method.
-enum Watched {
-    Ended(Box<Ended>),
-    /// The job was cancelled, removed, or given to another worker.
-    Lost,
-    TooSlowToStop,
-}
+/// The job was cancelled, removed, or given to another worker.
+struct Lost;
 
 /// Last recorded progress and its time.
-struct Said {
-    heard: Heard,
+struct LastHeartbeat {
+    progress: JobProgress,
     at: Instant,
 }
 
-/// Converts a trouble into an ending. The cause is only logged: a client cannot act on it.
-fn ending_of(trouble: Trouble) -> Ending {
-    match trouble {
-        Trouble::Cancelled => Ending::GivenUp,
-        Trouble::Refused(reason) => Ending::Refused(reason),
-        Trouble::Broken { code, cause } => {
+/// Returns the end of an attempt that failed. The cause is only logged: a client cannot act on it.
+fn end_after(error: AttemptError) -> AttemptEnd {
+    match error {
+        AttemptError::Cancelled => AttemptEnd::GivenUp,
+        AttemptError::Refused(reason) => AttemptEnd::Refused(reason),
+        AttemptError::Broken { code, cause } => {
             error!(code, cause, "an attempt broke");
             let detail = match code.as_str() {
                 "worker_died" => {
@@ -380,21 +364,21 @@ fn ending_of(trouble: Trouble) -> Ending {
                 }
                 _ => "the service failed while it worked on this clip; its log has the cause",
             };
-            Ending::Broken(Reason::new(&code, detail))
+            AttemptEnd::Broken(Reason::new(&code, detail))
         }
-        Trouble::Fault { fault, cause } => {
+        AttemptError::Fault { fault, cause } => {
             warn!(code = fault.code(), cause, "a fault ended an attempt, which does not count");
-            Ending::Fault(fault)
+            AttemptEnd::Fault(fault)
         }
     }
 }
 
-fn outcome_name(ending: &Option<Ending>) -> &str {
+fn outcome_name(ending: &Option<AttemptEnd>) -> &str {
     match ending {
-        Some(Ending::Answered(alignment)) => crate::storage::ClipState::from(alignment.state).name(),
-        Some(Ending::Refused(reason) | Ending::Broken(reason)) => &reason.code,
-        Some(Ending::Fault(fault)) => fault.code(),
-        Some(Ending::GivenUp) => "given_up",
+        Some(AttemptEnd::Answered(alignment)) => crate::storage::ClipState::from(alignment.state).name(),
+        Some(AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason)) => &reason.code,
+        Some(AttemptEnd::Fault(fault)) => fault.code(),
+        Some(AttemptEnd::GivenUp) => "given_up",
         None => "lost",
     }
 }

@@ -87,7 +87,7 @@ pub struct ChangesCursor {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
     pub items: Vec<Change>,
-    /// Cursor of the next page, also at the end of the feed.
+    /// Cursor of the next page, even at the end of the feed.
     pub next: ChangesCursor,
     /// True if there are further changes now.
     pub more: bool,
@@ -114,7 +114,7 @@ impl FromStr for ChangesCursor {
     }
 }
 
-/// Rounds down, so that a page without news stays the same for its readers: its cursor has this time.
+/// Rounds down, so a page without news stays the same for its readers: its cursor has this time.
 fn whole_hour(now: Timestamp) -> Timestamp {
     let hour = HOUR.as_secs();
     Timestamp::from_second(now.as_second().div_euclid(hour) * hour).unwrap_or(now)

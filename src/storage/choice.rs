@@ -57,7 +57,7 @@ impl Choice {
         if self.lidar_map_revision < lidar_map_revision {
             let detail = format!(
                 "the person chose on revision {} of the LiDAR map, which is now {lidar_map_revision}; the frame may have \
-                 moved: look at the clip again, and choose anew or withdraw the choice",
+                 moved: look at the clip, and choose again or withdraw the choice",
                 self.lidar_map_revision
             );
             reasons.push(Reason::new(EARLIER, detail));

@@ -1,5 +1,5 @@
 //! Poses that a person chooses for clips. A choice overrides the method's answer, which is kept unchanged,
-//! until it is withdrawn, also after new answers.
+//! until it is withdrawn, even after new answers.
 
 use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS};

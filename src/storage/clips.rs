@@ -13,7 +13,7 @@ use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
-use super::room::Room;
+use super::quota::QuotaCheck;
 use super::{
     BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
     lidar_maps, pending_deletes, result_file,
@@ -144,8 +144,8 @@ pub(super) fn file_key(id: Uuid) -> String {
 
 /// Returns the key prefix of the files that a job made. Every attempt has its own, so that a worker that lost
 /// its lease cannot overwrite its successor's files.
-pub(super) fn result_key(clip: Uuid, job: Uuid, fence: i64) -> String {
-    format!("clips/{clip}/results/{job}-{fence}")
+pub(super) fn result_key(clip: Uuid, job: Uuid, fencing_token: i64) -> String {
+    format!("clips/{clip}/results/{job}-{fencing_token}")
 }
 
 pub(super) fn result_blobs(result_key: &str) -> [String; result_file::ALL.len()] {
@@ -165,7 +165,7 @@ impl Storage {
         let id = Uuid::now_v7();
         let (file, row) = NewRow::of(id, new);
         self.blobs.keep_or_discard(file, &file_key(id)).await?;
-        let added = self.insert_clip(home, row, Room::Needed { max_bytes }, now).await;
+        let added = self.insert_clip(home, row, QuotaCheck::Enforce { max_bytes }, now).await;
         let is_for_nothing = match &added {
             Ok(added) => !matches!(added, Added::New(_)),
             // The row may exist nevertheless; a sweep decides.
@@ -181,11 +181,11 @@ impl Storage {
         &self,
         home: &HomeId,
         new: NewRow,
-        room: Room,
+        quota: QuotaCheck,
         now: Timestamp,
     ) -> Result<Added, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let added = insert(&mut transaction, home, new, room, now).await?;
+        let added = insert(&mut transaction, home, new, quota, now).await?;
         transaction.commit().await?;
         Ok(added)
     }

@@ -198,16 +198,16 @@ async fn bytes_of(blob: Option<BlobReader>) -> Vec<u8> {
     bytes
 }
 
-fn reached(stage: Option<Stage>, progress: f64) -> Reached {
-    Reached { stage, progress, early_pose: None }
+fn job_progress(stage: Option<Stage>, progress: f64) -> JobProgress {
+    JobProgress { stage, progress, early_pose: None }
 }
 
 fn reason(code: &str) -> Reason {
     Reason::new(code, format!("because of {code}"))
 }
 
-fn answer(state: AlignmentState) -> Ending {
-    Ending::Answered(Box::new(Alignment {
+fn answer(state: AlignmentState) -> AttemptEnd {
+    AttemptEnd::Answered(Box::new(Alignment {
         level: LevelName::MAIN,
         state,
         probability: None,

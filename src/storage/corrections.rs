@@ -23,7 +23,7 @@ use viola_home::{
 };
 
 /// Maximum number of corrected objects and rooms in a home: more than a home has of both.
-pub const MOST_CORRECTIONS: i64 = 500;
+pub const MAX_CORRECTIONS: i64 = 500;
 
 /// Attempts to correct a map that merges replace meanwhile.
 const ATTEMPTS: usize = 8;
@@ -49,13 +49,13 @@ pub struct RoomState {
 pub enum CorrectionError {
     #[error(transparent)]
     Storage(#[from] StorageError),
-    #[error("the home has no map yet: none before a clip of it has been aligned and merged")]
+    #[error("the home has no map yet: the first one follows the first aligned clip")]
     NoMap,
     #[error("the map has no {kind} with the id {id}, and none was corrected under this id")]
     NotFound { kind: &'static str, id: String },
     #[error("{kind} {id} was changed since it was read; read it again")]
     Changed { kind: &'static str, id: String },
-    #[error("the home has {MOST_CORRECTIONS} corrected objects and rooms; withdraw one first")]
+    #[error("the home has {MAX_CORRECTIONS} corrected objects and rooms; withdraw one first")]
     TooMany,
     #[error("{detail}")]
     Impossible { field: &'static str, detail: String },
@@ -352,7 +352,7 @@ async fn write<T: Serialize>(
         correction,
         corrected_at: stored(now),
     });
-    if keep(transaction, home, of, kept.as_ref()).await? > MOST_CORRECTIONS {
+    if keep(transaction, home, of, kept.as_ref()).await? > MAX_CORRECTIONS {
         return Err(CorrectionError::TooMany);
     }
     Ok(kept)

@@ -140,7 +140,7 @@ impl Database {
 
     /// Begins a transaction that writes. SQLite's writers take turns and wait in `BEGIN` for other processes,
     /// so no later statement finds the database locked. PostgreSQL's run concurrently: to prevent deadlocks,
-    /// each locks the home's row first (`homes::lock`), then its tenant's room (`room::check`), then jobs, then clips, then
+    /// each locks the home's row first (`homes::lock`), then its tenant's quota (`quota::check`), then jobs, then clips, then
     /// changes.
     pub async fn begin(&self) -> Result<Transaction, StorageError> {
         let health = Some(self.health.clone());

@@ -40,7 +40,7 @@ pub enum StorageError {
     #[error(
         "the blob store has at least {blobs} files, and the database names none of them: the database was lost, or one of \
          the two is the wrong one. Restore the database, or correct the data folder, the database URL or the bucket. To \
-         begin anew, delete these files: `viola clean --remove-unknown --older-than-seconds 0`"
+         start with an empty service, delete these files: `viola clean --remove-unknown --older-than-seconds 0`"
     )]
     LostDatabase { blobs: usize },
     #[error(
@@ -81,8 +81,8 @@ pub enum StorageError {
     #[error("the webhook has no delivery of this id; its log lists those that are kept")]
     NoSuchDelivery,
     #[error(
-        "the feed does not tell all that was removed since this cursor; begin again without `after`, and delete all that \
-         the new reading does not name"
+        "the feed no longer has all removals since this cursor; begin again without `after`, and delete all that the new \
+         reading does not name"
     )]
     CursorExpired,
 }

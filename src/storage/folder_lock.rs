@@ -4,7 +4,7 @@ use super::StorageError;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-/// Held while the file is open; the system releases it when the process ends, also after a crash.
+/// Held while the file is open; the system releases it when the process ends, even after a crash.
 pub struct FolderLock {
     _file: File,
 }

@@ -73,7 +73,7 @@ impl MapClip {
         let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
         Ok(MapClip {
             clip: placed.clip,
-            level: placed.level_name,
+            level: placed.level,
             map_from_clip: placed.map_from_clip,
             by: placed.by,
             probability: placed.probability,
@@ -106,7 +106,7 @@ pub struct MapFile {
 /// The names of a map's files. Each level has its own, except for the manifest.
 pub mod map_file {
     pub const TILE: &str = "tile";
-    /// Sums of a tile's first clips, from which the next merge goes on. Only the current revision has them.
+    /// Sums of a tile's first clips, from which the next merge continues. Only the current revision has them.
     pub const SUMS: &str = "sums";
     /// The mesh as binary glTF, if it is made already. Only the current revision has it.
     pub const MESH: &str = "mesh.glb";

@@ -18,7 +18,7 @@ const MAX_ATTEMPTS: i64 = 3;
 const TURN: SignedDuration = SignedDuration::from_secs(5);
 
 /// Most jobs that are counted to find a turn; more make no difference.
-const MOST_TURNS: i64 = 2_000;
+const MAX_TURNS: i64 = 2_000;
 
 /// Priority of a job: a limited lead in the queue, so that no job waits for ever.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -289,7 +289,7 @@ struct Turn {
 
 /// The fair turns of a home's next jobs. A home with many jobs delays only its own: the first job of a
 /// home comes before the second of any other home of its tenant, and the first job of a tenant before the
-/// second of any other. Time passes for all of them alike, so that no job waits for ever.
+/// second of any other. Time passes for all of them alike, so no job waits for ever.
 struct Turns {
     /// Unfinished jobs of the home.
     in_home: i32,
@@ -307,21 +307,21 @@ impl Turns {
                     AND jobs.state IN ('queued', 'running')
                 LIMIT $2) AS unfinished",
         );
-        let in_home = in_home.bind(home.key()).bind(MOST_TURNS).fetch_one(transaction).await?;
+        let in_home = in_home.bind(home.key()).bind(MAX_TURNS).fetch_one(transaction).await?;
         let in_home: i32 = in_home.count("jobs")?;
         let of_tenant = query(
             "SELECT position FROM jobs WHERE tenant = $1 AND position < $2 AND state IN ('queued', 'running')
             ORDER BY position LIMIT $3",
         );
         let last = i64::from(in_home) + jobs as i64;
-        let rows = of_tenant.bind(home.tenant()).bind(last).bind(MOST_TURNS).fetch_all(transaction).await?;
+        let rows = of_tenant.bind(home.tenant()).bind(last).bind(MAX_TURNS).fetch_all(transaction).await?;
         let positions: Result<Vec<i32>, _> = rows.iter().map(|row| row.count("position")).collect();
         Ok(Turns { in_home, positions: positions? })
     }
 
     /// Returns the turn of the next job after `earlier` ones that were queued since the count.
     fn turn(&self, earlier: usize) -> Turn {
-        let at_most = |jobs: usize| jobs.min(MOST_TURNS as usize) as i32;
+        let at_most = |jobs: usize| jobs.min(MAX_TURNS as usize) as i32;
         let in_home = at_most(self.in_home as usize + earlier);
         let before = self.positions.partition_point(|position| *position <= in_home);
         Turn { in_home, of_tenant: at_most(before + earlier) }

@@ -1,6 +1,6 @@
 //! Leases of jobs. A claim gives a worker the job until its lease expires; a heartbeat renews the lease.
-//! Every claim increments the job's fence, and a write counts only if the fence is still the claim's own, so
-//! a worker that was thought dead and comes back changes nothing.
+//! Every claim increments the job's fencing token (column `fence`), and a write counts only if the token is still the
+//! claim's own, so a worker that was thought dead and comes back changes nothing.
 
 mod again;
 mod retry;
@@ -12,7 +12,7 @@ use super::clock;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Transaction, query};
 use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
-use again::{Failures, bear_fault, requeue};
+use again::{RetryState, requeue, requeue_after_fault};
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,7 +28,7 @@ pub struct Claim {
     pub job: Job,
     /// The current LiDAR map of each level, by the levels' names.
     pub lidar_maps: Vec<LidarMapRevision>,
-    fence: i64,
+    fencing_token: i64,
     /// Size of the files that this attempt has stored.
     result_bytes: Arc<AtomicU64>,
 }
@@ -36,27 +36,35 @@ pub struct Claim {
 impl Claim {
     /// Returns whether this is the first claim of the job.
     pub fn is_first(&self) -> bool {
-        self.fence == 1
+        self.fencing_token == 1
     }
 
     /// Returns the key prefix of this attempt's files.
     fn result_key(&self) -> String {
-        clips::result_key(self.job.clip, self.job.id, self.fence)
+        clips::result_key(self.job.clip, self.job.id, self.fencing_token)
     }
 }
 
 /// Progress of a running job.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Reached {
+pub struct JobProgress {
     pub stage: Option<Stage>,
-    /// Progress of the whole job, 0..1.
+    /// Progress of the whole job, 0..1. It never decreases, though stages may repeat.
     pub progress: f64,
     pub early_pose: Option<EarlyPose>,
 }
 
+impl JobProgress {
+    /// Records that a stage has come so far.
+    pub fn record(&mut self, stage: Stage, fraction: f64) {
+        let progress = self.progress.max(stage.overall(fraction));
+        *self = JobProgress { stage: Some(stage), progress, ..*self };
+    }
+}
+
 /// End of an attempt.
 #[derive(Debug)]
-pub enum Ending {
+pub enum AttemptEnd {
     /// The method gave an answer; its files have been put under the claim's result key.
     Answered(Box<Alignment>),
     /// The clip or the map cannot be used; another attempt would end the same way.
@@ -114,7 +122,7 @@ impl Storage {
         let claim = Claim {
             lidar_maps: lidar_maps::levels(&mut transaction, &job.home).await?,
             job,
-            fence: row.number("fence")?,
+            fencing_token: row.number("fence")?,
             result_bytes: Arc::default(),
         };
         transaction.commit().await?;
@@ -125,7 +133,7 @@ impl Storage {
     pub async fn heartbeat(
         &self,
         claim: &Claim,
-        reached: &Reached,
+        progress: &JobProgress,
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
@@ -136,11 +144,11 @@ impl Storage {
             WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
         .bind(claim.job.id.to_string())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind((now + lease).as_millisecond())
-        .bind(reached.stage.map(Stage::name))
-        .bind(reached.progress)
-        .bind(reached.early_pose.as_ref().map(to_json))
+        .bind(progress.stage.map(Stage::name))
+        .bind(progress.progress)
+        .bind(progress.early_pose.as_ref().map(to_json))
         .bind(now.as_millisecond())
         .execute(&mut transaction)
         .await?;
@@ -152,7 +160,7 @@ impl Storage {
     pub async fn holds(&self, claim: &Claim) -> Result<bool, StorageError> {
         let row = query("SELECT id FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'")
             .bind(claim.job.id.to_string())
-            .bind(claim.fence);
+            .bind(claim.fencing_token);
         Ok(row.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
@@ -169,13 +177,13 @@ impl Storage {
     pub async fn finish(
         &self,
         claim: &Claim,
-        ending: &Ending,
+        ending: &AttemptEnd,
         retry: &RetryPolicy,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         homes::lock(&mut transaction, &claim.job.home).await?;
-        let held = end(&mut transaction, claim, ending, retry, now).await?;
+        let held = end_attempt(&mut transaction, claim, ending, retry, now).await?;
         transaction.commit().await?;
         self.discard_unless_kept(&claim.result_key()).await?;
         Ok(held)
@@ -205,8 +213,7 @@ impl Storage {
         .execute(&mut transaction)
         .await?;
         if cancelled == 1 {
-            let reason =
-                Reason::new("cancelled", "the job was cancelled; align the clip again to queue it anew");
+            let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
         }
         let job = jobs::find(&mut transaction, id).await?;
@@ -215,10 +222,10 @@ impl Storage {
     }
 }
 
-async fn end(
+async fn end_attempt(
     transaction: &mut Transaction,
     claim: &Claim,
-    ending: &Ending,
+    ending: &AttemptEnd,
     retry: &RetryPolicy,
     now: Timestamp,
 ) -> Result<bool, StorageError> {
@@ -228,13 +235,13 @@ async fn end(
         RETURNING attempts, max_attempts, faults, first_fault_at",
     )
     .bind(id.to_string())
-    .bind(claim.fence)
+    .bind(claim.fencing_token)
     .fetch_optional(transaction)
     .await?;
     let Some(row) = row else { return Ok(false) };
-    let failures = Failures::from_row(&row)?;
+    let retries = RetryState::from_row(&row)?;
     match ending {
-        Ending::Answered(alignment) => {
+        AttemptEnd::Answered(alignment) => {
             close(transaction, id, JobState::Succeeded, None, now).await?;
             let result_key = claim.result_key();
             let answer = Outcome {
@@ -245,19 +252,19 @@ async fn end(
             };
             clips::change(transaction, id, answer, now).await?;
         }
-        Ending::Refused(reason) => fail(transaction, id, reason.clone(), now).await?,
-        Ending::Broken(reason) if failures.attempts >= failures.max_attempts => {
+        AttemptEnd::Refused(reason) => fail(transaction, id, reason.clone(), now).await?,
+        AttemptEnd::Broken(reason) if retries.attempts >= retries.max_attempts => {
             fail(transaction, id, reason.clone(), now).await?;
         }
-        Ending::Broken(reason) => {
-            let run_after = now + retry.delay(failures.attempts);
-            let failures = failures.with_counted_attempt();
-            requeue(transaction, id, failures, Some(reason), run_after, now).await?;
+        AttemptEnd::Broken(reason) => {
+            let run_after = now + retry.delay(retries.attempts);
+            let retries = retries.with_counted_attempt();
+            requeue(transaction, id, retries, Some(reason), run_after, now).await?;
         }
-        Ending::Fault(fault) => bear_fault(transaction, id, failures, *fault, retry, now).await?,
+        AttemptEnd::Fault(fault) => requeue_after_fault(transaction, id, retries, *fault, retry, now).await?,
         // The worker gave up, not because of the clip: the attempt does not count.
-        Ending::GivenUp => {
-            requeue(transaction, id, failures.without_attempt(), None, now, now).await?;
+        AttemptEnd::GivenUp => {
+            requeue(transaction, id, retries.without_attempt(), None, now, now).await?;
         }
     }
     Ok(true)

@@ -13,7 +13,7 @@ use uuid::Uuid;
 pub const SESSION_LIFE: SignedDuration = SignedDuration::from_hours(12);
 
 /// Maximum number of sessions of a key; a further one ends the oldest.
-const MOST_SESSIONS: i64 = 100;
+const MAX_SESSIONS: i64 = 100;
 
 const TOKEN_BYTES: usize = 32;
 
@@ -62,7 +62,7 @@ impl Storage {
                 (SELECT sha256 FROM sessions WHERE key_id = $1 ORDER BY created_at DESC, sha256 LIMIT $2)",
         )
         .bind(key.to_string())
-        .bind(MOST_SESSIONS - 1)
+        .bind(MAX_SESSIONS - 1)
         .execute(&mut transaction)
         .await?;
         query("INSERT INTO sessions (sha256, key_id, created_at, expires_at) VALUES ($1, $2, $3, $4)")

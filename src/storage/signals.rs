@@ -49,7 +49,7 @@ impl Storage {
     }
 
     /// Sends a signal to all processes.
-    pub async fn tell(&self, signal: Signal) -> Result<(), StorageError> {
+    pub async fn notify_processes(&self, signal: Signal) -> Result<(), StorageError> {
         if self.database.is_shared() {
             let notify = query("SELECT pg_notify($1, '')").bind(signal.channel());
             notify.execute(&mut self.database.reader().await?).await?;

@@ -71,13 +71,13 @@ const NAMED_FOR_ONE_REMOVED: u64 = 100;
 
 /// A client's file lacks its row only between its last fsync and the commit: one for each request cut off
 /// there.
-const MOST_SENT: u64 = 16;
+const MAX_SENT: u64 = 16;
 
 /// A killed worker leaves the results of its jobs and the tiles of its merges.
-const MOST_MADE: u64 = 1000;
+const MAX_MADE: u64 = 1000;
 
-/// Most unnamed blobs that a start accepts if no blob is named.
-const MOST_ALONE: usize = 100;
+/// Maximum number of unnamed blobs that a start accepts if no blob is named.
+const MAX_ALONE: usize = 100;
 
 /// Limit of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,7 +113,7 @@ impl Storage {
         if blobs == 0 || !self.named(keys).await?.is_empty() {
             return Ok(());
         }
-        if blobs <= MOST_ALONE && self.has_lived().await? {
+        if blobs <= MAX_ALONE && self.has_lived().await? {
             return Ok(());
         }
         Err(StorageError::LostDatabase { blobs })
@@ -141,8 +141,8 @@ fn check(keys: &[String], more: u64, named: u64) -> Result<(), StorageError> {
     let made = owners.len() as u64 - sent;
     let fraction = named / NAMED_FOR_ONE_REMOVED;
     // A database that names no blob at all may be a new one.
-    let most_sent = if named == 0 { 0 } else { fraction.max(MOST_SENT) };
-    if sent > most_sent || made + more > fraction.max(MOST_MADE) {
+    let max_sent = if named == 0 { 0 } else { fraction.max(MAX_SENT) };
+    if sent > max_sent || made + more > fraction.max(MAX_MADE) {
         return Err(StorageError::TooMuchToSweep { sent, made: made + more, named });
     }
     Ok(())

@@ -16,7 +16,7 @@ pub use join::Joining;
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::room::{self, Room};
+use super::quota::{self, QuotaCheck};
 use super::{HomeId, Storage, StorageError, Tenant, homes, pending_deletes};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
@@ -225,10 +225,10 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
-        check_room(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits).await?;
+        check_counts(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits).await?;
         let announced_bytes = new.length_bytes.unwrap_or(0);
-        let room = Room::Needed { max_bytes };
-        room::check(&mut transaction, new.tenant.name(), announced_bytes, room).await?;
+        let quota = QuotaCheck::Enforce { max_bytes };
+        quota::check(&mut transaction, new.tenant.name(), announced_bytes, quota).await?;
         let id = Uuid::now_v7();
         insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
         let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
@@ -236,7 +236,7 @@ impl Storage {
         Ok(upload)
     }
 
-    /// Returns an upload, also a refused or joined one; `None` if its record has expired.
+    /// Returns an upload, even a refused or joined one; `None` if its record has expired.
     pub async fn upload(&self, id: Uuid, now: Timestamp) -> Result<Option<Upload>, StorageError> {
         let upload = find(&mut *self.database.snapshot().await?, id).await?;
         Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
@@ -287,7 +287,7 @@ impl Storage {
 }
 
 /// Refuses a new upload beyond the limits. It takes the place of `joined` parts of the tenant.
-async fn check_room(
+async fn check_counts(
     transaction: &mut Transaction,
     tenant: &Tenant,
     home: Option<&HomeId>,

@@ -21,7 +21,7 @@ use std::fmt;
 use uuid::Uuid;
 
 /// Most webhooks of one tenant.
-pub const MOST_WEBHOOKS: i64 = 10;
+pub const MAX_WEBHOOKS: i64 = 10;
 
 /// Prefix of a secret (Standard Webhooks).
 const PREFIX: &str = "whsec_";
@@ -73,7 +73,7 @@ impl WebhookSecret {
 #[derive(Debug)]
 pub enum WebhookMade {
     Made(Webhook, WebhookSecret),
-    /// The tenant has [`MOST_WEBHOOKS`] already.
+    /// The tenant has [`MAX_WEBHOOKS`] already.
     TooMany,
 }
 
@@ -110,7 +110,7 @@ impl Storage {
         .bind(to_json(&kinds))
         .bind(self.seal(secret.show(), &id.to_string())?)
         .bind(now.as_millisecond())
-        .bind(MOST_WEBHOOKS)
+        .bind(MAX_WEBHOOKS)
         .execute(&mut transaction)
         .await?;
         if made == 0 {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
-use viola::jobs::{ChildParams, Failure, Finished, JobLimitParams, JobParams, LevelFile};
+use viola::jobs::{AlignJobError, ChildParams, Finished, JobLimitParams, JobParams, LevelFile};
 use viola::storage::RetryPolicy;
 use viola_geometry::progress::Progress;
 use viola_testing::{eventually, room, zips};
@@ -33,11 +33,16 @@ fn script(folder: &TempDir, lines: &str) -> PathBuf {
 }
 
 /// A method that never ends by itself: jobs end only in children.
-fn endless(_: &Path, _: &[LevelFile], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
+fn endless(
+    _: &Path,
+    _: &[LevelFile],
+    _: &JobParams,
+    progress: &dyn Progress,
+) -> Result<Finished, AlignJobError> {
     while !progress.cancelled() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    Err(Failure::Cancelled)
+    Err(AlignJobError::Cancelled)
 }
 
 /// Starts a server whose jobs run in children.

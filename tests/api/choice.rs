@@ -5,7 +5,7 @@ use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use std::path::Path;
-use viola::jobs::{Failure, Finished, JobParams, LevelFile, align_clip};
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
 use viola_align::{AlignmentState, Alternative};
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
@@ -17,7 +17,7 @@ fn of_two_minds(
     map: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     let mut finished = align_clip(clip, map, params, progress)?;
     let alternative = |x_m: f64| Alternative {
         level: LevelName::MAIN,

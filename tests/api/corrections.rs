@@ -5,7 +5,7 @@ use image::RgbImage;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
-use viola::jobs::{Failure, Finished, JobParams, LevelFile, Method, WorkerParams, align_clip};
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, WorkerParams, align_clip};
 use viola::storage::Role;
 use viola_align::{AlignParams, Alignment};
 use viola_geometry::progress::Progress;
@@ -201,7 +201,7 @@ fn only_in_the_first_map(
     map: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     let mut finished = align_clip(clip, map, params, progress)?;
     if map[0].bytes != room::lidar_csv().as_bytes() {
         finished.alignment = Alignment::failed();

@@ -134,7 +134,7 @@ async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
         _: &[viola::jobs::LevelFile],
         _: &viola::jobs::JobParams,
         _: &dyn viola_geometry::progress::Progress,
-    ) -> Result<viola::jobs::Finished, viola::jobs::Failure> {
+    ) -> Result<viola::jobs::Finished, viola::jobs::AlignJobError> {
         panic!("a fault of ours")
     }
     let first_delay = std::time::Duration::from_millis(1);

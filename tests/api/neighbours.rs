@@ -4,7 +4,7 @@ use crate::map::merged;
 use crate::server::Server;
 use serde_json::json;
 use std::path::Path;
-use viola::jobs::{Failure, Finished, JobParams, LevelFile, align_clip};
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
 use viola_align::{AlignmentState, Alternative};
 use viola_formats::clip::Clip;
 use viola_geometry::Pose2;
@@ -22,7 +22,7 @@ fn in_doubt(
     map: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
-) -> Result<Finished, Failure> {
+) -> Result<Finished, AlignJobError> {
     let mut finished = align_clip(clip, map, params, progress)?;
     if Clip::open(clip).unwrap().frames().len() != IN_DOUBT as usize {
         return Ok(finished);

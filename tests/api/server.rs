@@ -10,7 +10,8 @@ use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use viola::api::{
-    AttemptParams, BodyParams, ConnectionParams, LimitParams, ReaderParams, ServeParams, UploadParams, serve,
+    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
+    serve,
 };
 use viola::jobs::WorkerParams;
 use viola::storage::{
@@ -150,7 +151,7 @@ impl Server {
             max_upload_bytes: 64 << 20,
             uploads: UploadParams::default(),
             limits: LimitParams::default(),
-            attempts: AttemptParams::default(),
+            failed_keys: FailedKeyParams::default(),
             readers: ReaderParams::default(),
             bodies: BodyParams::default(),
             connections: ConnectionParams::default(),

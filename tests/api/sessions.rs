@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use reqwest::Method;
 use serde_json::json;
 use std::time::Duration;
-use viola::api::AttemptParams;
+use viola::api::FailedKeyParams;
 use viola::storage::Role;
 use viola_testing::client::Answer;
 use viola_testing::room;
@@ -117,7 +117,7 @@ async fn cookies_are_for_tls_only_beside_loopback() {
 #[tokio::test]
 async fn keys_cannot_be_tried_without_end() {
     let every = Duration::from_secs(3600);
-    let server = Server::with(|params| params.attempts = AttemptParams { burst: 5, every }).await;
+    let server = Server::with(|params| params.failed_keys = FailedKeyParams { burst: 5, every }).await;
     let (_, secret) = server.key("acme", Role::Reader, None).await;
     let from = |address: &str, key: &str| {
         let request = server.request(Method::GET, "/v1/session").header("x-forwarded-for", address);

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use viola::jobs::{Failure, Finished, JobParams, LevelFile, Method, align_clip};
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, align_clip};
 use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
@@ -43,7 +43,7 @@ async fn a_panic_is_a_failed_attempt() {
         map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
-    ) -> Result<Finished, Failure> {
+    ) -> Result<Finished, AlignJobError> {
         assert!(CALLS.fetch_add(1, Ordering::SeqCst) > 0, "the first call");
         align_clip(clip, map, params, progress)
     }
@@ -54,7 +54,7 @@ async fn a_panic_is_a_failed_attempt() {
 
 #[tokio::test]
 async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
-    fn always(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn always(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
         panic!("a secret of the method")
     }
     let server = server(always, Duration::from_secs(30)).await;
@@ -77,7 +77,7 @@ async fn a_machine_without_descriptors_costs_no_attempt() {
         map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
-    ) -> Result<Finished, Failure> {
+    ) -> Result<Finished, AlignJobError> {
         if CALLS.fetch_add(1, Ordering::SeqCst) < 6 {
             let source = rustix::io::Errno::MFILE.into();
             return Err(
@@ -124,11 +124,11 @@ async fn a_long_job_keeps_its_lease() {
         map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
-    ) -> Result<Finished, Failure> {
+    ) -> Result<Finished, AlignJobError> {
         let until = Instant::now() + Duration::from_millis(2500);
         progress.enter(Stage::Decode);
         while Instant::now() < until {
-            check(progress).map_err(|_| Failure::Cancelled)?;
+            check(progress).map_err(|_| AlignJobError::Cancelled)?;
             std::thread::sleep(Duration::from_millis(1));
         }
         align_clip(clip, map, params, progress)
@@ -148,12 +148,12 @@ async fn a_long_job_keeps_its_lease() {
 async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    fn deaf(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn deaf(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
         RUNS.store(true, Ordering::SeqCst);
         while !LET_GO.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(1));
         }
-        Err(Failure::Cancelled)
+        Err(AlignJobError::Cancelled)
     }
     let server = server(deaf, Duration::from_secs(30)).await;
     upload(&server).await;
@@ -178,12 +178,12 @@ async fn an_early_pose_is_shown_while_the_job_runs() {
         map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
-    ) -> Result<Finished, Failure> {
+    ) -> Result<Finished, AlignJobError> {
         assert!(progress.wants_early_pose());
         progress.enter(Stage::Label);
         progress.early_pose(POSE);
         while !LET_GO.load(Ordering::SeqCst) {
-            check(progress).map_err(|_| Failure::Cancelled)?;
+            check(progress).map_err(|_| AlignJobError::Cancelled)?;
             std::thread::sleep(Duration::from_millis(1));
         }
         align_clip(clip, map, params, progress)

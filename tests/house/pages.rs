@@ -117,7 +117,7 @@ fn lines_of_the_pages_are_short() {
     check(broken);
 }
 
-/// Returns the sentences of a text that begin with a relative clause. Lines of lists and cells of tables begin anew.
+/// Returns the sentences of a text that begin with a relative clause. A sentence ends before lines of lists and cells of tables.
 fn relative_clauses(text: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut sentence = String::new();

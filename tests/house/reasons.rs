@@ -1,4 +1,5 @@
-//! The codes of reasons: docs/api.md lists each one that the sources make, and no other.
+//! The codes of reasons: docs/api.md lists each one that the sources make, and no other. The viewer has advice for those
+//! that leave a clip without a certain place.
 
 use super::{check, root};
 use crate::sources::{Source, sources};
@@ -9,7 +10,7 @@ use std::fs;
 const KEPT: [(&str, &str); 3] = [
     ("crates/viola-reconstruct/src/track/lost.rs", "=> "),
     ("src/storage/leases/retry.rs", "=> "),
-    ("src/jobs/trouble.rs", "code: "),
+    ("src/jobs/attempt_error.rs", "code: "),
 ];
 
 /// Expressions that give the code of a reason, by file: those of [`KEPT`], and those of the readers, which the table of
@@ -55,14 +56,42 @@ fn codes(source: &Source) -> (Vec<String>, Vec<String>) {
     (found, unknown)
 }
 
-/// Returns the codes of the table of reasons.
-fn listed() -> BTreeSet<String> {
+/// Returns the codes of the table of reasons, each with the states of a clip that has it.
+fn rows() -> Vec<(String, String)> {
     let page = fs::read_to_string(root().join("docs/api.md")).unwrap();
     let section = page.split("\n## Reasons\n").nth(1).unwrap_or_default();
     let section = section.split("\n## ").next().unwrap_or_default();
     let rows = section.lines().filter(|line| line.starts_with("| `"));
-    let cells = rows.filter_map(|line| line.trim_start_matches("| ").split(" | ").next());
-    cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).map(str::to_owned).collect()
+    let cells = rows.filter_map(|line| line.trim_start_matches("| ").split_once(" | "));
+    let codes = |(codes, rest): (&str, &str)| -> Vec<(String, String)> {
+        let states = rest.split(" | ").next().unwrap_or_default();
+        let codes = codes.split('`').skip(1).step_by(2);
+        codes.map(|code| (code.to_owned(), states.to_owned())).collect()
+    };
+    cells.flat_map(codes).collect()
+}
+
+/// Returns the codes of the table of reasons.
+fn listed() -> BTreeSet<String> {
+    rows().into_iter().map(|(code, _)| code).collect()
+}
+
+/// States of a clip without a certain place.
+const UNPLACED: [&str; 3] = ["uploaded", "ambiguous", "failed"];
+/// The code whose advice has no row: `isForeign` looks for it.
+const OF_ANOTHER_HOME: &str = "not_this_home";
+
+#[test]
+fn the_viewer_has_advice_for_each_reason_of_a_clip_without_a_certain_place() {
+    let advice = fs::read_to_string(root().join("web/src/clip/advice.ts")).unwrap();
+    let rows = rows();
+    assert!(rows.len() > 40, "{}", rows.len());
+    let needed = rows.into_iter().filter(|(code, states)| {
+        let is_unplaced = UNPLACED.iter().any(|state| states.contains(&format!("`{state}`")));
+        is_unplaced && code != OF_ANOTHER_HOME
+    });
+    let absent = needed.filter(|(code, _)| !advice.contains(&format!("\n  {code}: ")));
+    check(absent.map(|(code, _)| format!("web/src/clip/advice.ts has no advice for {code}")).collect());
 }
 
 #[test]
@@ -92,8 +121,8 @@ fn the_page_of_the_api_lists_the_codes_of_all_reasons() {
 fn codes_are_found_in_literals_and_constants() {
     let source = |text: &str| Source {
         krate: "viola".to_owned(),
-        module: vec!["jobs".to_owned(), "trouble".to_owned()],
-        path: root().join("src/jobs/trouble.rs"),
+        module: vec!["jobs".to_owned(), "attempt_error".to_owned()],
+        path: root().join("src/jobs/attempt_error.rs"),
         text: text.to_owned(),
     };
     let table: [(&str, &[&str], &[&str]); 5] = [

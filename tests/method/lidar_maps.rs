@@ -10,7 +10,7 @@ use viola_geometry::{Point2, Pose2, angle_between};
 use viola_lab::simulate::{Home, HomeParams, Set};
 use viola_testing::data;
 
-/// The same home, mapped anew: in another frame, with noise of 2 cm, a fifth of the points missing, and without furniture
+/// The same home, mapped again: in another frame, with noise of 2 cm, a fifth of the points missing, and without furniture
 /// in one of its quarters.
 fn anew(map: &LidarMap, map_from_earlier: &Pose2, seed: u64) -> LidarMap {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -33,7 +33,7 @@ fn middle(map: &LidarMap) -> Point2 {
     Point2::new(half(0), half(1))
 }
 
-/// Registers each map to itself mapped anew, in three frames, and to the others. Most homes tell their frame; none tells a
+/// Registers each map to itself mapped again, in three frames, and to the others. Most homes tell their frame; none tells a
 /// wrong one, or one in another home.
 fn check(maps: &[(String, LidarMap)], of_one_home: &[&str], least_told: f64) {
     let mut told = 0;

@@ -255,7 +255,7 @@ fn a_bed_tells_a_bedroom_from_a_kitchen_with_the_same_walls() {
             assert_eq!(register(&clip, &target).state, AlignmentState::Ambiguous, "{names:?}");
             let class = if names[room].starts_with(['K', 'k']) { Class::Stove } else { Class::Bed };
             let thing =
-                Landmark { point_m: Point2::new(0.5, 0.5), from_m: Point2::origin(), class, share: 0.15 };
+                Landmark { point_m: Point2::new(0.5, 0.5), from_m: Point2::origin(), class, fraction: 0.15 };
             clip.scan.landmarks = vec![thing];
             let answer = register(&clip, &target);
             let [best, rival] = &answer.alternatives[..2] else { panic!("{answer:?}") };

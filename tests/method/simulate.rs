@@ -355,7 +355,7 @@ fn another_day_changes_what_it_may() {
         let changed = home(Set::Changed, seed);
         let difference = difference(&changed);
         let nothing =
-            Home::generate(&HomeParams { changed_share: 0.0, ..HomeParams::new(Set::Changed, seed) });
+            Home::generate(&HomeParams { changed_fraction: 0.0, ..HomeParams::new(Set::Changed, seed) });
         assert!(difference > 0.005, "{seed}: only {difference} of the rays differ");
         assert!(difference < 0.6, "{seed}: {difference} of the rays differ");
         assert_eq!(self::difference(&nothing), 0.0, "{seed}");

@@ -52,7 +52,7 @@ fn a_walk_is_followed_alike_by_any_number_of_threads() {
     assert_eq!(track.segments[0].frames, 60);
     // The threshold for simulated clips is one hundredth of the path.
     let errors = errors(&track, 0, &truth);
-    assert!(errors.share_of_path < 0.01, "{errors:?}");
+    assert!(errors.fraction_of_path < 0.01, "{errors:?}");
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| follow(&frames)).poses, track.poses, "{threads} threads");

@@ -20,7 +20,7 @@ fn all_clips_are_found_and_the_pictures_stay() {
             (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         assert!(output.status.success(), "{said}\n{erred}");
         assert!(said.contains("3 of 3 clips"), "{said}");
-        // The built-in network labels the surface, so that the furnished home has objects.
+        // The built-in network labels the surface, so the furnished home has objects.
         assert!(said.contains("\nObjects: ") && !said.contains("Objects: none"), "{said}");
         for name in ["clip_0.png", "clip_1.png", "clip_2.png", "clip_0.ply"] {
             let size = std::fs::metadata(data.join("pictures").join(name)).unwrap().len();

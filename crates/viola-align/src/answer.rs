@@ -194,8 +194,8 @@ pub struct CompletionReport {
     pub cut_short: bool,
     /// True if the answer is the one after completion.
     pub taken: bool,
-    pub before: Judged,
-    pub after: Judged,
+    pub before: AnswerSummary,
+    pub after: AnswerSummary,
 }
 
 /// Summary of a view.
@@ -211,15 +211,15 @@ pub struct ViewReport {
 
 /// Summary of an answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct AnswerSummary {
     pub state: AlignmentState,
     pub probability: Option<f64>,
     pub map_from_clip: Option<Pose2>,
 }
 
-impl Judged {
-    pub(super) fn of(alignment: &Alignment) -> Judged {
-        Judged {
+impl AnswerSummary {
+    pub(super) fn of(alignment: &Alignment) -> AnswerSummary {
+        AnswerSummary {
             state: alignment.state,
             probability: alignment.probability,
             map_from_clip: alignment.map_from_clip,

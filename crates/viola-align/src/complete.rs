@@ -19,7 +19,7 @@ pub use structure::StructureCompletion;
 pub use view::{View, camera_like};
 pub use viewpoints::{PointSets, ViewStrategy};
 
-use super::answer::{CompletionReport, Judged, ViewReport};
+use super::answer::{AnswerSummary, CompletionReport, ViewReport};
 use super::observe::{FloorHypothesis, Observation};
 use super::register::register;
 use super::scan::{self, RaycastParams, VirtualScan};
@@ -119,14 +119,14 @@ pub fn completing(
         return Ok((before, None));
     }
     progress::begin(progress, Stage::Complete)?;
-    let Some(settled) = observation.settled(&before) else { return Ok((before, None)) };
-    let filled = fill(&settled, params.complete.imagination.as_ref(), params, progress)?;
+    let Some(on_floor) = observation.on_floor(&before) else { return Ok((before, None)) };
+    let filled = fill(&on_floor, params.complete.imagination.as_ref(), params, progress)?;
     if filled.completion.cloud_in_clip.points.is_empty() {
         return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
     }
     // Poses above another assumed floor stay rivals. Their walls are extended, too; only the chosen floor is worth a network.
     let mut others = Vec::new();
-    for other in observation.settled_elsewhere(&settled) {
+    for other in observation.on_other_floors(&on_floor) {
         let filled = fill(&other, None, params, progress)?;
         others.extend(other.floor.map(|floor| (floor, filled)));
     }
@@ -134,8 +134,11 @@ pub fn completing(
         scan: filled.completion.scan.clone(),
         floor: floor.clone(),
     });
-    let completed =
-        Observation { scan: filled.completion.scan.clone(), other_floors: other_floors.collect(), ..settled };
+    let completed = Observation {
+        scan: filled.completion.scan.clone(),
+        other_floors: other_floors.collect(),
+        ..on_floor
+    };
     let after = register(&completed, Some(&filled.completion), &Within(progress))?;
     let taken = params.complete.take.after(&before, &after);
     let is_above = |(floor, _): &(FloorReport, Filled)| after.floor.as_ref() == Some(floor);
@@ -152,8 +155,8 @@ pub fn completing(
         views: filled.completion.views.iter().map(ViewReport::of).collect(),
         cut_short: filled.cut_short,
         taken,
-        before: Judged::of(&before),
-        after: Judged::of(&after),
+        before: AnswerSummary::of(&before),
+        after: AnswerSummary::of(&after),
     };
     let mut chosen = if taken { after } else { before };
     chosen.reasons.extend(filled.remarks);
@@ -173,17 +176,17 @@ struct Filled {
 
 /// Completes an observation that has its floor at 0.
 fn fill(
-    settled: &Observation,
+    on_floor: &Observation,
     imagination: Option<&Imagination>,
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Filled, AlignError> {
-    let voxel_m = settled.cloud_in_clip.voxel_m;
+    let voxel_m = on_floor.cloud_in_clip.voxel_m;
     let structure = params.complete.structure.clone().unwrap_or_default();
-    let walls = structure::Extended::new(&settled.walls, &structure);
-    let mut points = match (&params.complete.structure, &settled.clip_from_world) {
+    let walls = structure::Extended::new(&on_floor.walls, &structure);
+    let mut points = match (&params.complete.structure, &on_floor.clip_from_world) {
         (Some(structure), Some(clip_from_world)) => {
-            walls.points(&settled.keys, clip_from_world, voxel_m, structure)
+            walls.points(&on_floor.keys, clip_from_world, voxel_m, structure)
         }
         _ => Vec::new(),
     };
@@ -194,7 +197,7 @@ fn fill(
         let height_m = params.raycast.vacuum_height_m;
         let setting =
             imagine::Setting { walls: &walls, segmenter, vacuum_height_m: height_m, seed: params.seed };
-        imagined = imagine::imagine(settled, &points, imagination, &setting, progress)?;
+        imagined = imagine::imagine(on_floor, &points, imagination, &setting, progress)?;
         if !imagined.views.is_empty() {
             imagined_by.push(imagination.inpainter.name());
             imagined_by.extend(imagination.estimator.iter().map(|estimator| estimator.name()));
@@ -203,7 +206,7 @@ fn fill(
     }
     let cloud_in_clip = PointCloud { points, voxel_m };
     let raycast = RaycastParams { floor_m: 0.0, ..params.raycast.clone() };
-    let scan = scan::recast(&settled.scan, &settled.cloud_in_clip, &cloud_in_clip, &raycast);
+    let scan = scan::recast(&on_floor.scan, &on_floor.cloud_in_clip, &cloud_in_clip, &raycast);
     let remarks = imagined.failure.map(|why| {
         Reason::new("imagination_failed", format!("what was not seen was completed without a network: {why}"))
     });

@@ -1,7 +1,8 @@
 //! The method: finds the pose of a clip in a LiDAR map.
 //!
-//! [`align`] reads like the paper's overview, one line a stage. Everything here is a pure function of its
-//! arguments: the same clip, map, parameters and seed give the same answer on any number of threads.
+//! [`align_levels`] runs the stages of docs/method.md: `observe` (2 to 6), `register` (7 to 9), `complete` (10).
+//! Everything here is a pure function of its arguments: the same clip, map, parameters and seed give the same answer
+//! on any number of threads.
 
 mod answer;
 pub mod complete;
@@ -19,7 +20,8 @@ mod target;
 mod within;
 
 pub use answer::{
-    Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ReferenceCamera, ViewReport,
+    Alignment, AlignmentState, Alternative, AnswerSummary, CompletionReport, FreeSpace, ReferenceCamera,
+    ViewReport,
 };
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
 pub use maps::later_from_earlier;
@@ -27,11 +29,11 @@ pub use observe::{FloorHypothesis, Observation, Scale, observe};
 pub use refine::{Refined, Spread, refine};
 pub use register::register;
 pub use rooms::NamedRooms;
-pub use scale::observe_in;
+pub use scale::observe_any_scale;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
-    Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model,
-    PoseScorer, ScoreParams, TYPICAL_HITS, features, is_different, share_of_odds,
+    Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MIN_ALIGNED_PROBABILITY,
+    MODEL, MadeBy, Model, PoseScorer, ScoreParams, TYPICAL_HITS, features, fraction_of_odds, is_different,
 };
 pub use search::{Candidate, Modes, SearchLimits, SearchParams};
 pub use target::Target;
@@ -142,7 +144,7 @@ pub fn align_levels(
             Err(reasons) => Observation { reasons, ..Observation::default() },
         }
     } else {
-        observe_in(&targets, clip, frames, params, progress)?
+        observe_any_scale(&targets, clip, frames, params, progress)?
     };
     let (alignment, completion) = register_completing(&observation, &targets, params, progress)?;
     Ok(Aligned::new(observation, alignment, completion))
@@ -150,8 +152,8 @@ pub fn align_levels(
 
 impl Aligned {
     fn new(observation: Observation, alignment: Alignment, completion: Option<Completion>) -> Aligned {
-        let (scan, sunk_m) = observation.view_of(&alignment);
-        let lower = Pose3::translation(0.0, 0.0, sunk_m);
+        let (scan, floor_offset_m) = observation.view_of(&alignment);
+        let lower = Pose3::translation(0.0, 0.0, floor_offset_m);
         let views = observation.clip_from_world.map_or_else(Vec::new, |clip_from_world| {
             let view = |key: KeyFrame| View {
                 clip_from_camera: lower * clip_from_world * key.world_from_camera,
@@ -159,7 +161,8 @@ impl Aligned {
             };
             observation.keys.into_iter().map(view).collect()
         });
-        let features = observation.features.into_iter().map(|feature| feature.raised(sunk_m)).collect();
+        let features =
+            observation.features.into_iter().map(|feature| feature.raised(floor_offset_m)).collect();
         Aligned {
             alignment,
             scan,

@@ -1,4 +1,4 @@
-//! Registers an earlier LiDAR map of a level to a later one: a robot that maps a home anew may choose another frame.
+//! Registers an earlier LiDAR map of a level to a later one: a robot that maps a home again may choose another frame.
 
 use crate::refine;
 use crate::scan::Hit;
@@ -12,21 +12,21 @@ use viola_geometry::{Point2, Pose2, Vector2};
 
 /// A point of one map has a counterpart this near in the other: two cells and the noise of both.
 const NEAR_M: f64 = 0.12;
-/// Least fraction of the points with a counterpart, of the map that lies more inside the other one.
-const LEAST_AGREEMENT: f64 = 0.7;
-/// Least length of the walls with a counterpart: less is found in any home.
-const LEAST_WALL_M: f64 = 10.0;
+/// Minimum fraction of the points with a counterpart, of the map that lies more inside the other one.
+const MIN_AGREEMENT: f64 = 0.7;
+/// Minimum length of the walls with a counterpart: less is found in any home.
+const MIN_WALL_M: f64 = 10.0;
 /// A different pose with as many counterparts, up to this fraction, is as good.
 const MARGIN: f64 = 0.05;
 /// Longest side of a map: 60 m hold a home. Larger ones would take as much memory as a clip's job.
 const MAX_SIDE_M: f64 = 60.0;
-/// Most points of a map: the walls of such a home have a tenth.
-const MOST_POINTS: usize = 200_000;
+/// Maximum points of a map: the walls of such a home have a tenth.
+const MAX_POINTS: usize = 200_000;
 /// Hits of the search, and of the refinement.
 const HITS: usize = 256;
 const REFINED_HITS: usize = 2000;
 /// Limits of the search: furniture that moved costs the right pose some of its score.
-const LIMITS: SearchLimits = SearchLimits { modes: 40, bar: 0.7 };
+const LIMITS: SearchLimits = SearchLimits { modes: 40, min_score_ratio: 0.7 };
 
 /// Returns the transform into the frame of `later` from that of `earlier`; `None` if the maps do not tell it, because
 /// they differ too much or because the home looks alike from several sides.
@@ -39,10 +39,10 @@ pub fn later_from_earlier(earlier: &LidarMap, later: &LidarMap) -> Option<Pose2>
     let (from, to) = (Target::new(earlier)?, Target::new(later)?);
     // Poses of the middle: the frame's origin may lie tens of metres away, where small turns move it far.
     let middle = middle(&from.thinned_m);
-    let points = from.thinned_m.iter().zip(&from.thinned_shares);
+    let points = from.thinned_m.iter().zip(&from.thinned_fractions);
     let every = from.thinned_m.len().div_ceil(REFINED_HITS).max(1);
     let hits: Vec<Hit> = points.step_by(every).map(|point| hit(point, &middle)).collect();
-    let params = SearchParams { hits: HITS, first: LIMITS, in_doubt: LIMITS, ..SearchParams::default() };
+    let params = SearchParams { hits: HITS, first: LIMITS, resumed: LIMITS, ..SearchParams::default() };
     let found = Search::new(&hits, &to, &params).run(&LIMITS, &Silent).ok()?;
     let stayed = Pose2::new(middle.x, middle.y, 0.0);
     let starts: Vec<Pose2> =
@@ -67,7 +67,7 @@ pub fn later_from_earlier(earlier: &LidarMap, later: &LidarMap) -> Option<Pose2>
 
 /// Returns whether a map is as large as a home and not more: the work is then bounded.
 fn is_home(map: &LidarMap) -> bool {
-    map.occupied_m.len() <= MOST_POINTS
+    map.occupied_m.len() <= MAX_POINTS
         && [0, 1].iter().all(|&axis| map.info.max_m[axis] - map.info.min_m[axis] <= MAX_SIDE_M)
 }
 
@@ -77,11 +77,11 @@ fn middle(points_m: &[Point2]) -> Point2 {
 }
 
 /// Returns a point of the map as a hit, from `middle`. Search and refinement use its place and weight only.
-fn hit((point_m, share): (&Point2, &f64), middle: &Point2) -> Hit {
+fn hit((point_m, fraction): (&Point2, &f64), middle: &Point2) -> Hit {
     Hit {
         point_m: Point2::from(point_m - middle),
         normal: Vector2::x(),
-        weight: *share,
+        weight: *fraction,
         extent_m: 1.0,
         at_vacuum_height: true,
         completed: false,
@@ -101,10 +101,10 @@ impl Agreement {
     fn of(later_from_earlier: &Pose2, earlier: &Target, later: &Target) -> Agreement {
         let (near, all) = counterparts(earlier, later_from_earlier, later);
         let (near_later, all_later) = counterparts(later, &later_from_earlier.inverse(), earlier);
-        let share = |near: f64, all: f64| if all > 0.0 { near / all } else { 0.0 };
+        let fraction = |near: f64, all: f64| if all > 0.0 { near / all } else { 0.0 };
         Agreement {
-            earlier: share(near, all),
-            later: share(near_later, all_later),
+            earlier: fraction(near, all),
+            later: fraction(near_later, all_later),
             wall_m: near * THINNED_CELL_M,
         }
     }
@@ -115,14 +115,14 @@ impl Agreement {
 
     /// A map of a part of the home lies inside that of all of it.
     fn is_enough(&self) -> bool {
-        self.earlier.max(self.later) >= LEAST_AGREEMENT && self.wall_m >= LEAST_WALL_M
+        self.earlier.max(self.later) >= MIN_AGREEMENT && self.wall_m >= MIN_WALL_M
     }
 }
 
 /// Returns the number of a map's points with a counterpart in another map, and of all its points, each counted as a wall.
 fn counterparts(of: &Target, there_from_here: &Pose2, there: &Target) -> (f64, f64) {
     let (mut near, mut all) = (0.0, 0.0);
-    for (point, weight) in of.thinned_m.iter().zip(&of.thinned_shares) {
+    for (point, weight) in of.thinned_m.iter().zip(&of.thinned_fractions) {
         all += weight;
         if there.field.value(&there_from_here.apply(point)) < NEAR_M {
             near += weight;

@@ -128,8 +128,10 @@ pub(super) fn fuse(
         if tracked.is_none() { trajectory::without_outliers(clip, frames.as_ref()) } else { None };
     let fuse = |tracked: Option<&TrackedClip>| {
         progress::begin(progress, Stage::Fuse)?;
-        let tracked = tracked.map(|tracked| tracked.world_from_camera.as_slice());
-        let poses = tracked.or(by_device.as_ref().map(|trajectory| trajectory.world_from_camera.as_slice()));
+        let tracked = tracked.map(|tracked| (&tracked.world_from_camera, tracked.is_refined));
+        let poses = tracked.or(by_device.as_ref().map(|trajectory| (&trajectory.world_from_camera, false)));
+        let poses = poses
+            .map(|(world_from_camera, is_of_key_frames)| fuse::Poses { world_from_camera, is_of_key_frames });
         fuse::fuse(clip, frames.clone(), poses, &params.fuse, progress)
     };
     let mut fused = fuse(tracked.as_ref())?;
@@ -167,8 +169,14 @@ impl Fusion {
         progress::begin(progress, Stage::Label)?;
         let keys = &self.fused.key_frames;
         let up = self.up.as_ref().map(|up| &up.direction);
-        let labeller =
-            Labeller::listen(clip, &mut self.fused.cloud_in_world, keys, up, &params.label, progress)?;
+        let labeller = Labeller::segment_pictures(
+            clip,
+            &mut self.fused.cloud_in_world,
+            keys,
+            up,
+            &params.label,
+            progress,
+        )?;
         observation.labels = Some(labeller.report.clone());
         observation.pictures = labeller.pictures.clone();
         observation.reasons.extend(labeller.remarks.clone());
@@ -177,7 +185,7 @@ impl Fusion {
         let floors = self.floors(params.seed, &mut observation.reasons);
         if let Some(first) = floors.first() {
             let cloud = &mut self.fused.cloud_in_world;
-            let labelled = labeller.finish(cloud, &first.clip_from_world, &params.label);
+            let labelled = labeller.add_shapes(cloud, &first.clip_from_world, &params.label);
             observation.walls = labelled.walls;
             observation.labels = Some(labelled.report);
             observation.reasons.extend(labelled.remark);
@@ -334,25 +342,25 @@ impl Observation {
     }
 
     /// Returns this observation with the chosen floor at z = 0; `None` without a floor.
-    pub(super) fn settled(&self, alignment: &Alignment) -> Option<Observation> {
+    pub(super) fn on_floor(&self, alignment: &Alignment) -> Option<Observation> {
         let floor = alignment.floor.as_ref().or(self.floor.as_ref())?;
-        let (scan, sunk_m) = self.view_of(alignment);
-        Some(self.settled_on(floor, scan, sunk_m))
+        let (scan, floor_offset_m) = self.view_of(alignment);
+        Some(self.with_floor(floor, scan, floor_offset_m))
     }
 
-    /// Returns this observation with each other floor than that of `settled` at z = 0.
-    pub(super) fn settled_elsewhere(&self, settled: &Observation) -> Vec<Observation> {
+    /// Returns this observation with each other floor than that of `chosen` at z = 0.
+    pub(super) fn on_other_floors(&self, chosen: &Observation) -> Vec<Observation> {
         let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
-        let others = self.views().filter(|view| Some(view.floor) != settled.floor.as_ref());
+        let others = self.views().filter(|view| Some(view.floor) != chosen.floor.as_ref());
         others
-            .map(|view| self.settled_on(view.floor, view.scan.clone(), view.floor.camera_height_m - first_m))
+            .map(|view| self.with_floor(view.floor, view.scan.clone(), view.floor.camera_height_m - first_m))
             .collect()
     }
 
-    /// Returns this observation with the floor `sunk_m` below that of the cloud at z = 0, without other floors.
-    fn settled_on(&self, floor: &FloorReport, scan: VirtualScan, sunk_m: f64) -> Observation {
-        let lower = Pose3::translation(0.0, 0.0, sunk_m);
-        let raise = |range: (f64, f64)| (range.0 + sunk_m, range.1 + sunk_m);
+    /// Returns this observation with the floor `floor_offset_m` below that of the cloud at z = 0, without other floors.
+    fn with_floor(&self, floor: &FloorReport, scan: VirtualScan, floor_offset_m: f64) -> Observation {
+        let lower = Pose3::translation(0.0, 0.0, floor_offset_m);
+        let raise = |range: (f64, f64)| (range.0 + floor_offset_m, range.1 + floor_offset_m);
         let mut walls = self.walls.clone();
         walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
         Observation {

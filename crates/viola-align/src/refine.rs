@@ -10,7 +10,7 @@ use super::scan::Hit;
 use super::target::Target;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{Point2, Pose2};
 
 /// Scales of the robust kernel, wide to narrow; a hit this far from the map has a quarter of its weight.
 const KERNEL_M: [f64; 3] = [0.4, 0.15, 0.05];
@@ -38,10 +38,9 @@ pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target) -> Vec<Refined> {
         // Before the last scale, a few millimetres do not matter.
         let last = i + 1 == KERNEL_M.len();
         let (hits, still_m, still_rad) = if last { (&hits, 4e-4, 1e-4) } else { (&some, 3e-3, 1e-3) };
+        let params = DescentParams { kernel_m, steps: STEPS, still_m, still_rad };
         let leaders = &mut bunches.leaders;
-        leaders.par_iter_mut().for_each(|pose| {
-            *pose = descend(*pose, hits, target, kernel_m, STEPS, still_m, still_rad);
-        });
+        leaders.par_iter_mut().for_each(|pose| *pose = descend(*pose, hits, target, &params));
         if !last {
             bunches.join();
         }
@@ -87,8 +86,7 @@ impl Bunches {
         let mut kept: Vec<Pose2> = Vec::new();
         let mut now = Vec::with_capacity(self.leaders.len());
         for pose in &self.leaders {
-            let met =
-                |k: &Pose2| k.distance_m(pose) < MET_M && angle_between(k.yaw_rad, pose.yaw_rad) < MET_RAD;
+            let met = |kept: &Pose2| kept.is_within(pose, MET_M, MET_RAD);
             now.push(kept.iter().position(met).unwrap_or_else(|| {
                 kept.push(*pose);
                 kept.len() - 1
@@ -101,30 +99,32 @@ impl Bunches {
     }
 }
 
-/// Descends at one scale, until a step moves less than `still_m` and `still_rad`.
-fn descend(
-    start: Pose2,
-    hits: &[Weighted],
-    target: &Target,
+/// The scale of the kernel in a descent, and where the descent ends.
+struct DescentParams {
     kernel_m: f64,
+    /// Maximum number of steps.
     steps: usize,
+    /// A step that moves and turns the pose by less is the last one.
     still_m: f64,
     still_rad: f64,
-) -> Pose2 {
+}
+
+/// Descends at one scale.
+fn descend(start: Pose2, hits: &[Weighted], target: &Target, params: &DescentParams) -> Pose2 {
     let mut pose = start;
-    let mut normal = Normal::gather(&pose, hits, target, kernel_m);
+    let mut normal = Normal::gather(&pose, hits, target, params.kernel_m);
     let mut damping = 1e-3;
-    for _ in 0..steps {
+    for _ in 0..params.steps {
         let Some(step) = normal.step(damping) else { break };
         let moved = Pose2::new(pose.x_m + step.x, pose.y_m + step.y, pose.yaw_rad + step.z);
-        let there = Normal::gather(&moved, hits, target, kernel_m);
+        let there = Normal::gather(&moved, hits, target, params.kernel_m);
         if there.cost < normal.cost {
             (pose, normal) = (moved, there);
             damping = f64::max(damping * 0.3, 1e-6);
         } else {
             damping *= 10.0;
         }
-        if step.xy().norm() < still_m && step.z.abs() < still_rad {
+        if step.xy().norm() < params.still_m && step.z.abs() < params.still_rad {
             break;
         }
     }
@@ -150,9 +150,9 @@ impl Normal {
             let (x, y) = (hit.x_m, hit.y_m);
             let (rx, ry) = (cos * x - sin * y, sin * x + cos * y);
             let (d, slope) = target.field.value_and_gradient(&Point2::new(rx + pose.x_m, ry + pose.y_m));
-            let share = c2 / (c2 + d * d);
-            let bent = hit.weight * share;
-            let weight = bent * share;
+            let kernel_weight = c2 / (c2 + d * d);
+            let bent = hit.weight * kernel_weight;
+            let weight = bent * kernel_weight;
             let turn = slope.y * rx - slope.x * ry;
             let (wx, wy, wt) = (weight * slope.x, weight * slope.y, weight * turn);
             information[0] += wx * slope.x;
@@ -204,9 +204,9 @@ fn variance_m2(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) 
     let (mut squared, mut weights) = (0.0, 0.0);
     for hit in hits {
         let d = target.field.value(&pose.apply(&Point2::new(hit.x_m, hit.y_m)));
-        let share = c2 / (c2 + d * d);
-        squared += hit.weight * share * share * d * d;
-        weights += hit.weight * share * share;
+        let kernel_weight = c2 / (c2 + d * d);
+        squared += hit.weight * kernel_weight * kernel_weight * d * d;
+        weights += hit.weight * kernel_weight * kernel_weight;
     }
     let variance = if weights > 0.0 { squared / weights } else { 1.0 };
     variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS

@@ -1,14 +1,14 @@
 //! Stages 7-9: registers a virtual scan to the maps of all levels, and returns one ranked answer with a
 //! probability.
 //!
-//! Each assumed floor and each level is searched on its own; all poses are ranked together, so that a pose above
+//! Each assumed floor and each level is searched on its own; all poses are ranked together, so a pose above
 //! another floor or on another level is a rival like any other.
 
 use crate::answer::{Alignment, AlignmentState};
 use crate::observe::{Observation, ScanView};
 use crate::refine::{self, Mean, Refined};
 use crate::scan::Hit;
-use crate::score::{self, Candidates, Doubts, Ranked};
+use crate::score::{self, Candidates, ProbabilityCaps, Ranked};
 use crate::search::{Modes, Search, SearchLimits};
 use crate::{AlignError, AlignParams, Target};
 use viola_geometry::LevelName;
@@ -145,7 +145,7 @@ impl<'a> Registration<'a> {
         if placed.answer.state != AlignmentState::Aligned && placed.complete {
             // The right pose may score below the first limits. An incomplete resumed search is discarded: its unlisted poses
             // may outrank its listed ones.
-            let resumed = self.place(&limits.in_doubt, &blank, progress)?;
+            let resumed = self.place(&limits.resumed, &blank, progress)?;
             if resumed.complete {
                 placed = resumed;
             }
@@ -201,14 +201,14 @@ impl<'a> Registration<'a> {
         }
         // A search that ended at its budget matters if an open pose may score as high as a mode that counts.
         let best = found.iter().filter_map(|found| found.modes.first()).map(|mode| mode.score);
-        let least = limits.bar * best.fold(0.0, f64::max);
+        let least = limits.min_score_ratio * best.fold(0.0, f64::max);
         let cut_short = found.iter().find(|found| !found.complete && found.open_bound >= least);
-        let doubts = Doubts {
+        let caps = ProbabilityCaps {
             search_incomplete: cut_short.is_some() || view.scale_cut_short,
             sparse_track: view.sparse_track,
         };
         let complete = cut_short.is_none();
-        let answer = decide(ranked, cut_short, hits, answer, self.targets, doubts);
+        let answer = decide(ranked, cut_short, hits, answer, self.targets, caps);
         Ok(Placed { answer, hypothesis, complete })
     }
 }
@@ -225,7 +225,7 @@ fn decide(
     hits: &[Hit],
     mut answer: Alignment,
     targets: &[&Target],
-    doubts: Doubts,
+    caps: ProbabilityCaps,
 ) -> Alignment {
     let Some(best) = ranked.first() else {
         let detail = "the search found no place in the map where the clip could lie";
@@ -239,7 +239,7 @@ fn decide(
     answer.inliers = Some(best.alternative.inliers);
     answer.covariance = Some(best.covariance.into());
     answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
-    score::set_probabilities(&mut answer, doubts);
+    score::set_probabilities(&mut answer, caps);
     if let Some(found) = cut_short {
         let detail = format!(
             "the search ended at its budget of {} nodes; poses that score up to {:.2} may be missing",

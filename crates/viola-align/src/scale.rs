@@ -37,7 +37,7 @@ const BEHIND_SURFACE_M: f64 = 0.025;
 const MAX_RIVALS: usize = 7;
 
 /// Observes a clip; if its unit is unknown, finds its scale in the maps first.
-pub fn observe_in(
+pub fn observe_any_scale(
     targets: &[&Target],
     clip: &Clip,
     frames: Option<Range<u32>>,
@@ -158,7 +158,7 @@ fn median_depth(clip: &Clip, frames: Option<&Range<u32>>) -> Result<Option<f64>,
             Ok(frame) => {
                 depths.extend(frame.depth.depth_m.iter().filter(|depth| depth.is_finite() && **depth > 0.0))
             }
-            Err(error) if error.is_ours() => return Err(AlignError::Clip(error)),
+            Err(error) if error.is_service_fault() => return Err(AlignError::Clip(error)),
             // The fusion counts broken frames.
             Err(_) => {}
         }

@@ -8,10 +8,10 @@ mod model;
 mod rank;
 mod verdict;
 
-pub use confidence::{Doubts, FEATURES, features, set_probabilities, share_of_odds};
+pub use confidence::{FEATURES, ProbabilityCaps, features, fraction_of_odds, set_probabilities};
 pub use different::is_different;
 pub use evidence::{Evidence, PoseScorer};
 pub use hit_weights::{HitWeightParams, hit_weights};
 pub use model::{Coefficient, CovarianceModel, LossWeights, MODEL, MadeBy, Model, TYPICAL_HITS};
 pub use rank::{Candidates, Ranked, ScoreParams, coverage, rank};
-pub use verdict::set_state;
+pub use verdict::{MIN_ALIGNED_PROBABILITY, set_state};

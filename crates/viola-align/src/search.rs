@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{Point2, Pose2};
 
 /// Poses nearer than this, and turned by less than `APART_RAD` from each other, are one mode.
 pub(crate) const APART_M: f64 = 0.25;
@@ -43,7 +43,7 @@ pub struct SearchLimits {
     /// Maximum number of modes.
     pub modes: usize,
     /// Minimum score of a mode, as a fraction of the best score.
-    pub bar: f64,
+    pub min_score_ratio: f64,
 }
 
 /// Parameters of the search.
@@ -57,7 +57,7 @@ pub struct SearchParams {
     /// Limits of the first search.
     pub first: SearchLimits,
     /// Limits of the resumed search if the answer is in doubt, which is worth the time.
-    pub in_doubt: SearchLimits,
+    pub resumed: SearchLimits,
     /// Maximum number of opened nodes, after which the certificate is incomplete. A count and not a time, so
     /// that the answer is the same on a slow machine.
     pub max_nodes: usize,
@@ -69,8 +69,8 @@ impl Default for SearchParams {
             rotations: 360,
             hits: 128,
             levels: 5,
-            first: SearchLimits { modes: 40, bar: 0.8 },
-            in_doubt: SearchLimits { modes: 100, bar: 0.7 },
+            first: SearchLimits { modes: 40, min_score_ratio: 0.8 },
+            resumed: SearchLimits { modes: 100, min_score_ratio: 0.7 },
             max_nodes: 1_500_000,
         }
     }
@@ -118,9 +118,9 @@ impl<'a> Search<'a> {
         let hits = about(&pivot, &thin(hits, params.hits));
         let space = Space::new(&hits, Arc::clone(likelihood), params);
         let roots = space.roots();
-        // Nodes that cannot reach the lowest bar relative to this leaf are dropped.
+        // Nodes that cannot reach the lowest ratio to this leaf are dropped.
         let dived = space.dive(&roots);
-        let lowest = params.first.bar.min(params.in_doubt.bar);
+        let lowest = params.first.min_score_ratio.min(params.resumed.min_score_ratio);
         let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
         let open = roots.into_iter().filter(|node| node.bound > hopeless).collect();
         Search { params, space, pivot, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
@@ -128,7 +128,11 @@ impl<'a> Search<'a> {
 
     /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
     pub fn run(&mut self, reach: &SearchLimits, progress: &dyn Progress) -> Result<Modes, AlignError> {
-        self.resume(reach.modes, |best| reach.bar * best.map_or(0.0, |best| best.score), progress)?;
+        self.resume(
+            reach.modes,
+            |best| reach.min_score_ratio * best.map_or(0.0, |best| best.score),
+            progress,
+        )?;
         Ok(self.found())
     }
 
@@ -151,7 +155,7 @@ impl<'a> Search<'a> {
 
     /// Returns the best score that is known: a lower bound of the optimum.
     pub(crate) fn known_score(&self) -> f64 {
-        let dived = self.dived.map_or(0.0, |leaf| self.space.share(leaf.bound));
+        let dived = self.dived.map_or(0.0, |leaf| self.space.fraction(leaf.bound));
         self.modes.first().map_or(dived, |best| best.score)
     }
 
@@ -164,14 +168,15 @@ impl<'a> Search<'a> {
     ) -> Result<(), AlignError> {
         while let Some(top) = self.open.peek() {
             let enough = self.modes.len() >= modes || self.nodes >= self.params.max_nodes;
-            if enough || self.space.share(top.bound) < least(self.modes.first()) {
+            if enough || self.space.fraction(top.bound) < least(self.modes.first()) {
                 break;
             }
             if top.level == 0 {
                 let Some(leaf) = self.open.pop() else { break };
                 let pose = self.space.pose(&leaf);
                 if !self.modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose)) {
-                    self.modes.push(Candidate { map_from_clip: pose, score: self.space.share(leaf.bound) });
+                    self.modes
+                        .push(Candidate { map_from_clip: pose, score: self.space.fraction(leaf.bound) });
                 }
                 continue;
             }
@@ -191,13 +196,13 @@ impl<'a> Search<'a> {
         if let (true, Some(leaf)) = (modes.is_empty(), self.dived) {
             // The budget ended before the first proof; the fallback is the best known leaf.
             let map_from_clip = self.space.pose(&leaf);
-            modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
+            modes.push(Candidate { map_from_clip, score: self.space.fraction(leaf.bound) });
         }
         let pivot_from_clip = Pose2::new(-self.pivot.x, -self.pivot.y, 0.0);
         for mode in &mut modes {
             mode.map_from_clip = mode.map_from_clip.compose(&pivot_from_clip);
         }
-        let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
+        let open_bound = self.space.fraction(self.open.peek().map_or(self.hopeless, |top| top.bound));
         Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < self.params.max_nodes }
     }
 }
@@ -205,10 +210,10 @@ impl<'a> Search<'a> {
 /// Returns the clip's origin if it lies in the box around the hits, else their weighted middle. Hits that no map of a home
 /// reaches do not count.
 fn pivot(hits: &[Hit]) -> Point2 {
-    const MOST_M: f64 = 100.0;
+    const MAX_RANGE_M: f64 = 100.0;
     // Integers, so that the order of the hits does not matter.
     const UNITS: f64 = 1024.0;
-    let near = || hits.iter().filter(|hit| hit.point_m.coords.norm() <= MOST_M);
+    let near = || hits.iter().filter(|hit| hit.point_m.coords.norm() <= MAX_RANGE_M);
     let is_around = |axis: usize| {
         near().any(|hit| hit.point_m[axis] <= 0.0) && near().any(|hit| hit.point_m[axis] >= 0.0)
     };
@@ -256,7 +261,7 @@ fn pop_batch(open: &mut BinaryHeap<Node>, is_taken: impl Fn(&Node) -> bool) -> V
 }
 
 fn is_close(a: &Pose2, b: &Pose2) -> bool {
-    a.distance_m(b) < APART_M && angle_between(a.yaw_rad, b.yaw_rad) < APART_RAD
+    a.is_within(b, APART_M, APART_RAD)
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub struct Target {
     /// One of the points in each cell of 5 cm.
     pub thinned_m: Vec<Point2>,
     /// Of each of `thinned_m`: how much it counts as a wall, 0..1.
-    pub thinned_shares: Vec<f64>,
+    pub thinned_fractions: Vec<f64>,
     /// State of each cell, for maps that have cells.
     pub cells: Option<Grid<Cell>>,
     pub field: DistanceField,
@@ -68,7 +68,7 @@ impl Target {
         let pieces = Pieces::new(&points_m, cell_m);
         Some(Target {
             level: LevelName::MAIN,
-            thinned_shares: thinned_m.iter().map(|point| pieces.share(point)).collect(),
+            thinned_fractions: thinned_m.iter().map(|point| pieces.fraction(point)).collect(),
             points_m,
             thinned_m,
             cells,
@@ -79,8 +79,8 @@ impl Target {
     }
 
     /// Returns how much the map's points beside `point` count as a wall, 0..1: little if they are a short piece.
-    pub fn wall_share(&self, point: &Point2) -> f64 {
-        self.pieces.share(point)
+    pub fn wall_fraction(&self, point: &Point2) -> f64 {
+        self.pieces.fraction(point)
     }
 
     /// Returns the state of the cell at a point.

@@ -12,7 +12,7 @@ const MAX_BYTES: usize = 32;
 
 /// The name of a level: 1 to 32 characters of `a-z 0-9 _ -`. It is a part of paths and file names.
 ///
-/// The bytes after the name are 0, so that names sort as text. It is `Copy`, because poses and tiles have one.
+/// The bytes after the name are 0, so names sort as text. It is `Copy`, because poses and tiles have one.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
 #[serde(try_from = "String")]
 pub struct LevelName([u8; MAX_BYTES]);

@@ -51,6 +51,11 @@ impl Pose2 {
         (self.translation() - other.translation()).norm()
     }
 
+    /// Returns whether another pose is nearer than `distance_m` and turned by less than `angle_rad`.
+    pub fn is_within(&self, other: &Pose2, distance_m: f64, angle_rad: f64) -> bool {
+        self.distance_m(other) < distance_m && angle_between(self.yaw_rad, other.yaw_rad) < angle_rad
+    }
+
     pub fn is_finite(&self) -> bool {
         self.x_m.is_finite() && self.y_m.is_finite() && self.yaw_rad.is_finite()
     }

@@ -63,7 +63,7 @@ impl Stage {
         }
     }
 
-    /// Returns the start and end of this stage as fractions of the whole job. They are typical times, so that
+    /// Returns the start and end of this stage as fractions of the whole job. They are typical times, so
     /// a progress bar moves evenly; nothing else depends on them.
     pub fn span(self) -> (f64, f64) {
         match self {

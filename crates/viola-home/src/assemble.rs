@@ -7,22 +7,22 @@ mod agreement;
 mod belief;
 mod cache;
 mod candidates;
+mod clip_matches;
 mod content;
+mod floor_correction;
 mod fold;
 mod footprint;
 mod joint;
 mod labelled;
-mod level;
 mod load;
 mod looked;
 mod members;
 mod neighbours;
 mod overlap;
+mod pose_graph;
 mod poses;
-mod settle;
 pub(super) mod sight;
 mod surface;
-mod ties;
 mod tile;
 mod tiles;
 mod varint;
@@ -31,15 +31,15 @@ mod window;
 
 pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
+pub use clip_matches::{ClipMatch, Motion, Surfaces};
+pub use floor_correction::FloorCorrection;
 pub use footprint::Footprint;
 pub use joint::Comparison;
 pub use labelled::LabelledMap;
-pub use level::Level;
 pub use load::LoadClips;
 pub use looked::LookedThrough;
 pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
-pub use ties::{Motion, Surfaces, Tie};
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;
@@ -57,17 +57,17 @@ pub struct Manifest {
     pub clips: Vec<PlacedClip>,
     /// Relative poses of clips and the neighbours that they are registered to.
     pub pairs: Vec<Pair>,
-    /// All clips with a possible pose, also those that are not in the map.
+    /// All clips with a possible pose, even those that are not in the map.
     #[serde(default)]
     pub known: Vec<KnownClip>,
     /// Agreement of the clips at their possible poses.
     #[serde(default)]
     pub comparisons: Vec<Comparison>,
-    /// Ties between the clips in `known`.
-    #[serde(default)]
-    pub ties: Vec<Tie>,
+    /// Matches between the clips in `known`.
+    #[serde(rename = "ties", default)]
+    pub clip_matches: Vec<ClipMatch>,
     pub tiles: Vec<(TileKey, TileInfo)>,
-    /// Version of the labels of the tiles; empty if they are to be made anew.
+    /// Version of the labels of the tiles; empty if they are to be computed again.
     #[serde(default)]
     pub labelled_by: String,
 }
@@ -88,10 +88,10 @@ pub struct Pair {
 pub struct Assembly {
     pub manifest: Manifest,
     pub changed: BTreeMap<TileKey, Option<Tile>>,
-    /// Sums of the first clips of tiles that were made anew, which the next merge of the map begins with: the same map
+    /// Sums of the first clips of rebuilt tiles, which the next merge of the map begins with: the same map
     /// results without them. None for those that are to be removed.
     pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
-    /// Space looked through in the rebuilt tiles, by level; also in rebuilt tiles without a change.
+    /// Space looked through in the rebuilt tiles, by level; even in rebuilt tiles without a change.
     pub looked: BTreeMap<LevelName, LookedThrough>,
     /// The tiles of the last map.
     last: BTreeMap<TileKey, TileInfo>,
@@ -111,9 +111,9 @@ pub fn assemble<E>(
     let infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     let (changed, tiles) = changes(&infos, changed);
     let tiles = tiles.into_iter().collect();
-    let Placed { pairs, known, comparisons, ties, .. } = placed;
+    let Placed { pairs, known, comparisons, clip_matches, .. } = placed;
     let labelled_by = last.labelled_by.clone();
-    let manifest = Manifest { clips, pairs, known, comparisons, ties, tiles, labelled_by };
+    let manifest = Manifest { clips, pairs, known, comparisons, clip_matches, tiles, labelled_by };
     Ok(Assembly { manifest, changed, sums, looked, last: infos })
 }
 
@@ -149,9 +149,9 @@ pub fn likeliest<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Re
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
-    let ties = ties::ties((&[], &[]), &candidates, &mut cache)?;
-    let forest = ties::forest(&candidates, &ties);
-    ties::pass_poses(&mut candidates, &forest.branches);
+    let clip_matches = clip_matches::clip_matches((&[], &[]), &candidates, &mut cache)?;
+    let forest = clip_matches::forest(&candidates, &clip_matches);
+    clip_matches::pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
     let marginals = joint::marginals(&candidates, &comparisons, &forest);
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())

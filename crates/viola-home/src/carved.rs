@@ -1,7 +1,7 @@
 //! Space that a clip's views looked through: what an earlier clip saw there is gone.
 
 use crate::assemble::sight::{Sight, View};
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::BTreeMap;
@@ -22,9 +22,9 @@ const MAX_BLOCKS: usize = 1 << 19;
 /// Radius around a cell's centre that must have been looked through: half a cell's diagonal.
 const RADIUS_M: f64 = CELL_M * 0.866_025_4;
 /// A cell is carved if this many views looked through it ...
-const LEAST_VIEWS: u16 = 2;
+const MIN_VIEWS: u16 = 2;
 /// ... and more than this many times as many as saw a surface there.
-const LEAST_RATIO: u16 = 3;
+const MIN_RATIO: u16 = 3;
 
 /// Set of cells, in blocks. In the clip's frame as stored, in the map's frame as used.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -66,7 +66,7 @@ impl CarvedSpace {
                 }
             }
         }
-        let enough = seen_by.into_iter().filter(|(_, by)| by.len() >= usize::from(LEAST_VIEWS));
+        let enough = seen_by.into_iter().filter(|(_, by)| by.len() >= usize::from(MIN_VIEWS));
         let blocks: Vec<([i32; 3], Vec<u32>)> = enough.collect();
         let carved = blocks.into_par_iter().map(|(block, by)| {
             let by = by.iter().map(|number| &views[*number as usize]);
@@ -140,25 +140,14 @@ impl CarvedSpace {
             let reach = half_extent(&clip_from_map);
             let low = cell_of((centre - reach).coords.into());
             let high = cell_of((centre + reach).coords.into());
-            let first = block.map(|b| b * BLOCK_CELLS);
-            let step = clip_from_map.rotation * Vector3::x();
-            for z in low[2]..=high[2] {
-                for y in low[1]..=high[1] {
-                    let row = [low[0], y, z].map(|c| (f64::from(c) + 0.5) * CELL_M);
-                    // In units of cells of the clip.
-                    let mut at = (clip_from_map * Point3::from(row)).coords / CELL_M;
-                    for x in low[0]..=high[0] {
-                        let within = [0, 1, 2].map(|axis| at[axis].floor() as i32 - first[axis]);
-                        at += step;
-                        if within.iter().all(|c| (0..BLOCK_CELLS).contains(c)) {
-                            let (layer, own) = bit(within);
-                            if bits[layer] & own != 0 {
-                                let cell = [x, y, z];
-                                let (layer, bit) = bit(cell);
-                                placed.entry(block_of(cell)).or_default()[layer] |= bit;
-                            }
-                        }
-                    }
+            if !blocks_between(block_of(low), block_of(high)).any(|block| part(block).is_some()) {
+                continue;
+            }
+            for (y, z) in (low[2]..=high[2]).flat_map(|z| (low[1]..=high[1]).map(move |y| (y, z))) {
+                let row = Row { first: [low[0], y, z], last_x: high[0] };
+                for cell in row.carved_cells(*block, bits, &clip_from_map) {
+                    let (layer, bit) = bit(cell);
+                    placed.entry(block_of(cell)).or_default()[layer] |= bit;
                 }
             }
         }
@@ -183,10 +172,10 @@ impl CarvedSpace {
         out
     }
 
-    pub(crate) fn read(bytes: &[u8]) -> Result<CarvedSpace, NotOurs> {
+    pub(crate) fn read(bytes: &[u8]) -> Result<CarvedSpace, UnknownFileFormat> {
         let (blocks, rest) = bytes.as_chunks::<BLOCK_BYTES>();
         if !rest.is_empty() || blocks.len() > MAX_BLOCKS {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let block = |bytes: &[u8; BLOCK_BYTES]| {
             let (place, layers) = bytes.split_at(12);
@@ -200,10 +189,47 @@ impl CarvedSpace {
             }
             // Far outside of any home; its cells would overflow.
             let is_near = key.iter().all(|c| c.abs() < 1 << 20);
-            is_near.then_some((key, bits)).ok_or(NotOurs)
+            is_near.then_some((key, bits)).ok_or(UnknownFileFormat)
         };
         let blocks: FxHashMap<[i32; 3], Bits> = blocks.iter().map(block).collect::<Result<_, _>>()?;
         Ok(CarvedSpace { blocks })
+    }
+}
+
+/// Returns the blocks of a box, whose corners are in it.
+fn blocks_between(low: [i32; 3], high: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+    let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (y, z)));
+    rows.flat_map(move |(y, z)| (low[0]..=high[0]).map(move |x| [x, y, z]))
+}
+
+/// A row of cells of the map along x.
+struct Row {
+    first: [i32; 3],
+    last_x: i32,
+}
+
+impl Row {
+    /// Returns the cells whose centres lie in carved cells of a block of the clip.
+    fn carved_cells(
+        &self,
+        block: [i32; 3],
+        bits: &Bits,
+        clip_from_map: &Pose3,
+    ) -> impl Iterator<Item = [i32; 3]> {
+        let Row { first: [first_x, y, z], last_x } = *self;
+        let origin = block.map(|b| b * BLOCK_CELLS);
+        let step = clip_from_map.rotation * Vector3::x();
+        let centre = self.first.map(|c| (f64::from(c) + 0.5) * CELL_M);
+        // In units of cells of the clip.
+        let mut at = (clip_from_map * Point3::from(centre)).coords / CELL_M;
+        (first_x..=last_x).map(move |x| [x, y, z]).filter(move |_| {
+            let within = [0, 1, 2].map(|axis| at[axis].floor() as i32 - origin[axis]);
+            at += step;
+            within.iter().all(|c| (0..BLOCK_CELLS).contains(c)) && {
+                let (layer, bit) = bit(within);
+                bits[layer] & bit != 0
+            }
+        })
     }
 }
 
@@ -245,7 +271,7 @@ fn carved_cells<'a>(block: [i32; 3], by: impl Iterator<Item = &'a View<'a>>) -> 
     }
     let mut bits = Bits::default();
     for (number, (surface, through)) in counts.iter().enumerate() {
-        if *through >= LEAST_VIEWS && *through > surface.saturating_mul(LEAST_RATIO) {
+        if *through >= MIN_VIEWS && *through > surface.saturating_mul(MIN_RATIO) {
             bits[number / 64] |= 1 << (number % 64);
         }
     }
@@ -363,9 +389,9 @@ mod tests {
         assert!(bytes.len() > 1000);
         assert_eq!(CarvedSpace::read(&bytes), Ok(carved));
         assert_eq!(CarvedSpace::read(&[]), Ok(CarvedSpace::default()));
-        assert_eq!(CarvedSpace::read(&bytes[1..]), Err(NotOurs));
+        assert_eq!(CarvedSpace::read(&bytes[1..]), Err(UnknownFileFormat));
         let mut far = bytes;
         far[..4].copy_from_slice(&i32::MAX.to_le_bytes());
-        assert_eq!(CarvedSpace::read(&far), Err(NotOurs));
+        assert_eq!(CarvedSpace::read(&far), Err(UnknownFileFormat));
     }
 }

@@ -116,9 +116,9 @@ fn sheet(
 
 /// Returns the report as lines of text.
 fn words(report: &CompletionReport) -> Vec<String> {
-    let judged = |judged: &viola_align::Judged| {
-        let state = format!("{:?}", judged.state).to_lowercase();
-        match (&judged.map_from_clip, judged.probability) {
+    let text = |answer: &viola_align::AnswerSummary| {
+        let state = format!("{:?}", answer.state).to_lowercase();
+        match (&answer.map_from_clip, answer.probability) {
             (Some(pose), Some(p)) => format!(
                 "{state}, probability {p:.2}, x {:.2} m, y {:.2} m, yaw {:.1} deg",
                 pose.x_m,
@@ -131,8 +131,8 @@ fn words(report: &CompletionReport) -> Vec<String> {
     let by =
         if report.imagined_by.is_empty() { "no network".to_owned() } else { report.imagined_by.join(", ") };
     vec![
-        format!("before: {}", judged(&report.before)),
-        format!("after:  {}", judged(&report.after)),
+        format!("before: {}", text(&report.before)),
+        format!("after:  {}", text(&report.after)),
         format!(
             "the answer is the one {} completion; {} hits filled in",
             if report.taken { "with" } else { "without" },

@@ -2,7 +2,7 @@
 
 use super::MAP_VOXEL_M;
 use super::carved::CarvedSpace;
-use super::ply::{NotOurs, read_cloud_ply};
+use super::ply::{UnknownFileFormat, read_cloud_ply};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -29,7 +29,7 @@ impl ClipContribution {
     }
 
     /// Reads a clip's files: the cloud of [`cloud_ply`](super::cloud_ply) and [`views_bytes`].
-    pub fn read(cloud: &[u8], views: &[u8]) -> Result<ClipContribution, NotOurs> {
+    pub fn read(cloud: &[u8], views: &[u8]) -> Result<ClipContribution, UnknownFileFormat> {
         let cloud_in_clip = read_cloud_ply(cloud, MAP_VOXEL_M)?;
         let (views, carved) = read_views(views)?;
         let carved = carved.map(OnceLock::from).unwrap_or_default();
@@ -114,55 +114,57 @@ pub fn views_bytes(cloud_in_clip: &PointCloud, views: &[View]) -> Vec<u8> {
 }
 
 /// Inverse of [`views_bytes`]; files of the previous version have no carved space.
-fn read_views(bytes: &[u8]) -> Result<(Vec<View>, Option<CarvedSpace>), NotOurs> {
-    let (magic, packed) = bytes.split_at_checked(MAGIC.len()).ok_or(NotOurs)?;
+fn read_views(bytes: &[u8]) -> Result<(Vec<View>, Option<CarvedSpace>), UnknownFileFormat> {
+    let (magic, packed) = bytes.split_at_checked(MAGIC.len()).ok_or(UnknownFileFormat)?;
     if magic != MAGIC && magic != MAGIC_01 {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     }
     let mut plain = Vec::new();
     let unpacked = ZlibDecoder::new(packed).take(MAX_BYTES + 1).read_to_end(&mut plain);
     if unpacked.is_err() || plain.len() as u64 > MAX_BYTES {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     }
     let mut rest = plain.as_slice();
     let mut carved = None;
     if magic == MAGIC {
-        let (length, tail) = rest.split_first_chunk::<4>().ok_or(NotOurs)?;
-        let (own, tail) = tail.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(NotOurs)?;
+        let (length, tail) = rest.split_first_chunk::<4>().ok_or(UnknownFileFormat)?;
+        let (own, tail) =
+            tail.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(UnknownFileFormat)?;
         carved = Some(CarvedSpace::read(own)?);
         rest = tail;
     }
     let mut views = Vec::new();
     while !rest.is_empty() {
-        let (head, tail) = rest.split_at_checked(HEAD_BYTES).ok_or(NotOurs)?;
+        let (head, tail) = rest.split_at_checked(HEAD_BYTES).ok_or(UnknownFileFormat)?;
         let mut head = Numbers(head);
         let pose = [(); 7].map(|()| head.f64());
         let (width, height) = (head.u32(), head.u32());
         let [fx, fy, cx, cy] = [(); 4].map(|()| head.f64());
         let (columns, stride, count) = (head.u16(), head.u16(), head.u32() as usize);
-        let (depths, tail) = tail.split_at_checked(count.checked_mul(2).ok_or(NotOurs)?).ok_or(NotOurs)?;
+        let (depths, tail) =
+            tail.split_at_checked(count.checked_mul(2).ok_or(UnknownFileFormat)?).ok_or(UnknownFileFormat)?;
         rest = tail;
         if pose.iter().any(|value| !value.is_finite()) {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let turn = Quaternion::new(pose[3], pose[0], pose[1], pose[2]);
         // Not normalised again: that would change its last bits.
         if (turn.norm() - 1.0).abs() > 1e-6 {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let rotation = UnitQuaternion::new_unchecked(turn);
         let depth_mm = depths.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
         let camera = Pinhole { width, height, fx, fy, cx, cy };
         views.push(View {
             clip_from_camera: Pose3::from_parts(Translation3::new(pose[4], pose[5], pose[6]), rotation),
-            readings: Readings::new(camera, columns, stride, depth_mm).ok_or(NotOurs)?,
+            readings: Readings::new(camera, columns, stride, depth_mm).ok_or(UnknownFileFormat)?,
         });
     }
     Ok((views, carved))
 }
 
 /// Returns the poses of the key frames' cameras in the clip's frame, out of the file of [`views_bytes`].
-pub fn camera_poses(views: &[u8]) -> Result<Vec<Pose3>, NotOurs> {
+pub fn camera_poses(views: &[u8]) -> Result<Vec<Pose3>, UnknownFileFormat> {
     let (views, _) = read_views(views)?;
     Ok(views.iter().map(|view| view.clip_from_camera).collect())
 }
@@ -239,7 +241,7 @@ mod tests {
     fn other_bytes_are_refused() {
         let good = views_bytes(&PointCloud::default(), &views());
         for length in 0..good.len() {
-            assert_eq!(read_views(&good[..length]), Err(NotOurs), "{length}");
+            assert_eq!(read_views(&good[..length]), Err(UnknownFileFormat), "{length}");
         }
         for at in 0..good.len() {
             let mut bytes = good.clone();

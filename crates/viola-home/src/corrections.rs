@@ -1,7 +1,7 @@
 //! Corrections of people: they are applied to what was found in the clips, and kept apart from it.
 //!
 //! A correction of an object is held by the object's id, which [`super::identity`] keeps. A correction of a
-//! room is held by a point inside the room, since rooms are cut anew by every LiDAR map. Places are in the
+//! room is held by a point inside the room, since every LiDAR map divides the rooms differently. Places are in the
 //! map's frame, and move with it when a new LiDAR map has another one.
 
 use super::identity::{Stated, Statement};
@@ -93,7 +93,7 @@ impl ObjectCorrection {
         self.yaw_rad = self.yaw_rad.map(|yaw_rad| half_turn(yaw_rad + now_from_then.yaw_rad));
     }
 
-    /// Returns whether the object is in the map also if no clip shows it.
+    /// Returns whether the object is in the map even if no clip shows it.
     fn is_kept(&self) -> bool {
         self.pinned || self.centre_m.is_some()
     }

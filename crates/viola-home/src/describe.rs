@@ -4,7 +4,7 @@ use super::assemble::Tile;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
 use super::objects::{Object, ObjectsParams, objects};
-use super::plan::{Plan, plan_of_corrected};
+use super::plan::{Ground, Plan, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
@@ -32,14 +32,17 @@ pub fn describe_revised(
     revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>),
 ) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
-    let found = rooms(lidar, &points);
+    let rooms_and_objects = || {
+        let rooms = rooms(lidar, &points);
+        let objects = objects(&points, &rooms, &ObjectsParams::default());
+        (rooms, objects)
+    };
+    let ((found, mut objects), ground) = rayon::join(rooms_and_objects, || Ground::new(lidar, &points));
     let mut rooms = found.clone();
-    let mut objects = objects(&points, &rooms, &ObjectsParams::default());
     revise(&mut rooms, &mut objects);
-    Description {
-        coverage: coverage(lidar, &points, &rooms),
-        plan: plan_of_corrected(lidar, &points, &found, &rooms, &objects),
-        rooms,
-        objects,
-    }
+    let (coverage, plan) = rayon::join(
+        || coverage(lidar, &points, &rooms),
+        || plan_of_corrected(&ground, &points, &found, &rooms, &objects),
+    );
+    Description { rooms, objects, coverage, plan }
 }

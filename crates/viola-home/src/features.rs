@@ -1,6 +1,6 @@
 //! The file of a clip's features.
 
-use super::ply::NotOurs;
+use super::ply::UnknownFileFormat;
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -26,30 +26,34 @@ pub fn features_bytes(features: &[Feature]) -> Vec<u8> {
 }
 
 /// Inverse of [`features_bytes`]. Refuses more than [`MAX_FEATURES`] features and numbers that are not finite.
-pub fn read_features(bytes: &[u8]) -> Result<Vec<Feature>, NotOurs> {
-    let (magic, packed) = bytes.split_at_checked(MAGIC.len()).ok_or(NotOurs)?;
+pub fn read_features(bytes: &[u8]) -> Result<Vec<Feature>, UnknownFileFormat> {
+    let (magic, packed) = bytes.split_at_checked(MAGIC.len()).ok_or(UnknownFileFormat)?;
     if magic != MAGIC {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     }
     let most = MAX_FEATURES * FEATURE_BYTES;
     let mut plain = Vec::new();
     let unpacked = ZlibDecoder::new(packed).take(most as u64 + 1).read_to_end(&mut plain);
     if unpacked.is_err() || plain.len() > most || !plain.len().is_multiple_of(FEATURE_BYTES) {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     }
     plain.chunks_exact(FEATURE_BYTES).map(feature).collect()
 }
 
-fn feature(bytes: &[u8]) -> Result<Feature, NotOurs> {
-    let (numbers, rest) = bytes.split_at_checked(4 * 4).ok_or(NotOurs)?;
+fn feature(bytes: &[u8]) -> Result<Feature, UnknownFileFormat> {
+    let (numbers, rest) = bytes.split_at_checked(4 * 4).ok_or(UnknownFileFormat)?;
     let mut values = [0f32; 4];
     for (value, four) in values.iter_mut().zip(numbers.chunks_exact(4)) {
-        *value = f32::from_le_bytes(four.try_into().map_err(|_| NotOurs)?);
+        *value = f32::from_le_bytes(four.try_into().map_err(|_| UnknownFileFormat)?);
     }
     let [x, y, z, heading_rad] = values;
-    let descriptor = Descriptor(rest.try_into().map_err(|_| NotOurs)?);
+    let descriptor = Descriptor(rest.try_into().map_err(|_| UnknownFileFormat)?);
     let finite = values.iter().all(|value| value.is_finite());
-    if finite { Ok(Feature { position_m: [x, y, z], heading_rad, descriptor }) } else { Err(NotOurs) }
+    if finite {
+        Ok(Feature { position_m: [x, y, z], heading_rad, descriptor })
+    } else {
+        Err(UnknownFileFormat)
+    }
 }
 
 #[cfg(test)]
@@ -74,13 +78,13 @@ mod tests {
 
     #[test]
     fn too_many_features_and_other_bytes_are_refused() {
-        assert_eq!(read_features(&features_bytes(&some(MAX_FEATURES + 1))), Err(NotOurs));
+        assert_eq!(read_features(&features_bytes(&some(MAX_FEATURES + 1))), Err(UnknownFileFormat));
         let mut infinite = some(2);
         infinite[1].heading_rad = f32::INFINITY;
-        assert_eq!(read_features(&features_bytes(&infinite)), Err(NotOurs));
+        assert_eq!(read_features(&features_bytes(&infinite)), Err(UnknownFileFormat));
         let good = features_bytes(&some(5));
         for length in 0..good.len() {
-            assert_eq!(read_features(&good[..length]), Err(NotOurs), "{length}");
+            assert_eq!(read_features(&good[..length]), Err(UnknownFileFormat), "{length}");
         }
     }
 }

@@ -5,7 +5,7 @@
 //! never used. Rooms of the robot's software keep its ids; computed rooms are assigned by their common area.
 //!
 //! Ids are the one part of the map with a history: the rest is a function of the set of clips, while ids
-//! depend also on the order in which the clips came. The history is a part of each revision.
+//! also depend on the order in which the clips came. The history is a part of each revision.
 
 mod assignment;
 mod changes;
@@ -32,8 +32,8 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Point2, Pose2};
 
 /// Revisions for which an object or a room that is not found is remembered: as many as are kept, so that
-/// nothing of a deleted clip outlives them. Of an object whose clips are in the map only those revisions count that made
-/// its place anew.
+/// nothing of a deleted clip outlives them. Of an object whose clips are in the map only those revisions count that
+/// rebuilt its place.
 const REMEMBERED: u32 = 5;
 /// Maximum number of objects that are remembered without being found.
 const MAX_MISSING: usize = 500;
@@ -89,8 +89,8 @@ impl History {
         }
     }
 
-    /// Gives the objects of the next revision their ids, and remembers these objects. `looked`: what the clips
-    /// of the next revision looked through. What is left of an object that is gone is no object.
+    /// Gives the objects of the next revision their ids, and remembers these objects. `looked`: the space
+    /// that the clips of the next revision looked through. The rest of an object that is gone is no object.
     pub fn identify_objects(&mut self, objects: &mut Vec<Object>, stated: &Stated, looked: &LookedThrough) {
         self.remember_stated(stated);
         self.name_objects(objects, stated, looked);
@@ -159,8 +159,8 @@ impl History {
         for (row, known) in self.rooms.iter().enumerate() {
             for (column, room) in rooms.iter().enumerate() {
                 // The ids of the robot's software are not ours to give.
-                let is_ours = [known.source, room.source] == [RoomSource::Computed; 2];
-                if let Some(score) = likeness::of_rooms(known, room).filter(|_| is_ours) {
+                let are_both_computed = [known.source, room.source] == [RoomSource::Computed; 2];
+                if let Some(score) = likeness::of_rooms(known, room).filter(|_| are_both_computed) {
                     candidates.push(Candidate { row, column, score });
                 }
             }

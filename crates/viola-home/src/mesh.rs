@@ -53,9 +53,9 @@ impl Vertex {
         steps.fold(0.0, f64::max)
     }
 
-    /// Returns the vertex between two: at share 0 the first, at 1 the second.
-    fn towards(&self, other: &Vertex, share: f32) -> Vertex {
-        let mix = |a: f32, b: f32| a + share * (b - a);
+    /// Returns the vertex between two: at fraction 0 the first, at 1 the second.
+    fn towards(&self, other: &Vertex, fraction: f32) -> Vertex {
+        let mix = |a: f32, b: f32| a + fraction * (b - a);
         let mixed = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|axis| mix(a[axis], b[axis]));
         let normal: [f32; 3] = mixed(self.normal, other.normal);
         let length = field::dot(normal, normal).sqrt();
@@ -65,7 +65,7 @@ impl Vertex {
             color: std::array::from_fn(|c| {
                 mix(f32::from(self.color[c]), f32::from(other.color[c])).round() as u8
             }),
-            class: if share < 0.5 { self.class } else { other.class },
+            class: if fraction < 0.5 { self.class } else { other.class },
         }
     }
 }

@@ -25,6 +25,7 @@ use super::map_point::MapPoint;
 use super::rooms::Room;
 use cells::Cells;
 use fragment::Fragment;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
 
@@ -45,7 +46,7 @@ const MIN_CONFIDENCE: f64 = 0.25;
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
 const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.45;
 /// Minimum fraction of an object's points for a clip to be listed.
-const CLIP_SHARE: f64 = 0.05;
+const CLIP_FRACTION: f64 = 0.05;
 /// Maximum number of an object's samples.
 const SAMPLES: usize = 24;
 
@@ -96,6 +97,12 @@ impl Object {
     pub fn bounds(&self) -> UprightBox {
         UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
     }
+
+    /// Sets the box; its longer side becomes the length.
+    fn set_bounds(&mut self, mut bounds: UprightBox) {
+        bounds.normalise();
+        (self.centre_m, self.size_m, self.yaw_rad) = (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
+    }
 }
 
 /// An object and the sorted indices of its points in the map.
@@ -119,10 +126,11 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let mut fragments = kitchen::kitchens(&cells, &mut labels, wall_yaw_rad);
     fragments.extend(fragment::fragments(&cells, &labels, reach));
     // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
-    let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let split = |fragment: Fragment| split::split(fragment, &cells, wall_yaw_rad);
+    let apart = fragments.into_par_iter().flat_map_iter(split);
     let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
-    let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
-    let things = split.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
+    let things = joined.into_par_iter().flat_map_iter(split);
+    let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
     let mut found: Vec<Found> =
         things.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
@@ -185,10 +193,10 @@ fn finish(
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
         return None;
     }
-    let mut shares: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
-    members.iter().for_each(|i| *shares.entry(points[*i as usize].clip).or_default() += 1);
-    let least = (CLIP_SHARE * members.len() as f64).max(1.0);
-    let clips = shares.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
+    let mut counts: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
+    members.iter().for_each(|i| *counts.entry(points[*i as usize].clip).or_default() += 1);
+    let least = (CLIP_FRACTION * members.len() as f64).max(1.0);
+    let clips = counts.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
     let object = Object {
         id: String::new(),
         class: decided.class,

@@ -2,7 +2,7 @@
 //!
 //! Straight faces of walls divide the plane into cells (`faces`, `cells`). A minimum cut tells which cells are
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
-//! (`gaps`), and what remains connected is a room (`spaces`), so that rooms are closed and never overlap.
+//! (`gaps`), and what remains connected is a room (`spaces`), so rooms are closed and never overlap.
 
 mod cells;
 mod cut;
@@ -40,7 +40,7 @@ use evidence::Evidence;
 use merges::Merges;
 use spaces::Spaces;
 use viola_formats::lidar::LidarMap;
-use viola_geometry::Point2;
+use viola_geometry::{Point2, Pose2};
 
 pub use dxf::plan_dxf;
 pub use geojson::{plan_geojson, plan_json};
@@ -51,20 +51,35 @@ pub use page::svg::{plan_png, plan_svg};
 
 /// Returns the plan of a home. `points` is its fused map; it may be empty.
 pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
-    plan_of_corrected(lidar, points, rooms, rooms, objects)
+    plan_of_corrected(&Ground::new(lidar, points), points, rooms, rooms, objects)
+}
+
+/// The part of a plan that does not depend on rooms and objects.
+pub(super) struct Ground {
+    space: Space,
+    map_from_plan: Pose2,
+}
+
+impl Ground {
+    pub fn new(lidar: &LidarMap, points: &[MapPoint]) -> Ground {
+        Ground {
+            space: Space::reaching(lidar, points),
+            map_from_plan: direction::map_from_plan(lidar, points),
+        }
+    }
 }
 
 /// Returns the plan of a home whose rooms people may have merged. `found` are the rooms before that.
 pub(super) fn plan_of_corrected(
-    lidar: &LidarMap,
+    ground: &Ground,
     points: &[MapPoint],
     found: &[Room],
     rooms: &[Room],
     objects: &[Object],
 ) -> Plan {
-    let space = Space::reaching(lidar, points);
-    let map_from_plan = direction::map_from_plan(lidar, points);
-    let evidence = Evidence::new(map_from_plan, &space, points, rooms);
+    let Ground { space, map_from_plan } = ground;
+    let map_from_plan = *map_from_plan;
+    let evidence = Evidence::new(map_from_plan, space, points, rooms);
     let mut faces = faces::faces(&evidence);
     thin::separate(&mut faces, &evidence);
     let mut oblique = oblique::faces(&evidence, &faces);

@@ -61,8 +61,8 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
         out.extend_from_slice(&point.label.probability().to_le_bytes());
         out.extend_from_slice(&point.label.views.to_le_bytes());
         out.extend_from_slice(&point.weight.to_le_bytes());
-        for (class, share) in point.label.others() {
-            out.extend_from_slice(&[class.id() as u8, share]);
+        for (class, fraction) in point.label.others() {
+            out.extend_from_slice(&[class.id() as u8, fraction]);
         }
     }
     out
@@ -71,27 +71,27 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
 /// Error for bytes that [`cloud_ply`] did not write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the bytes are not a cloud that this program wrote")]
-pub struct NotOurs;
+pub struct UnknownFileFormat;
 
 /// Reads the output of [`cloud_ply`]. `voxel_m` is not in the file.
-pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs> {
-    let Ply { elements, numbers } = Ply::parse(bytes).map_err(|_| NotOurs)?;
-    let [vertex] = elements.as_slice() else { return Err(NotOurs) };
+pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, UnknownFileFormat> {
+    let Ply { elements, numbers } = Ply::parse(bytes).map_err(|_| UnknownFileFormat)?;
+    let [vertex] = elements.as_slice() else { return Err(UnknownFileFormat) };
     let vertex_bytes = if vertex.has_properties(&[&PROPERTIES[..], &OTHERS].concat()) {
         VERTEX_BYTES
     } else if vertex.has_properties(&PROPERTIES) {
         POINT_BYTES
     } else {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     };
-    let (count, body) = (usize::try_from(vertex.count).map_err(|_| NotOurs)?, numbers.rest);
+    let (count, body) = (usize::try_from(vertex.count).map_err(|_| UnknownFileFormat)?, numbers.rest);
     if numbers.encoding != Encoding::LittleEndian || count.checked_mul(vertex_bytes) != Some(body.len()) {
-        return Err(NotOurs);
+        return Err(UnknownFileFormat);
     }
     let point = |vertex: &[u8]| {
         let float =
             |at: usize| f32::from_le_bytes([vertex[at], vertex[at + 1], vertex[at + 2], vertex[at + 3]]);
-        let class = |at: usize| Class::from_id(usize::from(vertex[at])).ok_or(NotOurs);
+        let class = |at: usize| Class::from_id(usize::from(vertex[at])).ok_or(UnknownFileFormat);
         let mut others = [(Class::Other, 0); OTHER_CLASSES];
         for (place, at) in others.iter_mut().zip((POINT_BYTES..vertex.len()).step_by(2)) {
             *place = (class(at)?, vertex[at + 1]);
@@ -101,13 +101,14 @@ pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs>
             position_m: [float(0), float(4), float(8)],
             normal: [float(12), float(16), float(20)],
             color: [vertex[24], vertex[25], vertex[26]],
-            label: Label::new(class(27)?, float(28), short(32)).with_shares(others),
+            label: Label::new(class(27)?, float(28), short(32)).with_fractions(others),
             weight: short(34),
         };
         let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
-        if finite { Ok(point) } else { Err(NotOurs) }
+        if finite { Ok(point) } else { Err(UnknownFileFormat) }
     };
-    let points: Result<Vec<CloudPoint>, NotOurs> = body.chunks_exact(vertex_bytes).map(point).collect();
+    let points: Result<Vec<CloudPoint>, UnknownFileFormat> =
+        body.chunks_exact(vertex_bytes).map(point).collect();
     Ok(PointCloud { points: points?, voxel_m })
 }
 
@@ -150,7 +151,7 @@ mod tests {
     fn other_bytes_are_refused() {
         let good = cloud_ply(&cloud(), None);
         for length in [0, 3, 100, good.len() - 1] {
-            assert_eq!(read_cloud_ply(&good[..length], 0.03), Err(NotOurs), "{length}");
+            assert_eq!(read_cloud_ply(&good[..length], 0.03), Err(UnknownFileFormat), "{length}");
         }
         for at in 0..good.len() {
             let mut bytes = good.clone();
@@ -160,6 +161,6 @@ mod tests {
         }
         let mut longer = good.clone();
         longer.push(0);
-        assert_eq!(read_cloud_ply(&longer, 0.03), Err(NotOurs));
+        assert_eq!(read_cloud_ply(&longer, 0.03), Err(UnknownFileFormat));
     }
 }

@@ -24,7 +24,7 @@ use viola_geometry::{LevelName, Pose2, Pose3};
 
 /// The frame of everything but the clips.
 const MAP_FRAME: &str = "map";
-/// Maximum number of points of a message. Viewers show the last message of a topic, so that each part has a topic.
+/// Maximum number of points of a message. Viewers show the last message of a topic, so each part has a topic.
 const PART_POINTS: usize = 200_000;
 const POINT_BYTES: usize = 24;
 /// Maximum number of camera poses of a clip's path.

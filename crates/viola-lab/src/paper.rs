@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use viola_align::Candidate;
 use viola_align::{AlignError, Alignment, AlignmentState, Alternative, Observation, Target};
 use viola_geometry::progress::{self, Progress, Stage};
-use viola_geometry::{LevelName, Point2, Pose2, angle_between};
+use viola_geometry::{LevelName, Point2, Pose2};
 use viola_reconstruct::Reason;
 
 const MAP_POINTS: usize = 1800;
@@ -136,10 +136,9 @@ const ALTERNATIVES: usize = 8;
 fn decide(alignment: &mut Alignment, ranked: &[Descended], hits_m: &[Point2], nearest: &Nearest) {
     let mut distinct: Vec<&Descended> = Vec::new();
     for pose in ranked {
-        let is_known = distinct.iter().any(|known| {
-            known.map_from_clip.distance_m(&pose.map_from_clip) < CLOSE_M
-                && angle_between(known.map_from_clip.yaw_rad, pose.map_from_clip.yaw_rad) < CLOSE_RAD
-        });
+        let is_close =
+            |known: &&Descended| known.map_from_clip.is_within(&pose.map_from_clip, CLOSE_M, CLOSE_RAD);
+        let is_known = distinct.iter().any(is_close);
         if !is_known {
             distinct.push(pose);
             if distinct.len() == ALTERNATIVES {

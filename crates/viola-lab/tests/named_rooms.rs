@@ -13,7 +13,8 @@ fn a_bed_in_a_kitchen_speaks_against_a_pose() {
     lidar.rooms.truncate(2);
     lidar.rooms.iter_mut().zip(names).for_each(|(room, name)| room.name = Some(name.to_owned()));
     let [kitchen, bedroom] = [0, 1].map(|i| lidar.rooms[i].cells_m[0].coords);
-    let thing = |class, share| Landmark { point_m: Point2::origin(), from_m: Point2::origin(), class, share };
+    let thing =
+        |class, fraction| Landmark { point_m: Point2::origin(), from_m: Point2::origin(), class, fraction };
     let landmarks = vec![thing(Class::Bed, 0.2), thing(Class::Stove, 0.1), thing(Class::Chair, 0.05)];
     let scan = VirtualScan { landmarks, ..VirtualScan::default() };
     let scorer = PoseScorer::new(&[], &scan, 0.6);

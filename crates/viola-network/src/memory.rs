@@ -1,6 +1,6 @@
 //! Memory of large buffers, which goes back to the system as soon as it is free.
 
-/// Buffers from this size on are of the system's pages alone.
+/// Buffers of at least this size are of the system's pages alone.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE_BYTES: i32 = 1 << 20;
 /// A heap keeps so much free memory at its end. With the least, which a fixed size of large buffers brings, a merge takes

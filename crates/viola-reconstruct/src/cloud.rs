@@ -4,7 +4,7 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Pose3, Vector3};
 
 /// A class with its probability in 255ths, because there are millions of points.
-pub type Share = (Class, u8);
+pub type ClassFraction = (Class, u8);
 
 /// Number of further classes of a label: with the first they hold nearly all of the probability.
 pub const OTHER_CLASSES: usize = 3;
@@ -17,11 +17,11 @@ pub struct Label {
     /// Number of pictures in which a network saw the point.
     pub views: u16,
     /// The next classes, for the fusion with other clips. Places that are not needed have probability 0.
-    others: [Share; OTHER_CLASSES],
+    others: [ClassFraction; OTHER_CLASSES],
 }
 
 /// Place in `others` that is not needed.
-const NO_CLASS: Share = (Class::Other, 0);
+const NO_CLASS: ClassFraction = (Class::Other, 0);
 
 impl Label {
     /// The label of a point without evidence.
@@ -34,14 +34,14 @@ impl Label {
 
     /// Returns the label with its next classes; only the first [`OTHER_CLASSES`] are kept.
     pub fn with_others(self, others: impl IntoIterator<Item = (Class, f32)>) -> Label {
-        self.with_shares(others.into_iter().map(|(class, probability)| (class, in_255ths(probability))))
+        self.with_fractions(others.into_iter().map(|(class, probability)| (class, in_255ths(probability))))
     }
 
     /// The same in 255ths.
-    pub fn with_shares(mut self, shares: impl IntoIterator<Item = Share>) -> Label {
+    pub fn with_fractions(mut self, fractions: impl IntoIterator<Item = ClassFraction>) -> Label {
         self.others = [NO_CLASS; OTHER_CLASSES];
-        let known = shares.into_iter().filter(|(_, share)| *share > 0);
-        self.others.iter_mut().zip(known).for_each(|(place, share)| *place = share);
+        let known = fractions.into_iter().filter(|(_, fraction)| *fraction > 0);
+        self.others.iter_mut().zip(known).for_each(|(place, fraction)| *place = fraction);
         self
     }
 
@@ -51,14 +51,14 @@ impl Label {
     }
 
     /// Returns the next classes; those with probability 0 are no classes.
-    pub fn others(&self) -> [Share; OTHER_CLASSES] {
+    pub fn others(&self) -> [ClassFraction; OTHER_CLASSES] {
         self.others
     }
 
     /// Returns all known classes, the label's own first.
-    pub fn shares(&self) -> impl Iterator<Item = Share> {
+    pub fn fractions(&self) -> impl Iterator<Item = ClassFraction> {
         let all = std::iter::once((self.class, self.probability)).chain(self.others);
-        all.filter(|(_, share)| *share > 0)
+        all.filter(|(_, fraction)| *fraction > 0)
     }
 }
 
@@ -98,7 +98,7 @@ impl CloudPoint {
     }
 }
 
-/// Surface points, about one for each voxel face, so that their number measures area.
+/// Surface points, about one for each voxel face, so their number measures area.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
     pub points: Vec<CloudPoint>,

@@ -79,10 +79,10 @@ fn block_points(tsdf: &Tsdf, block: &Block, padded: &[f32], voxel_m: f64) -> Vec
                     if d1.is_nan() || (d0 > 0.0) == (d1 > 0.0) || (d0 - d1).abs() > 1.0 {
                         continue;
                     }
-                    let share = d0 / (d0 - d1);
-                    let Some(normal) = normal(padded, here, there, share) else { continue };
+                    let fraction = d0 / (d0 - d1);
+                    let Some(normal) = normal(padded, here, there, fraction) else { continue };
                     let position_m = std::array::from_fn(|i| {
-                        let step = if i == axis { share } else { 0.0 };
+                        let step = if i == axis { fraction } else { 0.0 };
                         let voxel = block.key[i] as f64 * SIDE as f64 + [x, y, z][i] as f64 + 0.5;
                         ((voxel + f64::from(step)) * voxel_m) as f32
                     });
@@ -125,7 +125,7 @@ fn color_around(tsdf: &Tsdf, block: &Block, place: [usize; 3], axis: usize) -> [
 }
 
 /// Returns the normalised gradient of the distance, from the slopes at both ends of the step.
-fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f32; 3]> {
+fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], fraction: f32) -> Option<[f32; 3]> {
     let slope = |p: [usize; 3], axis: usize| -> f32 {
         let (mut before, mut after) = (p, p);
         before[axis] -= 1;
@@ -139,7 +139,7 @@ fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f
             (true, true) => 0.0,
         }
     };
-    let g: [f32; 3] = std::array::from_fn(|i| (1.0 - share) * slope(a, i) + share * slope(b, i));
+    let g: [f32; 3] = std::array::from_fn(|i| (1.0 - fraction) * slope(a, i) + fraction * slope(b, i));
     let length = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
     (length > 1e-3).then(|| g.map(|c| c / length))
 }

@@ -1,7 +1,7 @@
 //! Local features of a clip: upright patches of surface, by which two clips recognise the same place.
 //!
 //! A feature is a corner with depth. Its patch has a fixed size in metres, stands upright, and faces as the
-//! surface does, so that its description depends little on the camera's distance, roll and direction.
+//! surface does, so its description depends little on the camera's distance, roll and direction.
 
 mod corners;
 mod descriptor;

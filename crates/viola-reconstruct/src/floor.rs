@@ -38,7 +38,7 @@ const ASSUMED_HEIGHTS_M: [f64; 3] = [1.45, 1.25, 1.65];
 /// Minimum visible area of a floor, in square metres.
 const MIN_AREA_M2: f64 = 0.15;
 /// Maximum fraction of the cloud below the floor.
-const MAX_BELOW_SHARE: f64 = 0.02;
+const MAX_BELOW_FRACTION: f64 = 0.02;
 
 /// Summary of the floor for the answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -74,7 +74,7 @@ pub enum NoFloor {
     UpUnknown,
     /// No level plane under the cameras has enough area and nothing below it. The fields are the best
     /// plane's area and the fraction of the cloud below it.
-    NoPlane { best_area_m2: f64, below_share: f64 },
+    NoPlane { best_area_m2: f64, below_fraction: f64 },
 }
 
 impl NoFloor {
@@ -88,11 +88,11 @@ impl NoFloor {
                 "up_unknown",
                 "the capture has no gravity and its cameras point every way, so the floor cannot be told from a wall",
             ),
-            NoFloor::NoPlane { best_area_m2, below_share } => Reason::new(
+            NoFloor::NoPlane { best_area_m2, below_fraction } => Reason::new(
                 "no_floor",
                 format!(
                     "no floor in sight: the best flat surface below the camera shows {best_area_m2:.2} square metres and {:.0} % of the clip lies under it; include some floor in the recording",
-                    below_share * 100.0
+                    below_fraction * 100.0
                 ),
             ),
         }
@@ -212,9 +212,9 @@ impl<'a> Planes<'a> {
     fn best(&self) -> Result<Floor, NoFloor> {
         let best = self.candidates.first().ok_or(NO_PLANE_AT_ALL)?;
         let best_area_m2 = self.area_m2(best);
-        let below_share = best.below as f64 / self.scored.len() as f64;
-        if best_area_m2 < MIN_AREA_M2 || below_share > MAX_BELOW_SHARE {
-            return Err(NoFloor::NoPlane { best_area_m2, below_share });
+        let below_fraction = best.below as f64 / self.scored.len() as f64;
+        if best_area_m2 < MIN_AREA_M2 || below_fraction > MAX_BELOW_FRACTION {
+            return Err(NoFloor::NoPlane { best_area_m2, below_fraction });
         }
         Ok(self.floor(best))
     }
@@ -245,10 +245,10 @@ impl<'a> Planes<'a> {
 
     fn floor(&self, candidate: &Candidate) -> Floor {
         let scorer = self.scorer();
-        let settled = scorer.settled(candidate.plane);
+        let refitted = scorer.refit_plane(candidate.plane);
         let plane = match self.up_in_world {
-            Some(up) => scorer.steadied(&settled, self.area_m2(candidate), up),
-            None => settled,
+            Some(up) => scorer.combined_with_gravity(&refitted, self.area_m2(candidate), up),
+            None => refitted,
         };
         self.floor_at(plane)
     }
@@ -314,7 +314,7 @@ fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
         .collect()
 }
 
-const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_share: 0.0 };
+const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_fraction: 0.0 };
 
 /// Returns the clip frame: z up, origin on the floor below the first camera, x along its heading.
 fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {

@@ -21,7 +21,7 @@ const MAX_KEY_FRAMES: usize = 2_000;
 /// Maximum number of pixels of all key frames together: they are decoded in about 50 s on two cores.
 const MAX_KEY_PIXELS: u64 = 4_000_000_000;
 /// Maximum fraction of key frames that may fail to decode before the clip is refused.
-const MAX_BROKEN_SHARE: f64 = 0.1;
+const MAX_BROKEN_FRACTION: f64 = 0.1;
 
 /// Parameters of the fusion.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -87,7 +87,7 @@ impl NotFused {
             NotFused::TooFarApart { extent_m } => {
                 let detail = format!(
                     "the camera poses extend over {extent_m:.0} m, and a home may have {MAX_SIDE_M} m a side; check that \
-                     the poses are in metres, or send the recording in parts"
+                     the poses are in metres, or split the recording into several clips"
                 );
                 Reason::new("clip_extent_too_large", detail)
             }
@@ -104,16 +104,23 @@ fn extent_m(chosen: &[(usize, Pose3)]) -> f64 {
     (high - low).max()
 }
 
-/// Fuses the key frames of `frames` (frame numbers of the layout; all if `None`). `tracked` replaces the
-/// clip's own poses, one for each of its frames.
+/// Poses that replace those of a clip, one for each of its frames.
+#[derive(Debug, Clone, Copy)]
+pub struct Poses<'a> {
+    pub world_from_camera: &'a [Option<Pose3>],
+    /// True if only key frames have a pose. All of them stay key frames, though refined ones may lie closer together.
+    pub is_of_key_frames: bool,
+}
+
+/// Fuses the key frames of `frames` (frame numbers of the layout; all if `None`). `poses` replaces the clip's own.
 pub fn fuse(
     clip: &Clip,
     frames: Option<Range<u32>>,
-    tracked: Option<&[Option<Pose3>]>,
+    poses: Option<Poses>,
     params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, ReconstructError> {
-    let chosen = choose(clip, frames.as_ref(), tracked);
+    let chosen = choose(clip, frames.as_ref(), poses);
     if chosen.is_empty() {
         let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
         return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
@@ -149,14 +156,14 @@ pub fn fuse(
                     });
                 }
                 // The frame may be valid, and the answer without it would differ.
-                Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
+                Err(error) if error.is_service_fault() => return Err(ReconstructError::Clip(error)),
                 Err(error) => {
                     broken_count += 1;
                     broken.get_or_insert(error);
                 }
             }
         }
-        if broken_count as f64 > (MAX_BROKEN_SHARE * chosen.len() as f64).max(1.0)
+        if broken_count as f64 > (MAX_BROKEN_FRACTION * chosen.len() as f64).max(1.0)
             && let Some(error) = broken.take()
         {
             return Err(ReconstructError::Clip(error));
@@ -184,18 +191,19 @@ const BATCH: usize = 16;
 pub fn choose(
     clip: &Clip,
     frames: Option<&Range<u32>>,
-    tracked: Option<&[Option<Pose3>]>,
+    poses: Option<Poses>,
 ) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
-        let pose = tracked.map_or(header.world_from_camera, |poses| poses.get(index).copied().flatten());
+        let given = poses.map(|poses| poses.world_from_camera.get(index).copied().flatten());
+        let pose = given.unwrap_or(header.world_from_camera);
         let Some(pose) = pose.filter(|_| wanted(header.number)) else { continue };
         let moved = chosen.last().is_none_or(|(_, last)| {
             let step = last.inverse() * pose;
             step.translation.vector.norm() >= KEY_DISTANCE_M || step.rotation.angle() >= KEY_ANGLE_RAD
         });
-        if moved {
+        if moved || poses.is_some_and(|poses| poses.is_of_key_frames) {
             chosen.push((index, pose));
         }
     }

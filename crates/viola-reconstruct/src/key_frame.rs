@@ -25,6 +25,13 @@ pub struct View {
     pub readings: Readings,
 }
 
+impl View {
+    /// Returns the memory that it takes.
+    pub fn size_bytes(&self) -> usize {
+        size_of::<View>() + size_of_val(self.readings.depth_mm.as_slice())
+    }
+}
+
 /// A subsampled depth picture: a few thousand readings, because every key frame keeps one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
@@ -38,7 +45,7 @@ pub struct Readings {
 impl Readings {
     /// Subsamples a depth picture to about 64 readings a row.
     pub fn thin(depth: &DepthImage, camera: Pinhole) -> Readings {
-        let stride = (depth.width / 64).max(1);
+        let stride = depth.width.div_ceil(64).max(1);
         let mut depth_mm = Vec::new();
         let mut width = 0;
         for y in (stride / 2..depth.height).step_by(stride as usize) {

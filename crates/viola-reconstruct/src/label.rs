@@ -62,7 +62,7 @@ pub fn seen_at(point_in_world: &Point3, frame: &Frame, world_from_camera: &Pose3
     Look { frame, camera_from_world: world_from_camera.inverse() }.pixel(point_in_world, &towards)
 }
 
-/// The outcome of [`Labeller::finish`].
+/// The outcome of [`Labeller::add_shapes`].
 pub struct Labelled {
     pub walls: Vec<Wall>,
     pub report: LabelReport,
@@ -84,7 +84,7 @@ pub struct Labeller {
 impl Labeller {
     /// Segments the pictures, and writes their labels into the cloud. The pictures are set upright if the upward direction
     /// is known.
-    pub fn listen(
+    pub fn segment_pictures(
         clip: &Clip,
         cloud_in_world: &mut PointCloud,
         key_frames: &[KeyFrame],
@@ -122,8 +122,8 @@ impl Labeller {
     }
 
     /// Adds the surface network and the shapes to the labels once the floor is known. `cloud` is the cloud of
-    /// [`Labeller::listen`], in any frame.
-    pub fn finish(
+    /// [`Labeller::segment_pictures`], in any frame.
+    pub fn add_shapes(
         mut self,
         cloud: &mut PointCloud,
         clip_from_world: &Pose3,

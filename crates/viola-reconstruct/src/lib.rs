@@ -15,7 +15,7 @@ pub mod track;
 pub mod trajectory;
 mod tsdf;
 
-pub use cloud::{CloudPoint, Label, NO_COLOR, OTHER_CLASSES, PointCloud, Share};
+pub use cloud::{ClassFraction, CloudPoint, Label, NO_COLOR, OTHER_CLASSES, PointCloud};
 pub use error::ReconstructError;
 pub use estimate::{Estimate, estimate};
 pub use features::{DESCRIPTOR_BYTES, Descriptor, Feature, MAX_FEATURES};

@@ -1,5 +1,5 @@
-//! Tracks the camera of clips without device poses, and refines device poses that drift (METHOD stage 2; the
-//! paper's III-A reconstructs with RGB-D SLAM).
+//! Tracks the camera of clips without device poses, and refines device poses that drift (docs/method.md, stage 2;
+//! the paper's III-A reconstructs with RGB-D SLAM).
 //!
 //! [`Tracker`] takes frames in the order of their recording, one at a time:
 //! - `odometry` aligns each to the latest key frame by grey and depth (`step`), and detects a lost frame;
@@ -40,7 +40,7 @@ use viola_geometry::{Point3, Pose3};
 /// Maximum number of key frames that a lost frame is compared with, the most similar first.
 const RELOCALISE_TRIES: usize = 12;
 /// Minimum number of frames in a segment.
-const LEAST_FRAMES: usize = 5;
+const MIN_SEGMENT_FRAMES: usize = 5;
 
 /// Parameters of the tracking.
 #[derive(Debug, Clone, PartialEq)]
@@ -280,7 +280,7 @@ impl Tracker {
                 })
             })
             .collect();
-        let segments = segments(&mut poses, &self.ended, LEAST_FRAMES);
+        let segments = segments(&mut poses, &self.ended, MIN_SEGMENT_FRAMES);
         Track { poses, uncertainty_m, segments, key_frames: self.keys.len(), loops, false_loops, key_bytes }
     }
 

@@ -1,6 +1,6 @@
 //! A stream that reports when bytes move.
 
-use super::crowd::Place;
+use super::displacement::Place;
 use std::io::{self, IoSlice};
 use std::pin::Pin;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! The body of a request that reports its end.
 
-use super::crowd::Asked;
+use super::displacement::Asked;
 use hyper::body::{Body, Bytes, Frame, Incoming, SizeHint};
 use std::pin::Pin;
 use std::sync::Arc;

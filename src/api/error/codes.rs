@@ -159,10 +159,11 @@ mod tests {
     use std::collections::BTreeSet;
 
     /// The sources that map errors to codes, and the text before a code in them.
-    const SOURCES: [(&str, &[&str]); 8] = [
+    const SOURCES: [(&str, &[&str]); 9] = [
         (include_str!("../error.rs"), &["S::", "(status, "]),
         (include_str!("correction.rs"), &["S::"]),
         (include_str!("defence.rs"), &["S::"]),
+        (include_str!("storage.rs"), &["S::"]),
         (include_str!("../uploads/refusal.rs"), &["S::", "(status, "]),
         (include_str!("../../../crates/viola-formats/src/lidar/error.rs"), &["=> "]),
         (include_str!("../../../crates/viola-formats/src/clip/error.rs"), &["=> "]),

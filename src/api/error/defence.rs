@@ -27,7 +27,7 @@ pub(in crate::api) enum Defence {
     ReadersBusy { wait: Duration },
     #[error("other files are being made or sent, and none of them ended within {} s; ask again later", .wait.as_secs_f64())]
     MakersBusy { wait: Duration },
-    #[error("reading the file took longer than {} s; send the recording in parts", .limit.as_secs_f64())]
+    #[error("reading the file took longer than {} s; split the recording into several clips", .limit.as_secs_f64())]
     TookTooLong { limit: Duration },
 }
 

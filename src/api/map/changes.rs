@@ -107,7 +107,7 @@ fn changes(
     };
     for (level, scene) in &later.levels {
         let before = earlier.and_then(|earlier| earlier.level(level.level));
-        let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level_name == level.level).collect();
+        let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level == level.level).collect();
         add_changes(&mut all, before, scene, &clips);
     }
     all

@@ -3,7 +3,7 @@
 use super::points::Points;
 use crate::api::bodies::{PIECE_BYTES, attachment, holding};
 use crate::api::error::Error;
-use crate::api::fair::FairPlace;
+use crate::api::fairness::FairPlace;
 use crate::api::reply::tagged;
 use crate::storage::{MapFile, StorageError};
 use axum::body::Body;

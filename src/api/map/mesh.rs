@@ -114,7 +114,7 @@ pub(in crate::api) async fn get_map_mesh(
     let answer = match wanted.made(&app).await? {
         Some(blob) => send(blob, format.media_type()),
         None => {
-            let unsent = app.making.unsent(home.tenant()).await?;
+            let unsent = app.makers.unsent(home.tenant()).await?;
             send_made(wanted.make(&app).await?.into(), format.media_type(), unsent)
         }
     };
@@ -155,7 +155,7 @@ impl Wanted<'_> {
                 ),
             });
         }
-        let place = app.making.mesh(self.home.tenant()).await?;
+        let place = app.makers.mesh(self.home.tenant()).await?;
         let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);

@@ -166,8 +166,8 @@ pub(in crate::api) async fn get_map_points(
         Format::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
         Format::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
         Format::E57 | Format::Laz => {
-            let unsent = points.app.making.unsent(home.tenant()).await?;
-            let place = points.app.making.file(home.tenant()).await?;
+            let unsent = points.app.makers.unsent(home.tenant()).await?;
+            let place = points.app.makers.file(home.tenant()).await?;
             let write = if format == Format::Laz { laz } else { e57 };
             made_file::make([unsent, place], &points, &tiles, write).await?
         }

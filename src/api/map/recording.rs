@@ -71,8 +71,8 @@ pub(in crate::api) async fn get_map_recording(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let unsent = app.making.unsent(home.tenant()).await?;
-    let place = app.making.file(home.tenant()).await?;
+    let unsent = app.makers.unsent(home.tenant()).await?;
+    let place = app.makers.file(home.tenant()).await?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let level_map = LevelMap {
         level: level.level,

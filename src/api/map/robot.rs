@@ -95,9 +95,9 @@ pub(in crate::api) async fn get_map_robot(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let unsent = app.making.unsent(home.tenant()).await?;
+    let unsent = app.makers.unsent(home.tenant()).await?;
     // A LiDAR map as values takes up to a hundred megabytes.
-    let place = app.making.file(home.tenant()).await?;
+    let place = app.makers.file(home.tenant()).await?;
     let mut sources = Vec::new();
     for level in levels {
         sources.push(Source::read(&app, &home, &map, level, format).await?);

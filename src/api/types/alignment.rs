@@ -146,7 +146,7 @@ answer! {
 
 answer! {
     /// An answer in short.
-    struct Judged from viola_align::Judged {
+    struct Judged from viola_align::AnswerSummary {
         state: AlignmentState,
         probability: Option<f64>,
         map_from_clip: Option<Pose2>,

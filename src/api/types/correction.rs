@@ -67,7 +67,7 @@ impl From<Kept<viola_home::ObjectCorrection>> for ObjectCorrection {
 pub(in crate::api) struct RoomCorrection {
     /// Id of the room when it was first corrected.
     id: String,
-    /// The point: a new LiDAR map may cut the rooms anew, and the room that has the point is corrected.
+    /// The point: a new LiDAR map may divide the rooms differently, and the room that has the point is corrected.
     at_m: [f64; 2],
     name: Option<String>,
     /// Points in the rooms that are one with it.

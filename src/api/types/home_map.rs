@@ -165,7 +165,7 @@ answer! {
 answer! {
     /// An object in a home, in the LiDAR map's frame: an upright box and its properties.
     struct MapObject from crate::storage::MapObject {
-        /// The same in the next revisions while the object is in the same place, also if its class changes. No other
+        /// The same in the next revisions while the object is in the same place, even if its class changes. No other
         /// object of the home ever has it.
         #[schema(example = "sofa-1")]
         id: String,

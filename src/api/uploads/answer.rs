@@ -90,7 +90,7 @@ fn http_date(time: Timestamp) -> String {
     DateTimePrinter::new().timestamp_to_rfc9110_string(&time).unwrap_or_default()
 }
 
-fn tell(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<str>) {
+fn insert_header(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<str>) {
     // Always valid: our own numbers and paths, and values that arrived as headers.
     if let Ok(value) = HeaderValue::from_str(value.as_ref()) {
         headers.insert(name, value);
@@ -99,25 +99,25 @@ fn tell(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<str>) {
 
 async fn headers_of(app: &App, upload: &Upload) -> Result<HeaderMap, Error> {
     let mut headers = HeaderMap::new();
-    tell(&mut headers, OFFSET, upload.received_bytes.to_string());
+    insert_header(&mut headers, OFFSET, upload.received_bytes.to_string());
     match upload.length_bytes {
-        Some(bytes) => tell(&mut headers, LENGTH, bytes.to_string()),
-        None => tell(&mut headers, DEFER_LENGTH, "1"),
+        Some(bytes) => insert_header(&mut headers, LENGTH, bytes.to_string()),
+        None => insert_header(&mut headers, DEFER_LENGTH, "1"),
     }
     if !upload.metadata.is_empty() {
-        tell(&mut headers, METADATA, &upload.metadata);
+        insert_header(&mut headers, METADATA, &upload.metadata);
     }
     if let Some(concat) = &upload.concat {
-        tell(&mut headers, CONCAT, concat);
+        insert_header(&mut headers, CONCAT, concat);
     }
     let is_kept = upload.state == UploadState::Finished || upload.is_due();
     if !is_kept {
-        tell(&mut headers, EXPIRES, http_date(upload.expires_at));
+        insert_header(&mut headers, EXPIRES, http_date(upload.expires_at));
     }
     let made = Made::of(app, upload).await?;
     for (name, path) in [(CLIP, made.clip), (JOB, made.job)] {
         if let Some(path) = path {
-            tell(&mut headers, name, path);
+            insert_header(&mut headers, name, path);
         }
     }
     Ok(headers)
@@ -158,7 +158,7 @@ pub(super) async fn document(app: &App, id: Uuid) -> Result<Document<UploadDocum
 pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
     let upload = app.storage.living_upload(id, Timestamp::now()).await?;
     let mut headers = headers_of(app, &upload).await?;
-    tell(&mut headers, header::LOCATION, path(id));
+    insert_header(&mut headers, header::LOCATION, path(id));
     let document = document_of(app, upload).await?;
     Ok((StatusCode::CREATED, headers, Document(document)).into_response())
 }
@@ -167,8 +167,8 @@ pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
 pub(super) fn abilities(max_bytes: u64) -> HeaderMap {
     let mut abilities = HeaderMap::new();
     abilities.insert(headers::VERSION, headers::SERVED);
-    tell(&mut abilities, HeaderName::from_static("tus-extension"), EXTENSIONS);
-    tell(&mut abilities, HeaderName::from_static("tus-max-size"), max_bytes.to_string());
-    tell(&mut abilities, HeaderName::from_static("tus-checksum-algorithm"), checksum::ALGORITHMS);
+    insert_header(&mut abilities, HeaderName::from_static("tus-extension"), EXTENSIONS);
+    insert_header(&mut abilities, HeaderName::from_static("tus-max-size"), max_bytes.to_string());
+    insert_header(&mut abilities, HeaderName::from_static("tus-checksum-algorithm"), checksum::ALGORITHMS);
     abilities
 }

@@ -97,10 +97,7 @@ pub(super) fn length(headers: &HeaderMap) -> Result<Option<Length>, Error> {
 }
 
 pub(super) fn no_length() -> Error {
-    invalid(
-        "Upload-Length",
-        "Upload-Length says how long the file is; Upload-Defer-Length: 1, that it is told later",
-    )
+    invalid("Upload-Length", "send Upload-Length, or Upload-Defer-Length: 1 if the length is unknown")
 }
 
 pub(super) fn check_length(length: Length, max_bytes: u64) -> Result<(), Error> {

@@ -93,7 +93,7 @@ async fn check_late_length(app: &App, id: Uuid, length_bytes: u64) -> Result<(),
         return Ok(());
     }
     let more_bytes = length_bytes.saturating_sub(upload.received_bytes);
-    app.limits.room(&app.storage, &upload.tenant, more_bytes).await
+    app.limits.check_quota(&app.storage, &upload.tenant, more_bytes).await
 }
 
 async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Result<(), Error> {
@@ -101,7 +101,7 @@ async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Res
     let bytes = piece.file.finish().await?;
     let size_bytes = bytes.size_bytes;
     if writer.length_bytes.is_none() {
-        app.limits.room(&app.storage, &writer.tenant, size_bytes).await?;
+        app.limits.check_quota(&app.storage, &writer.tenant, size_bytes).await?;
     }
     app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?;
     metrics::received("parts", size_bytes);

@@ -15,11 +15,11 @@ pub(in crate::api) enum UploadRefusal {
     MediaType { expected: &'static str },
     #[error("Upload-Checksum names an algorithm that is not served; OPTIONS lists those that are")]
     OtherChecksum,
-    #[error("the body is not what its checksum says; it was not kept, send it again")]
+    #[error("the body does not have its checksum; it was not kept, send it again")]
     ChecksumMismatch,
-    #[error("the service is stopping; go on in a moment")]
+    #[error("the service is stopping; retry in a few seconds")]
     Stopping,
-    #[error("the process that opened this file died; the file is damaged, or made to do so")]
+    #[error("the process that opened this file died; the file is damaged or malicious")]
     Unreadable,
     /// The attempt failed for this cause, for which the service may be at fault.
     #[error(
@@ -71,7 +71,7 @@ impl UploadRefusal {
                 }
                 E::Gone | E::PartGone { .. } => (S::GONE, "upload_gone", "The upload is gone"),
                 E::WrongOffset { .. } | E::Overtaken => {
-                    (S::CONFLICT, "upload_offset_mismatch", "The upload goes on elsewhere")
+                    (S::CONFLICT, "upload_offset_mismatch", "The offset is not the upload's")
                 }
                 E::LengthTold | E::LengthTooSmall { .. } => {
                     (S::BAD_REQUEST, "invalid_header", "A header is not valid")

@@ -1,7 +1,7 @@
 //! Conversion of maps.
 
 use super::write;
-use crate::cli::levels;
+use crate::cli::args::levels;
 use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};

@@ -3,7 +3,7 @@
 use super::content::Content;
 use super::contributions::Contributions;
 use crate::api::recorded_at_of_file;
-use crate::jobs::{Failure, Finished, JobParams, align_opened};
+use crate::jobs::{AlignJobError, Finished, JobParams, align_opened};
 use anyhow::Result;
 use jiff::Timestamp;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -43,7 +43,7 @@ impl HomeClip {
             clip: content.id(),
             recorded_at_ms: self.recorded_at.map(Timestamp::as_millisecond),
             sha256: content.sha256(),
-            share: content.sha256(),
+            contribution: content.sha256(),
             verdict: Verdict::of(alignment)?,
         })
     }
@@ -71,7 +71,11 @@ impl Aligner<'_> {
         Ok(HomeClip { file: path.display().to_string(), content: Some(content), recorded_at, answer })
     }
 
-    fn finish(&self, path: &Path, progress: &dyn Progress) -> Result<(Option<Timestamp>, Finished), Failure> {
+    fn finish(
+        &self,
+        path: &Path,
+        progress: &dyn Progress,
+    ) -> Result<(Option<Timestamp>, Finished), AlignJobError> {
         let clip = Clip::open_with(path, &self.params.video)?;
         let finished = align_opened(&clip, self.levels, &self.params.align, progress)?;
         Ok((recorded_at_of_file(clip.info()), finished))

@@ -55,10 +55,10 @@ impl Contributions {
     pub fn paths(&self, clips: &[PlacedClip]) -> Result<Vec<(LevelName, ClipPath)>> {
         let mut paths = Vec::with_capacity(clips.len());
         for (index, clip) in clips.iter().enumerate() {
-            let level = clip.level_name;
-            let newer = clips[index + 1..].iter().filter(|newer| newer.level_name == level).count();
+            let level = clip.level;
+            let newer = clips[index + 1..].iter().filter(|newer| newer.level == level).count();
             let poses = if newer < Recording::MAX_PATHS {
-                let [_, views, _] = self.places(&clip.share)?;
+                let [_, views, _] = self.places(&clip.contribution)?;
                 camera_poses(&self.read(views)?)?
             } else {
                 Vec::new()
@@ -69,8 +69,8 @@ impl Contributions {
     }
 
     /// Returns the places of the files of a contribution.
-    fn places(&self, share: &str) -> Result<&[Range<u64>; 3]> {
-        self.places.get(share).context("a contribution was not kept")
+    fn places(&self, contribution: &str) -> Result<&[Range<u64>; 3]> {
+        self.places.get(contribution).context("a contribution was not kept")
     }
 
     fn read(&self, place: &Range<u64>) -> Result<Vec<u8>> {
@@ -87,13 +87,19 @@ impl Contributions {
 }
 
 impl LoadClips<anyhow::Error> for Contributions {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution> {
-        let [cloud, views, _] = self.places(&member.share)?;
-        Ok(ClipContribution::read(&self.read(cloud)?, &self.read(views)?)?)
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>> {
+        let read = |member: &&Member| {
+            let [cloud, views, _] = self.places(&member.contribution)?;
+            Ok(ClipContribution::read(&self.read(cloud)?, &self.read(views)?)?)
+        };
+        members.iter().map(read).collect()
     }
 
-    fn features(&mut self, member: &Member) -> Result<Vec<Feature>> {
-        let [_, _, features] = self.places(&member.share)?;
-        Ok(read_features(&self.read(features)?)?)
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>> {
+        let read = |member: &&Member| {
+            let [_, _, features] = self.places(&member.contribution)?;
+            Ok(read_features(&self.read(features)?)?)
+        };
+        members.iter().map(read).collect()
     }
 }

@@ -6,7 +6,7 @@ mod segmentation;
 mod times;
 
 use super::{Folder, find};
-use crate::cli::runtime::RuntimeArguments;
+use crate::cli::args::RuntimeArguments;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use image::DynamicImage;

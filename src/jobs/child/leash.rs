@@ -51,7 +51,7 @@ impl Leash {
     }
 }
 
-/// Makes the system kill the process when the thread that starts it ends, also by the death of its process,
+/// Makes the system kill the process when the thread that starts it ends, even by the death of its process,
 /// and write no core file.
 #[cfg(target_os = "linux")]
 fn confine(command: &mut Command) {

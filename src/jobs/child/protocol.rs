@@ -1,7 +1,7 @@
 //! Messages of a child: one JSON message a line. The answer and its files lie in the job's folder.
 
 use crate::jobs::align_clip::Finished;
-use crate::jobs::trouble::{Ended, Trouble};
+use crate::jobs::attempt_error::{AttemptError, MethodResult};
 use crate::storage::result_file;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -23,7 +23,7 @@ pub(super) enum Message {
     /// The answer is in the folder. The last message.
     Finished,
     /// There is no answer. The last message.
-    Failed(Trouble),
+    Failed(AttemptError),
     /// A line that is no message.
     #[serde(skip)]
     Nonsense,
@@ -38,15 +38,15 @@ pub(super) fn write_result(folder: &Path, finished: &Finished) -> io::Result<()>
 }
 
 /// Reads the answer of a child that has finished.
-pub(super) fn read_result(folder: &Path) -> Ended {
-    let alignment = fs::read(folder.join(ALIGNMENT)).map_err(Trouble::system)?;
-    let alignment = serde_json::from_slice(&alignment).map_err(Trouble::internal)?;
+pub(super) fn read_result(folder: &Path) -> MethodResult {
+    let alignment = fs::read(folder.join(ALIGNMENT)).map_err(AttemptError::system)?;
+    let alignment = serde_json::from_slice(&alignment).map_err(AttemptError::internal)?;
     let mut files = Vec::new();
     for name in result_file::ALL {
         match fs::read(folder.join(name)) {
             Ok(bytes) => files.push((name, bytes)),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(Trouble::system(error)),
+            Err(error) => return Err(AttemptError::system(error)),
         }
     }
     Ok(Finished { alignment, files })

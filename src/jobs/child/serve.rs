@@ -3,8 +3,8 @@
 use super::memory;
 use super::protocol::{Message, write_result};
 use crate::jobs::align_clip::{JobParams, LevelFile, align_clip};
+use crate::jobs::attempt_error::{AttemptError, MethodResult};
 use crate::jobs::priority::give_way;
-use crate::jobs::trouble::{Ended, Trouble};
 use std::any::Any;
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -59,32 +59,33 @@ pub fn serve_child(
     out: impl Write + Send,
 ) -> io::Result<()> {
     give_way();
-    let told = Told { out: Mutex::new(Out { out, last: 0.0 }), is_cut: AtomicBool::new(false) };
-    let ended = catch_unwind(AssertUnwindSafe(|| run(order, params, &told)));
-    let ended = ended.unwrap_or_else(|panic| Err(Trouble::internal(text_of(panic.as_ref()))));
-    let written = ended.and_then(|finished| write_result(&order.into, &finished).map_err(Trouble::system));
-    told.say(&match written {
+    let writer = MessageWriter { out: Mutex::new(Out { out, last: 0.0 }), is_cut: AtomicBool::new(false) };
+    let ended = catch_unwind(AssertUnwindSafe(|| run(order, params, &writer)));
+    let ended = ended.unwrap_or_else(|panic| Err(AttemptError::internal(text_of(panic.as_ref()))));
+    let written =
+        ended.and_then(|finished| write_result(&order.into, &finished).map_err(AttemptError::system));
+    writer.send(&match written {
         Ok(()) => Message::Finished,
-        Err(trouble) => Message::Failed(trouble),
+        Err(error) => Message::Failed(error),
     })
 }
 
 fn run<W: Write + Send>(
     order: &ChildOrder,
     params: impl FnOnce() -> Result<JobParams, String>,
-    told: &Told<W>,
-) -> Ended {
-    let mut params = params().map_err(Trouble::system)?;
+    writer: &MessageWriter<W>,
+) -> MethodResult {
+    let mut params = params().map_err(AttemptError::system)?;
     params.unknown_scale = order.unknown_scale;
     params.scratch = Scratch::new(&order.into, Vec::new());
     // The networks of `params` are loaded, and the threads are started: the limit is for the clip alone.
     rayon::current_num_threads();
-    memory::limit(order.memory_bytes).map_err(Trouble::system)?;
+    memory::limit(order.memory_bytes).map_err(AttemptError::system)?;
     let read = |level: &LevelName| -> io::Result<LevelFile> {
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
     };
     let files: io::Result<Vec<LevelFile>> = order.levels.iter().map(read).collect();
-    Ok(align_clip(&order.clip, &files.map_err(Trouble::system)?, &params, told)?)
+    Ok(align_clip(&order.clip, &files.map_err(AttemptError::system)?, &params, writer)?)
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> &str {
@@ -93,7 +94,7 @@ fn text_of(panic: &(dyn Any + Send)) -> &str {
 }
 
 /// A [`Progress`] that writes messages. It is cancelled if no process reads them.
-struct Told<W> {
+struct MessageWriter<W> {
     out: Mutex<Out<W>>,
     is_cut: AtomicBool,
 }
@@ -105,7 +106,7 @@ struct Out<W> {
 }
 
 impl<W: Write> Out<W> {
-    fn say(&mut self, message: &Message) -> io::Result<()> {
+    fn send(&mut self, message: &Message) -> io::Result<()> {
         let mut line = serde_json::to_vec(message)?;
         line.push(b'\n');
         self.out.write_all(&line)?;
@@ -113,17 +114,17 @@ impl<W: Write> Out<W> {
     }
 }
 
-impl<W: Write + Send> Told<W> {
-    fn say(&self, message: &Message) -> io::Result<()> {
-        self.out.lock().unwrap_or_else(PoisonError::into_inner).say(message)
+impl<W: Write + Send> MessageWriter<W> {
+    fn send(&self, message: &Message) -> io::Result<()> {
+        self.out.lock().unwrap_or_else(PoisonError::into_inner).send(message)
     }
 }
 
-impl<W: Write + Send> Progress for Told<W> {
+impl<W: Write + Send> Progress for MessageWriter<W> {
     fn enter(&self, stage: Stage) {
         let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
         out.last = 0.0;
-        if out.say(&Message::Enter(stage)).is_err() {
+        if out.send(&Message::Enter(stage)).is_err() {
             self.is_cut.store(true, Ordering::Relaxed);
         }
     }
@@ -136,7 +137,7 @@ impl<W: Write + Send> Progress for Told<W> {
             return;
         }
         out.last = fraction;
-        if out.say(&Message::Advance(fraction)).is_err() {
+        if out.send(&Message::Advance(fraction)).is_err() {
             self.is_cut.store(true, Ordering::Relaxed);
         }
     }
@@ -150,7 +151,7 @@ impl<W: Write + Send> Progress for Told<W> {
     }
 
     fn early_pose(&self, pose: EarlyPose) {
-        if self.say(&Message::EarlyPose(pose)).is_err() {
+        if self.send(&Message::EarlyPose(pose)).is_err() {
             self.is_cut.store(true, Ordering::Relaxed);
         }
     }

@@ -4,24 +4,27 @@
 //! of that pool must therefore not wait for a clip: if all of them wait, none is left to read. A worker has
 //! one such thread at a time; if the worker gives up the merge, the thread ends at its next request.
 
-use super::{MergeError, on_own_thread};
+use super::{FILES_AT_A_TIME, MergeError, on_own_thread};
 use crate::storage::{MapFile, MergeClaim, Storage, StorageError, result_file};
 use bytes::Bytes;
+use futures::stream::{self, StreamExt, TryStreamExt};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
+use tracing::error;
 use viola_home as home;
 use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
 use viola_reconstruct::Feature;
 
 /// The files that the thread needs.
 enum Ask {
-    /// Files of a clip, by their names.
-    OfClip(Member, &'static [&'static str]),
-    /// The sums of a tile.
-    Sums(TileKey),
+    /// Files of each clip, by their names.
+    OfClips(Vec<Member>, &'static [&'static str]),
+    /// The sums of tiles.
+    Sums(Vec<TileKey>),
 }
 
-/// The files, in the order of the names; `None` for a file that does not exist.
+/// The files in the order in which they were asked for, clip by clip; `None` for a file that does not exist.
 type Files = Vec<Option<Bytes>>;
 
 /// Loads the files of clips for the thread.
@@ -31,8 +34,8 @@ struct Loader {
 }
 
 impl Loader {
-    fn files(&self, member: &Member, names: &'static [&'static str]) -> Result<Files, MergeError> {
-        self.answer(Ask::OfClip(member.clone(), names))
+    fn files(&self, members: &[&Member], names: &'static [&'static str]) -> Result<Files, MergeError> {
+        self.answer(Ask::OfClips(members.iter().map(|member| (*member).clone()).collect(), names))
     }
 
     fn answer(&self, ask: Ask) -> Result<Files, MergeError> {
@@ -42,21 +45,30 @@ impl Loader {
 }
 
 impl LoadClips<MergeError> for Loader {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, MergeError> {
-        let files = self.files(member, &[result_file::CLOUD, result_file::VIEWS])?;
-        let [Some(cloud), Some(views)] = files.as_slice() else { return Err(MergeError::Gone) };
-        Ok(ClipContribution::read(cloud, views)?)
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, MergeError> {
+        let names = &[result_file::CLOUD, result_file::VIEWS];
+        let files = self.files(members, names)?;
+        let read = |(member, files): (&&Member, &[Option<Bytes>])| {
+            let [Some(cloud), Some(views)] = files else { return Err(MergeError::Gone) };
+            // One damaged clip must not keep the others from a map.
+            Ok(ClipContribution::read(cloud, views).unwrap_or_else(|damage| {
+                error!(clip = %member.clip, %damage, "a clip is left out of the map: align it again to repair its files");
+                ClipContribution::default()
+            }))
+        };
+        members.par_iter().zip(files.par_chunks(names.len())).map(read).collect()
     }
 
-    fn features(&mut self, member: &Member) -> Result<Vec<Feature>, MergeError> {
-        let files = self.files(member, &[result_file::FEATURES])?;
-        let [Some(features)] = files.as_slice() else { return Ok(Vec::new()) };
-        Ok(read_features(features)?)
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, MergeError> {
+        let read = |file: &Option<Bytes>| {
+            file.as_ref().and_then(|features| read_features(features).ok()).unwrap_or_default()
+        };
+        Ok(self.files(members, &[result_file::FEATURES])?.par_iter().map(read).collect())
     }
 
-    fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, MergeError> {
-        let sums = self.answer(Ask::Sums(*tile))?.into_iter().flatten().next();
-        Ok(sums.map(|sums| sums.to_vec()))
+    fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, MergeError> {
+        let sums = self.answer(Ask::Sums(tiles.to_vec()))?;
+        Ok(sums.into_iter().map(|sums| sums.map(|sums| sums.to_vec())).collect())
     }
 }
 
@@ -77,11 +89,20 @@ pub(super) async fn assemble(
     // Ends when the thread does.
     while let Some(ask) = asks.recv().await {
         let files = match ask {
-            Ask::OfClip(member, names) => files(storage, &member, names).await,
-            Ask::Sums(tile) => match sums.get(&tile) {
-                Some(file) => storage.map_file_bytes(file).await.map(|sums| vec![sums]),
-                None => Ok(Files::new()),
-            },
+            Ask::OfClips(members, names) => files(storage, &members, names).await,
+            Ask::Sums(tiles) => {
+                let read = |tile: TileKey| {
+                    let file = sums.get(&tile);
+                    async move {
+                        match file {
+                            Some(file) => storage.map_file_bytes(file).await,
+                            None => Ok(None),
+                        }
+                    }
+                };
+                let reads: Vec<_> = tiles.into_iter().map(read).collect();
+                stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
+            }
         };
         // The thread waits for each answer, unless it has ended.
         let _ = answer.send(files.map_err(MergeError::from));
@@ -89,10 +110,8 @@ pub(super) async fn assemble(
     end.await.unwrap_or(Err(MergeError::Panicked))
 }
 
-async fn files(storage: &Storage, member: &Member, names: &[&str]) -> Result<Files, StorageError> {
-    let mut files = Files::new();
-    for name in names {
-        files.push(storage.member_file(member, name).await?);
-    }
-    Ok(files)
+async fn files(storage: &Storage, members: &[Member], names: &[&str]) -> Result<Files, StorageError> {
+    let all = members.iter().flat_map(|member| names.iter().map(move |name| (member, *name)));
+    let reads: Vec<_> = all.map(|(member, name)| storage.member_file(member, name)).collect();
+    stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
 }

@@ -147,7 +147,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// A multipart upload. Dropping it aborts the upload in the background, also if its caller is cancelled;
+/// A multipart upload. Dropping it aborts the upload in the background, even if its caller is cancelled;
 /// otherwise the parts would stay, invisible and billed.
 struct Unfinished {
     upload: Option<Box<dyn MultipartUpload>>,

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 const BATCH: usize = 1000;
 
 /// Most keys that one listing keeps in memory. The rest is left to the next one.
-const MOST_KEYS: usize = 100_000;
+const MAX_KEYS: usize = 100_000;
 
 /// The blobs that no row names.
 #[derive(Debug, Default)]
@@ -49,7 +49,7 @@ impl Unnamed {
         for key in keys {
             if named.contains(key) {
                 self.named += 1;
-            } else if self.keys.len() < MOST_KEYS {
+            } else if self.keys.len() < MAX_KEYS {
                 self.keys.push(key.clone());
             } else {
                 self.more += 1;

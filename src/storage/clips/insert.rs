@@ -6,7 +6,7 @@ use crate::storage::columns::to_json;
 use crate::storage::database::{Transaction, query};
 use crate::storage::incoming::Arrived;
 use crate::storage::jobs::{self, Priority};
-use crate::storage::room::{self, Room};
+use crate::storage::quota::{self, QuotaCheck};
 use crate::storage::{ClipState, HomeId, StorageError, homes, idempotency, lidar_maps};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -46,7 +46,7 @@ pub(in crate::storage) async fn insert(
     transaction: &mut Transaction,
     home: &HomeId,
     new: NewRow,
-    room: Room,
+    quota: QuotaCheck,
     now: Timestamp,
 ) -> Result<Added, StorageError> {
     if !homes::lock(transaction, home).await? {
@@ -61,7 +61,7 @@ pub(in crate::storage) async fn insert(
             Ok(Added::KeyReused)
         };
     }
-    room::check(transaction, home.tenant(), new.size_bytes, room).await?;
+    quota::check(transaction, home.tenant(), new.size_bytes, quota).await?;
     let reasons = [no_lidar_map()];
     query(
         "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,

@@ -87,7 +87,7 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
 
     let claim = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
     assert_eq!(news(&storage, &mut cursor, 1).await, ["h clip aligning"]);
-    storage.heartbeat(&claim, &reached(None, 0.5), LEASE, at(2)).await.unwrap();
+    storage.heartbeat(&claim, &job_progress(None, 0.5), LEASE, at(2)).await.unwrap();
     assert!(news(&storage, &mut cursor, 2).await.is_empty(), "progress is the job's");
     let retry = RetryPolicy::default();
     storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(3)).await.unwrap();
@@ -287,7 +287,7 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     }
 }
 
-/// The copy was made after the first home. The processes start anew on it, and number other changes as the lost ones.
+/// The copy was made after the first home. The processes start again on it, and number other changes as the lost ones.
 async fn a_restored_database_is_told_from_the_one_before(storage: Storage) {
     let put = |id: &'static str| {
         let storage = &storage;

@@ -22,8 +22,8 @@ fn pose(x_m: f64) -> Pose2 {
 }
 
 /// Returns an answer with two alternatives, at 1 m and at 2 m.
-fn two_modes(state: AlignmentState) -> Ending {
-    let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
+fn two_modes(state: AlignmentState) -> AttemptEnd {
+    let AttemptEnd::Answered(mut alignment) = answer(state) else { unreachable!() };
     let alternative = |x_m| Alternative {
         level: LevelName::MAIN,
         map_from_clip: pose(x_m),
@@ -35,11 +35,11 @@ fn two_modes(state: AlignmentState) -> Ending {
         evidence: None,
     };
     alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
-    Ending::Answered(alignment)
+    AttemptEnd::Answered(alignment)
 }
 
 /// Runs the clip's next job.
-async fn end(storage: &Storage, ending: Ending) -> Clip {
+async fn end(storage: &Storage, ending: AttemptEnd) -> Clip {
     let claim = storage.claim(LEASE, at(900)).await.unwrap().expect("a job is due");
     storage.put_result(&claim, "cloud.ply", b"points".to_vec()).await.unwrap();
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(901)).await.unwrap());
@@ -153,7 +153,7 @@ async fn a_choice_moves_with_a_registered_lidar_map(storage: Storage) {
 async fn without_a_result_a_choice_waits(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
     choose(&storage, &clip, Chosen::Pose(LevelName::MAIN, pose(1.0)), 1).await;
-    let failed = end(&storage, Ending::Refused(reason("bad_picture"))).await;
+    let failed = end(&storage, AttemptEnd::Refused(reason("bad_picture"))).await;
     assert_eq!(
         (failed.state, codes(&failed)),
         (ClipState::Failed, vec!["bad_picture", "choice_without_result"])

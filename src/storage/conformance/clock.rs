@@ -32,14 +32,14 @@ async fn jobs_go_on_after_the_clock_was_set_back(storage: Storage) {
     let (done, retry) = (answer(AlignmentState::Aligned), RetryPolicy::default());
     assert!(!storage.finish(&lost, &done, &retry, at(-2 * HOUR)).await.unwrap());
     // A worker that lives renews its lease.
-    assert!(storage.heartbeat(&held, &Reached::default(), LEASE, at(-2 * HOUR)).await.unwrap());
+    assert!(storage.heartbeat(&held, &JobProgress::default(), LEASE, at(-2 * HOUR)).await.unwrap());
     assert_eq!(release_at(&storage, -2 * HOUR + 1).await, 0);
     assert!(storage.finish(&held, &done, &retry, at(-2 * HOUR + 2)).await.unwrap());
     assert_eq!(storage.clips(&home, &ClipFilter::default(), &page()).await.unwrap().len(), 1);
     // A pause after a fault stays a pause.
     add(&storage, &home, b"other").await;
     let held = claim_at(&storage, 0).await.unwrap();
-    assert!(storage.finish(&held, &Ending::Fault(Fault::Storage), &retry, at(0)).await.unwrap());
+    assert!(storage.finish(&held, &AttemptEnd::Fault(Fault::Storage), &retry, at(0)).await.unwrap());
     assert!(claim_at(&storage, 4).await.is_none());
     assert!(claim_at(&storage, 5).await.is_some());
 }
@@ -51,12 +51,12 @@ fn page() -> Page<Uuid> {
 async fn jobs_go_on_after_the_clock_was_set_forward(storage: Storage) {
     one_job(&storage).await;
     let first = claim_at(&storage, 0).await.unwrap();
-    // The lease seems to have expired: the job begins anew, and costs no attempt.
+    // The lease seems to have expired: the job starts again, and costs no attempt.
     assert_eq!(release_at(&storage, HOUR).await, 1);
     let second = claim_at(&storage, HOUR).await.unwrap();
     assert_eq!((second.job.id, second.job.attempts), (first.job.id, 1));
     let (done, retry) = (answer(AlignmentState::Aligned), RetryPolicy::default());
-    assert!(!storage.heartbeat(&first, &Reached::default(), LEASE, at(HOUR)).await.unwrap());
+    assert!(!storage.heartbeat(&first, &JobProgress::default(), LEASE, at(HOUR)).await.unwrap());
     assert!(!storage.finish(&first, &done, &retry, at(HOUR)).await.unwrap());
     assert!(storage.finish(&second, &done, &retry, at(HOUR + 1)).await.unwrap());
 }

@@ -228,7 +228,7 @@ async fn two_people_do_not_overwrite_each_other(storage: Storage) {
 async fn a_home_has_so_many_corrections(storage: Storage) {
     let home = furnished(&storage).await;
     let mut transaction = storage.database.begin().await.unwrap();
-    for n in 1..MOST_CORRECTIONS {
+    for n in 1..MAX_CORRECTIONS {
         crate::storage::database::query(
             "INSERT INTO map_corrections (home_id, kind, target, lidar_map_revision, document, corrected_at)
             SELECT $1, 'object', $2, 1, $3, 0",

@@ -117,10 +117,10 @@ async fn aligned(storage: &Storage) -> (HomeId, Clip) {
 /// Runs the next job.
 async fn align(storage: &Storage) {
     let claim = storage.claim(LEASE, at(10_000)).await.unwrap().expect("a job is due");
-    let Ending::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
+    let AttemptEnd::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
     alignment.map_from_clip = Some(Pose2::IDENTITY);
     storage.put_result(&claim, result_file::CLOUD, b"cloud".to_vec()).await.unwrap();
-    let ending = Ending::Answered(alignment);
+    let ending = AttemptEnd::Answered(alignment);
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(10_000)).await.unwrap());
 }
 
@@ -260,7 +260,7 @@ async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
         let claim = claim.expect("the home is due");
         number += 1;
         let finished = cut_off(storage.finish_merge(&claim, Some(&revision(number)), at(now)), waits).await;
-        // As after a kill: the storage is opened anew, which sweeps.
+        // As after a kill: the storage is opened again, which sweeps.
         storage.close().await;
         drop(storage);
         storage = in_folder(folder.path()).await;

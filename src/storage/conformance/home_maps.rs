@@ -4,7 +4,7 @@ use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
-use viola_home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
+use viola_home::{Extent, FloorCorrection, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
@@ -34,7 +34,7 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
     let claim = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
     let cloud = claim.job.clip.to_string().into_bytes();
     storage.put_result(&claim, result_file::CLOUD, cloud).await.unwrap();
-    let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
+    let AttemptEnd::Answered(mut alignment) = answer(state) else { unreachable!() };
     alignment.map_from_clip = Some(Pose2::new(1.0, 2.0, 0.5));
     alignment.alternatives = vec![Alternative {
         level: LevelName::MAIN,
@@ -46,7 +46,7 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
         probability: Some(0.02),
         evidence: None,
     }];
-    let ending = Ending::Answered(alignment);
+    let ending = AttemptEnd::Answered(alignment);
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(100)).await.unwrap());
 }
 
@@ -70,14 +70,14 @@ const TILE: TileKey = TileKey { level: LevelName::MAIN, x: 1, y: -2 };
 pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
     let place = |member: &viola_home::Member| PlacedClip {
         clip: member.clip,
-        share: member.share.clone(),
+        contribution: member.contribution.clone(),
         recorded_at_ms: member.recorded_at_ms,
         by,
         probability: Some(0.5),
-        level_name: LevelName::MAIN,
+        level: LevelName::MAIN,
         alone: Pose2::new(1.0, 2.0, 0.5),
         map_from_clip: Pose2::new(1.03, 2.04, 0.5),
-        level: Level::default(),
+        floor_correction: FloorCorrection::default(),
         with: Vec::new(),
         extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
         tiles: vec![TILE],
@@ -138,7 +138,7 @@ async fn a_home_is_merged_when_its_clips_have_settled(storage: Storage) {
     // A clip that cannot be aligned changes no map.
     let third = add(&storage, &home, b"third").await;
     let held = storage.claim(LEASE, at(6)).await.unwrap().unwrap();
-    let failed = Ending::Refused(reason("unreadable"));
+    let failed = AttemptEnd::Refused(reason("unreadable"));
     assert!(storage.finish(&held, &failed, &RetryPolicy::default(), at(6)).await.unwrap());
     assert!(due(&storage, 7).await.is_none());
     let left_out = storage.clips_left_out(&home).await.unwrap();
@@ -155,7 +155,7 @@ async fn a_clip_that_rests_after_faults_keeps_no_merge_waiting(storage: Storage)
         assert!(due(&storage, now_s).await.is_none(), "a clip is on its way");
         let held = storage.claim(LEASE, at(now_s)).await.unwrap().expect("the job is due");
         assert_eq!(held.job.clip, third.id);
-        let fault = Ending::Fault(Fault::Storage);
+        let fault = AttemptEnd::Fault(Fault::Storage);
         assert!(storage.finish(&held, &fault, &RetryPolicy::default(), at(now_s)).await.unwrap());
         now_s += pause_s;
     }
@@ -206,13 +206,13 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
     let claim = due(&storage, 10).await.unwrap();
     assert!(finish(&storage, &claim, b"both", 10).await);
-    // While a clip is aligned anew the old map stays.
+    // While a clip is aligned again the old map stays.
     storage.align_clip(&home, clips[1], at(11)).await.unwrap();
     assert!(due(&storage, 11).await.is_none());
     assert_eq!(clips_of(&current(&storage, &home).await), clips);
     // Without an answer it is in no map any more.
     let held = storage.claim(LEASE, at(12)).await.unwrap().unwrap();
-    let failed = Ending::Refused(reason("unreadable"));
+    let failed = AttemptEnd::Refused(reason("unreadable"));
     assert!(storage.finish(&held, &failed, &RetryPolicy::default(), at(12)).await.unwrap());
     let claim = due(&storage, 12).await.expect("it was in the map");
     assert!(finish(&storage, &claim, b"less", 12).await);

@@ -32,7 +32,7 @@ async fn claim(storage: &Storage, seconds: i64) -> Claim {
     due(storage, seconds).await.expect("a job is due")
 }
 
-async fn finish(storage: &Storage, claim: &Claim, ending: Ending, seconds: i64) -> bool {
+async fn finish(storage: &Storage, claim: &Claim, ending: AttemptEnd, seconds: i64) -> bool {
     storage.finish(claim, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap()
 }
 
@@ -64,7 +64,10 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
     assert_eq!(clip_of(&storage, &held).await.state, ClipState::Aligning);
     for seconds in [20, 40, 60] {
         assert!(
-            storage.heartbeat(&held, &reached(Some(Stage::Fuse), 0.5), LEASE, at(seconds)).await.unwrap()
+            storage
+                .heartbeat(&held, &job_progress(Some(Stage::Fuse), 0.5), LEASE, at(seconds))
+                .await
+                .unwrap()
         );
         assert!(due(&storage, seconds + 29).await.is_none());
     }
@@ -82,14 +85,14 @@ async fn an_early_pose_is_told_until_the_job_ends(storage: Storage) {
     let held = claim(&storage, 0).await;
     let pose =
         EarlyPose { level: LevelName::MAIN, map_from_clip: Pose2::new(1.0, 2.0, 0.5), probability: 0.97 };
-    let early = Reached { early_pose: Some(pose), ..reached(Some(Stage::Label), 0.4) };
+    let early = JobProgress { early_pose: Some(pose), ..job_progress(Some(Stage::Label), 0.4) };
     assert!(storage.heartbeat(&held, &early, LEASE, at(1)).await.unwrap());
     let job = async || storage.job(held.job.id).await.unwrap().unwrap();
     assert_eq!(job().await.early_pose, Some(pose));
     // The clip has no answer yet, and the next attempt begins without a pose.
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.alignment), (ClipState::Aligning, None));
-    assert!(finish(&storage, &held, Ending::GivenUp, 2).await);
+    assert!(finish(&storage, &held, AttemptEnd::GivenUp, 2).await);
     assert_eq!(job().await.early_pose, None);
     let held = claim(&storage, 3).await;
     assert!(storage.heartbeat(&held, &early, LEASE, at(4)).await.unwrap());
@@ -105,8 +108,8 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
     storage.put_result(&late, "overlay.png", b"late".to_vec()).await.unwrap();
     storage.put_result(&next, "overlay.png", b"next".to_vec()).await.unwrap();
     assert!(!storage.holds(&late).await.unwrap() && storage.holds(&next).await.unwrap());
-    assert!(!storage.heartbeat(&late, &reached(None, 0.9), LEASE, at(31)).await.unwrap());
-    for ending in [answer(AlignmentState::Failed), Ending::Refused(reason("late")), Ending::GivenUp] {
+    assert!(!storage.heartbeat(&late, &job_progress(None, 0.9), LEASE, at(31)).await.unwrap());
+    for ending in [answer(AlignmentState::Failed), AttemptEnd::Refused(reason("late")), AttemptEnd::GivenUp] {
         assert!(!finish(&storage, &late, ending, 31).await);
     }
     assert!(finish(&storage, &next, answer(AlignmentState::Aligned), 32).await);
@@ -170,7 +173,7 @@ async fn faults_cost_no_attempt_and_are_borne_for_a_day(storage: Storage) {
     let last = loop {
         let held = claim(&storage, now_s).await;
         assert_eq!(held.job.attempts, 1);
-        assert!(finish(&storage, &held, Ending::Fault(Fault::Storage), now_s).await);
+        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
         faults += 1;
         let clip = clip_of(&storage, &held).await;
         assert_eq!(clip.reasons[0].code, "storage_fault");
@@ -193,17 +196,17 @@ async fn an_attempt_that_counts_ends_a_row_of_faults(storage: Storage) {
     let mut now_s = 0;
     for _ in 0..30 {
         let held = claim(&storage, now_s).await;
-        assert!(finish(&storage, &held, Ending::Fault(Fault::System), now_s).await);
+        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
         now_s += 1800;
     }
     let held = claim(&storage, now_s).await;
-    assert!(finish(&storage, &held, Ending::Broken(reason("internal_error")), now_s).await);
+    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("internal_error")), now_s).await);
     // Another 30 of them are less than a day again, though both series together are more.
     for _ in 0..30 {
         now_s += 1800;
         let held = claim(&storage, now_s).await;
         assert_eq!(held.job.attempts, 2);
-        assert!(finish(&storage, &held, Ending::Fault(Fault::System), now_s).await);
+        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
     }
     assert!(now_s > 24 * 3600);
     let held = claim(&storage, now_s + 1800).await;
@@ -214,7 +217,7 @@ async fn a_machine_that_was_off_for_a_day_fails_nothing(storage: Storage) {
     one_job(&storage).await;
     for now_s in [0, 100_000, 200_000] {
         let held = claim(&storage, now_s).await;
-        assert!(finish(&storage, &held, Ending::Fault(Fault::Storage), now_s).await);
+        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
         assert_eq!(clip_of(&storage, &held).await.state, ClipState::Queued);
     }
 }
@@ -225,7 +228,7 @@ async fn faults_outlive_a_restart() {
     let storage = in_folder(folder.path()).await;
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, Ending::Fault(Fault::System), 0).await);
+    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), 0).await);
     claim(&storage, 5).await;
     storage.close().await;
     drop(storage);
@@ -235,7 +238,7 @@ async fn faults_outlive_a_restart() {
     assert!(due(&storage, 35 + 4).await.is_none());
     let held = claim(&storage, 35 + 5).await;
     assert_eq!(held.job.attempts, 1);
-    assert!(finish(&storage, &held, Ending::Fault(Fault::System), 100).await);
+    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), 100).await);
     assert!(due(&storage, 100 + 19).await.is_none());
     assert_eq!(claim(&storage, 100 + 20).await.job.attempts, 1);
 }
@@ -244,14 +247,14 @@ async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
     one_job(&storage).await;
     // 5 s after the first failure and twice that after the second: the policy's default.
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, Ending::Broken(reason("first")), 0).await);
+    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("first")), 0).await);
     assert_eq!(clip_of(&storage, &held).await.reasons[0].code, "first");
     assert!(due(&storage, 4).await.is_none());
     let held = claim(&storage, 5).await;
-    assert!(finish(&storage, &held, Ending::Broken(reason("second")), 10).await);
+    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("second")), 10).await);
     assert!(due(&storage, 19).await.is_none());
     let held = claim(&storage, 20).await;
-    assert!(finish(&storage, &held, Ending::Broken(reason("third")), 21).await);
+    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("third")), 21).await);
     assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Failed, "third"));
@@ -261,7 +264,7 @@ async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
 async fn a_refused_clip_fails_at_once(storage: Storage) {
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, Ending::Refused(reason("bad_picture")), 1).await);
+    assert!(finish(&storage, &held, AttemptEnd::Refused(reason("bad_picture")), 1).await);
     assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons), (ClipState::Failed, vec![reason("bad_picture")]));
@@ -272,7 +275,7 @@ async fn a_job_given_up_is_not_held_against_it(storage: Storage) {
     for _ in 0..5 {
         let held = claim(&storage, 0).await;
         assert_eq!(held.job.attempts, 1);
-        assert!(finish(&storage, &held, Ending::GivenUp, 0).await);
+        assert!(finish(&storage, &held, AttemptEnd::GivenUp, 0).await);
         assert_eq!(clip_of(&storage, &held).await.state, ClipState::Queued);
     }
 }

@@ -54,7 +54,7 @@ async fn a_job_gets_the_current_map_of_each_level(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
     let late = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
     put_level(&storage, &home, level("upper"), b"upper map").await.unwrap();
-    // A new level queues the clip anew, like a new map.
+    // A new level queues the clip again, like a new map.
     assert!(!storage.holds(&late).await.unwrap());
     let claim = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
     assert_eq!((claim.job.clip, claim.job.lidar_map_revision), (clip.id, 2));
@@ -92,7 +92,7 @@ async fn the_map_of_a_home_has_the_files_of_each_level(storage: Storage) {
     let upper = TileKey { level: level("upper"), x: 1, y: -2 };
     new.tiles.push((upper, Some(b"upper tile".to_vec())));
     new.files = ["main", "upper"].map(|name| (level(name), map_file::PLAN_SVG, name.into())).to_vec();
-    new.manifest.clips[0].level_name = level("upper");
+    new.manifest.clips[0].level = level("upper");
     assert!(storage.finish_merge(&claim, Some(&new), at(10)).await.unwrap());
 
     let map = storage.home_map(&home, None).await.unwrap().unwrap();
@@ -152,7 +152,7 @@ async fn a_level_is_removed(storage: Storage) {
     assert!(matches!(gone, Err(StorageError::NoLidarMap)), "{gone:?}");
     let last = storage.delete_lidar_map(&home, LevelName::MAIN, |_| true, at(3)).await;
     assert!(matches!(last, Err(StorageError::LastLevel)), "{last:?}");
-    // The clip is aligned anew, without the choice whose frame is gone.
+    // The clip is aligned again, without the choice whose frame is gone.
     let waiting = storage.clip(&home, clip.id).await.unwrap();
     assert_eq!((waiting.state, waiting.choice), (ClipState::Queued, None));
     let claim = storage.claim(LEASE, at(4)).await.unwrap().unwrap();

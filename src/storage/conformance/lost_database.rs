@@ -154,7 +154,7 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
             assert_eq!(storage.blobs_that_exist().await, kept);
         })
         .await;
-    // An operator can start anew explicitly.
+    // An operator can start with an empty service explicitly.
     bench.lose().await;
     let administered = Storage::administer(&bench.params()).await.unwrap();
     assert_eq!(administered.sweep(Timestamp::MAX, SweepLimit::Everything).await.unwrap(), 3);

@@ -167,7 +167,7 @@ async fn aligning_again_replaces_the_answer(storage: Storage) {
     let ending = answer(AlignmentState::Ambiguous);
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(2)).await.unwrap());
     let done = storage.clip(&id, clip.id).await.unwrap();
-    let Ending::Answered(alignment) = ending else { unreachable!() };
+    let AttemptEnd::Answered(alignment) = ending else { unreachable!() };
     assert_eq!((done.state, &done.reasons), (ClipState::Ambiguous, &alignment.reasons));
     assert_eq!(done.alignment.as_ref(), Some(alignment.as_ref()));
     assert_eq!(done.job.as_ref().map(|job| (job.state, job.progress)), Some((JobState::Succeeded, 1.0)));

@@ -207,7 +207,7 @@ async fn an_address_that_is_away_is_not_drowned(storage: Storage) {
 }
 
 async fn there_are_at_most_ten(storage: Storage) {
-    for _ in 0..MOST_WEBHOOKS {
+    for _ in 0..MAX_WEBHOOKS {
         webhook(&storage, &ChangeKind::ALL).await;
     }
     let more = storage.create_webhook(&acme(), "https://a.example/", &ChangeKind::ALL, at(0)).await.unwrap();
@@ -215,7 +215,7 @@ async fn there_are_at_most_ten(storage: Storage) {
     let other =
         storage.create_webhook(&Tenant::default(), "https://a.example/", &ChangeKind::ALL, at(0)).await;
     assert!(matches!(other, Ok(WebhookMade::Made(..))));
-    assert_eq!(storage.webhooks(&acme()).await.unwrap().len() as i64, MOST_WEBHOOKS);
+    assert_eq!(storage.webhooks(&acme()).await.unwrap().len() as i64, MAX_WEBHOOKS);
 }
 
 async fn the_log_is_a_tenants_own(storage: Storage) {

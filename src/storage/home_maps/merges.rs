@@ -1,6 +1,7 @@
 //! Merges of homes' maps: their claims, leases and results.
 
 mod faults;
+mod files;
 mod rows;
 
 use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, places};
@@ -11,10 +12,9 @@ use crate::storage::{
     corrections, lidar_maps, pending_deletes,
 };
 use jiff::Timestamp;
-use rows::{Written, insert};
+use rows::insert;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use uuid::Uuid;
 use viola_align::Alignment;
 use viola_geometry::LevelName;
 use viola_home::{Manifest, Member, PlacedClip, TileKey, Verdict};
@@ -42,7 +42,7 @@ pub struct MergeClaim {
     pub last_levels: Vec<MapLevel>,
     lidar_map_revision: i64,
     wanted: i64,
-    fence: i64,
+    fencing_token: i64,
     /// Merges without a result since the last one with a result.
     faults: u32,
     /// Of the home: one that was removed and made again counts its claims from 0.
@@ -146,7 +146,7 @@ impl Storage {
             last_revision: last.as_ref().map_or(0, |map| map.revision),
             last_levels: last.map(|map| map.levels).unwrap_or_default(),
             wanted: row.number("map_wanted")?,
-            fence: row.number("map_fence")?,
+            fencing_token: row.number("map_fence")?,
             faults: row.count("map_faults")?,
             home_created_at: row.time("created_at")?,
             home,
@@ -169,7 +169,7 @@ impl Storage {
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind((now + lease).as_millisecond())
         .bind(claim.home_created_at.as_millisecond())
         .execute(&mut transaction)
@@ -185,7 +185,7 @@ impl Storage {
         member: &Member,
         name: &str,
     ) -> Result<Option<bytes::Bytes>, StorageError> {
-        self.blobs.read_if_there(&format!("{}/{name}", member.share)).await
+        self.blobs.read_if_there(&format!("{}/{name}", member.contribution)).await
     }
 
     /// Returns the tiles of the revision that a claim starts from.
@@ -262,44 +262,17 @@ impl Storage {
         keys: &mut Vec<String>,
         now: Timestamp,
     ) -> Result<Option<Vec<String>>, StorageError> {
-        let mut written = Vec::new();
-        if let Some(new) = new {
-            let manifest = to_json(&new.manifest).into_bytes();
-            let tile = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
-                (key.level, map_file::TILE, Some(*key), bytes.clone())
-            };
-            let sums = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
-                (key.level, map_file::SUMS, Some(*key), bytes.clone())
-            };
-            let file = |(level, name, bytes): &(LevelName, &'static str, Vec<u8>)| {
-                (*level, *name, None, Some(bytes.clone()))
-            };
-            let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
-            // The mesh of a level that changed is made later.
-            let is_scene = |(_, name, _): &&(LevelName, &'static str, Vec<u8>)| *name == map_file::SCENE;
-            let meshes =
-                new.files.iter().filter(is_scene).map(|(level, ..)| (*level, map_file::MESH, None, None));
-            let tiles = new.tiles.iter().map(tile).chain(new.sums.iter().map(sums));
-            let all = tiles.chain(new.files.iter().map(file)).chain([manifest]).chain(meshes);
-            for (level, name, tile, bytes) in all {
-                let (mut key, size_bytes) = (None, bytes.as_ref().map_or(0, Vec::len) as u64);
-                if let Some(bytes) = bytes {
-                    // Every attempt has its own keys, as with the results of clips.
-                    let fresh = format!("home-maps/{}", Uuid::now_v7());
-                    keys.push(fresh.clone());
-                    self.blobs.put(&fresh, bytes).await?;
-                    key = Some(fresh);
-                }
-                written.push(Written { level, name, tile, key, size_bytes });
-            }
-        }
+        let written = match new {
+            Some(new) => self.write_files(new, keys).await?,
+            None => Vec::new(),
+        };
         let mut transaction = self.database.begin().await?;
         let held = query(
             "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(claim.wanted)
         .bind(claim.home_created_at.as_millisecond());
         if held.execute(&mut transaction).await? == 0 {
@@ -310,7 +283,15 @@ impl Storage {
                 let revision = claim.last_revision + 1;
                 objects::replace(&mut transaction, &claim.home, &new.objects).await?;
                 let clips = &new.manifest.clips;
-                places::tell(&mut transaction, &claim.home, &claim.members, clips, revision, now).await?;
+                places::update_placements(
+                    &mut transaction,
+                    &claim.home,
+                    &claim.members,
+                    clips,
+                    revision,
+                    now,
+                )
+                .await?;
                 query("UPDATE homes SET coverage = $2 WHERE id = $1")
                     .bind(claim.home.key())
                     .bind(to_json(&new.coverage))
@@ -333,7 +314,7 @@ impl Storage {
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(due.as_millisecond())
         .bind(claim.home_created_at.as_millisecond())
         .execute(&mut transaction)
@@ -372,7 +353,7 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
             clip: row.id("id")?,
             recorded_at_ms: row.maybe_number("recorded_at")?,
             sha256: row.text("sha256")?,
-            share: row.text("result_key")?,
+            contribution: row.text("result_key")?,
             verdict,
         }))
     };

@@ -9,8 +9,8 @@ use std::time::Duration;
 use uuid::Uuid;
 use viola_reconstruct::Reason;
 
-/// Failures of a job so far.
-pub(super) struct Failures {
+/// Attempts and faults of a job so far.
+pub(super) struct RetryState {
     pub attempts: u32,
     pub max_attempts: u32,
     /// Consecutive faults.
@@ -18,9 +18,9 @@ pub(super) struct Failures {
     first_fault_at: Option<Timestamp>,
 }
 
-impl Failures {
-    pub fn from_row(row: &Row) -> Result<Failures, StorageError> {
-        Ok(Failures {
+impl RetryState {
+    pub fn from_row(row: &Row) -> Result<RetryState, StorageError> {
+        Ok(RetryState {
             attempts: row.count("attempts")?,
             max_attempts: row.count("max_attempts")?,
             faults: row.count("faults")?,
@@ -28,19 +28,19 @@ impl Failures {
         })
     }
 
-    /// Returns the failures after an attempt that counts. It ends a series of faults.
-    pub fn with_counted_attempt(self) -> Failures {
-        Failures { faults: 0, first_fault_at: None, ..self }
+    /// Returns the state after an attempt that counts. It ends a series of faults.
+    pub fn with_counted_attempt(self) -> RetryState {
+        RetryState { faults: 0, first_fault_at: None, ..self }
     }
 
-    /// Returns the failures without the current attempt.
-    pub fn without_attempt(self) -> Failures {
-        Failures { attempts: self.attempts.saturating_sub(1), ..self }
+    /// Returns the state without the current attempt.
+    pub fn without_attempt(self) -> RetryState {
+        RetryState { attempts: self.attempts.saturating_sub(1), ..self }
     }
 
-    /// Returns the failures after a fault, which costs no attempt.
-    fn with_fault(self, now: Timestamp) -> Failures {
-        Failures {
+    /// Returns the state after a fault, which costs no attempt.
+    fn with_fault(self, now: Timestamp) -> RetryState {
+        RetryState {
             faults: self.faults.saturating_add(1),
             first_fault_at: self.first_fault_at.or(Some(now)),
             ..self.without_attempt()
@@ -74,14 +74,14 @@ impl Storage {
             let lost = lost.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
             let lost = lost.bind(clock::no_lease_after(now));
             if let Some(lost) = lost.fetch_optional(&mut transaction).await? {
-                let failures = Failures::from_row(&lost)?;
+                let retries = RetryState::from_row(&lost)?;
                 // The first time, the process was probably restarted, and a client may wait for the clip.
-                let pause = match failures.faults {
+                let pause = match retries.faults {
                     0 => Duration::ZERO,
                     faults => retry.delay(faults),
                 };
                 let id = row.id("id")?;
-                bear(&mut transaction, id, failures, Fault::WorkerLost, retry, pause, now).await?;
+                requeue_or_fail(&mut transaction, id, retries, Fault::WorkerLost, retry, pause, now).await?;
                 released += 1;
             }
             transaction.commit().await?;
@@ -91,40 +91,40 @@ impl Storage {
 }
 
 /// Requeues a job after a fault, with the pause of `retry`.
-pub(super) async fn bear_fault(
+pub(super) async fn requeue_after_fault(
     transaction: &mut Transaction,
     id: Uuid,
-    failures: Failures,
+    retries: RetryState,
     fault: Fault,
     retry: &RetryPolicy,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let pause = retry.delay(failures.faults.saturating_add(1));
-    bear(transaction, id, failures, fault, retry, pause, now).await
+    let pause = retry.delay(retries.faults.saturating_add(1));
+    requeue_or_fail(transaction, id, retries, fault, retry, pause, now).await
 }
 
 /// Requeues a job after a fault; fails it if the faults have lasted too long.
-async fn bear(
+async fn requeue_or_fail(
     transaction: &mut Transaction,
     id: Uuid,
-    failures: Failures,
+    retries: RetryState,
     fault: Fault,
     retry: &RetryPolicy,
     pause: Duration,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let failures = failures.with_fault(now);
-    if retry.is_over(failures.faults, failures.first_fault_at.unwrap_or(now), now) {
+    let retries = retries.with_fault(now);
+    if retry.is_over(retries.faults, retries.first_fault_at.unwrap_or(now), now) {
         return fail(transaction, id, fault.lasting(retry), now).await;
     }
-    requeue(transaction, id, failures, Some(&fault.passing()), now + pause, now).await
+    requeue(transaction, id, retries, Some(&fault.passing()), now + pause, now).await
 }
 
 /// Requeues a job, due at `run_after`.
 pub(super) async fn requeue(
     transaction: &mut Transaction,
     id: Uuid,
-    failures: Failures,
+    retries: RetryState,
     error: Option<&Reason>,
     run_after: Timestamp,
     now: Timestamp,
@@ -135,9 +135,9 @@ pub(super) async fn requeue(
         WHERE id = $1",
     )
     .bind(id.to_string())
-    .bind(i64::from(failures.attempts))
-    .bind(i64::from(failures.faults))
-    .bind(failures.first_fault_at.map(Timestamp::as_millisecond))
+    .bind(i64::from(retries.attempts))
+    .bind(i64::from(retries.faults))
+    .bind(retries.first_fault_at.map(Timestamp::as_millisecond))
     .bind(error.map(to_json))
     .bind(run_after.as_millisecond())
     .bind(now.as_millisecond())

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use viola_reconstruct::Reason;
 
-/// Least consecutive faults before a job fails. Time alone does not count: the machine may have been off.
-const LEAST_FAULTS: u32 = 20;
+/// Minimum number of consecutive faults before a job fails. Time alone does not count: the machine may have been off.
+const MIN_FAULTS: u32 = 20;
 
 /// Pauses between attempts, and the limit for attempts that end in faults of the service.
 #[derive(Debug, Clone)]
@@ -39,7 +39,7 @@ impl RetryPolicy {
     /// Returns whether a job has met enough faults in a row to fail.
     pub(super) fn is_over(&self, faults: u32, first_fault_at: Timestamp, now: Timestamp) -> bool {
         let elapsed = Duration::try_from(now.duration_since(first_fault_at)).unwrap_or_default();
-        faults >= LEAST_FAULTS && elapsed >= self.patience
+        faults >= MIN_FAULTS && elapsed >= self.patience
     }
 }
 

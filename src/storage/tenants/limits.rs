@@ -2,7 +2,7 @@
 
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
-use crate::storage::{Storage, StorageError, Tenant, room};
+use crate::storage::{Storage, StorageError, Tenant, quota};
 
 /// Limits of a tenant in place of the service's; `None` means the service's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,7 +48,7 @@ impl Storage {
     /// Returns the size in bytes of a tenant's files: clips, LiDAR maps, results, the maps of homes, and
     /// unfinished uploads with all the bytes that their clients announced.
     pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
-        room::bytes_of(&mut self.database.reader().await?, tenant.name()).await
+        quota::bytes_of(&mut self.database.reader().await?, tenant.name()).await
     }
 
     /// Returns the number of a tenant's unfinished uploads.

@@ -12,7 +12,7 @@ use uuid::Uuid;
 #[derive(Debug)]
 pub struct UploadWriter {
     id: Uuid,
-    fence: i64,
+    fencing_token: i64,
     offset: u64,
     pub tenant: Tenant,
     /// `None` until the client knows it.
@@ -55,7 +55,7 @@ impl Storage {
         let length_bytes = upload.length_bytes.or(length_bytes);
         if upload.state != UploadState::Arriving {
             // No bytes are missing, and a claim on the upload stays valid.
-            return Ok(UploadWriter { id, fence: -1, offset, tenant: upload.tenant, length_bytes });
+            return Ok(UploadWriter { id, fencing_token: -1, offset, tenant: upload.tenant, length_bytes });
         }
         let taken = query(
             "UPDATE uploads SET fence = fence + 1, length_bytes = $3, expires_at = $4,
@@ -70,9 +70,9 @@ impl Storage {
         .bind(upload.length_bytes.map(|length| length as i64))
         .fetch_optional(&mut transaction)
         .await?;
-        let fence = taken.ok_or(UploadError::Overtaken)?.number("fence")?;
+        let fencing_token = taken.ok_or(UploadError::Overtaken)?.number("fence")?;
         transaction.commit().await?;
-        Ok(UploadWriter { id, fence, offset, tenant: upload.tenant, length_bytes })
+        Ok(UploadWriter { id, fencing_token, offset, tenant: upload.tenant, length_bytes })
     }
 
     /// Adds bytes at the writer's offset; on return they are durable. Nothing changes if another writer has
@@ -113,7 +113,7 @@ impl Storage {
             RETURNING pieces",
         )
         .bind(writer.id.to_string())
-        .bind(writer.fence)
+        .bind(writer.fencing_token)
         .bind(writer.offset as i64)
         .bind(size_bytes as i64)
         .bind(later(now, limits.patience).as_millisecond())

@@ -5,7 +5,7 @@ use super::{Storage, Upload, UploadError, from_row, later, owner, piece_keys};
 use crate::storage::clips::{self, Added, NewClip};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::room::Room;
+use crate::storage::quota::QuotaCheck;
 use crate::storage::{Arrived, HomeId, StorageError, clock, pending_deletes};
 use futures::TryStreamExt;
 use jiff::Timestamp;
@@ -19,7 +19,7 @@ pub struct UploadClaim {
     pub home: HomeId,
     /// Number of earlier claims that were lost.
     pub lost_attempts: u32,
-    fence: i64,
+    fencing_token: i64,
 }
 
 impl Storage {
@@ -51,7 +51,7 @@ impl Storage {
             upload,
             home: row.home("home_id")?,
             lost_attempts,
-            fence: row.number("fence")?,
+            fencing_token: row.number("fence")?,
         }))
     }
 
@@ -66,7 +66,7 @@ impl Storage {
         let renewed =
             query("UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'")
                 .bind(claim.upload.id.to_string())
-                .bind(claim.fence)
+                .bind(claim.fencing_token)
                 .bind(later(now, lease).as_millisecond())
                 .execute(&mut transaction)
                 .await?;
@@ -135,7 +135,7 @@ impl Storage {
     ) -> Result<(Option<Added>, Vec<String>), StorageError> {
         let id = claim.upload.id;
         let mut transaction = self.database.begin().await?;
-        let added = clips::insert(&mut transaction, &claim.home, row, Room::Taken, now).await?;
+        let added = clips::insert(&mut transaction, &claim.home, row, QuotaCheck::Counted, now).await?;
         let clip = match &added {
             Added::New(clip) | Added::Replayed(clip) => clip.id,
             // The upload does not end here: the caller refuses it.
@@ -146,7 +146,7 @@ impl Storage {
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(id.to_string())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(clip.to_string())
         .bind(later(now, record).as_millisecond());
         if ended.execute(&mut transaction).await? == 0 {
@@ -171,7 +171,7 @@ impl Storage {
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(claim.upload.id.to_string())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(to_json(problem))
         .bind(later(now, record).as_millisecond());
         if ended.execute(&mut transaction).await? == 0 {
@@ -196,7 +196,7 @@ impl Storage {
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(claim.upload.id.to_string())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(later(now, pause).as_millisecond())
         .execute(&mut transaction)
         .await?;

@@ -1,8 +1,8 @@
 //! Joining partial uploads into a final one.
 
 use super::{
-    NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_room, find, insert,
-    later,
+    NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_counts, find,
+    insert, later,
 };
 use crate::storage::columns::Columns;
 use crate::storage::database::{Transaction, query};
@@ -39,7 +39,7 @@ impl Storage {
             return Ok(earlier);
         }
         let parts = joining.parts.len() as u64;
-        check_room(&mut transaction, &joining.tenant, Some(&joining.home), parts, limits).await?;
+        check_counts(&mut transaction, &joining.tenant, Some(&joining.home), parts, limits).await?;
         let id = Uuid::now_v7();
         let new = NewUpload {
             kind: UploadKind::Final,

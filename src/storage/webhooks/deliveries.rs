@@ -63,7 +63,7 @@ pub struct Sending {
     pub url: String,
     pub secret: WebhookSecret,
     pub deliveries: Vec<ToSend>,
-    fence: i64,
+    fencing_token: i64,
 }
 
 /// A message that is due.
@@ -156,8 +156,8 @@ impl Storage {
         // Committed before the secret is opened: if its key is missing, other webhooks still have their turns.
         transaction.commit().await?;
         let secret = WebhookSecret(self.unseal(&row.text("secret")?, &webhook.to_string())?);
-        let (url, fence) = (row.text("url")?, row.number("fence")?);
-        Ok(Some(Sending { webhook, url, secret, deliveries, fence }))
+        let (url, fencing_token) = (row.text("url")?, row.number("fence")?);
+        Ok(Some(Sending { webhook, url, secret, deliveries, fencing_token }))
     }
 
     /// Records the result of an attempt, unless the lease was lost meanwhile.
@@ -201,7 +201,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
             .bind(sending.webhook.to_string())
-            .bind(sending.fence)
+            .bind(sending.fencing_token)
             .bind(now.as_millisecond())
             .execute(&mut transaction)
             .await?;
@@ -273,7 +273,7 @@ async fn holds(transaction: &mut Transaction, sending: &Sending) -> Result<bool,
         "SELECT id FROM webhooks WHERE id = $1 AND fence = $2",
         "SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE",
     ));
-    let row = row.bind(sending.webhook.to_string()).bind(sending.fence);
+    let row = row.bind(sending.webhook.to_string()).bind(sending.fencing_token);
     Ok(row.fetch_optional(transaction).await?.is_some())
 }
 

@@ -12,7 +12,7 @@ use uuid::Uuid;
 const AT_ONCE: i64 = 200;
 
 /// Most pending deliveries of one webhook. Later changes wait in the feed, which combines those of one item.
-const MOST_PENDING: i64 = 1_000;
+const MAX_PENDING: i64 = 1_000;
 
 /// Time that an ended delivery stays in the log.
 const LOG_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
@@ -30,7 +30,7 @@ impl Storage {
                 AND (SELECT COUNT(*) FROM webhook_deliveries
                     WHERE webhook_id = webhooks.id AND state = 'pending') < $1",
         );
-        let behind = behind.bind(MOST_PENDING).fetch_all(&mut self.database.reader().await?).await?;
+        let behind = behind.bind(MAX_PENDING).fetch_all(&mut self.database.reader().await?).await?;
         let mut has_more = false;
         for row in &behind {
             let mut transaction = self.database.begin().await?;

@@ -47,7 +47,7 @@ fn a_clip_without_a_pose_is_a_failure_and_no_error() {
     assert_eq!(row.wrong_when_aligned, Some(0.5));
     assert!((row.r_mean_deg - 2.0).abs() < 1e-12 && (row.r_median_deg - 2.0).abs() < 1e-12);
     assert!((row.t_mean_m - 0.2).abs() < 1e-12 && (row.t_median_m - 0.2).abs() < 1e-12);
-    assert_eq!(row.recall_at_m.iter().map(|r| r.share).collect::<Vec<_>>(), [0.25, 0.5, 0.75, 0.75]);
+    assert_eq!(row.recall_at_m.iter().map(|r| r.fraction).collect::<Vec<_>>(), [0.25, 0.5, 0.75, 0.75]);
     assert_eq!(row.expected_calibration_error, None);
 }
 

@@ -1,5 +1,5 @@
 //! An S3 endpoint for tests, in the process of the test. It checks signatures, keeps objects in a temporary
-//! folder, and injects faults. It has a thread and a runtime of its own, so that a test needs no further one.
+//! folder, and injects faults. It has a thread and a runtime of its own, so a test needs no further one.
 
 use futures::StreamExt;
 use http_body_util::{BodyExt, StreamBody};

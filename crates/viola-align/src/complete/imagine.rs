@@ -74,8 +74,8 @@ pub struct Imagined {
 }
 
 /// Covered fraction of a view: with less there is no context, and with more no need for completion.
-const LEAST_COVERED: f64 = 0.15;
-const MOST_COVERED: f64 = 0.99;
+const MIN_COVERED: f64 = 0.15;
+const MAX_COVERED: f64 = 0.99;
 
 /// Further inputs of the imagination.
 pub(super) struct Setting<'a> {
@@ -117,7 +117,7 @@ pub(super) fn imagine(
         progress.advance(number as f64 / views.len() as f64);
         let clip_from_camera = view.clip_from_camera();
         let rendering = render::render(&surface, voxel_m, &camera, &clip_from_camera);
-        if !(LEAST_COVERED..MOST_COVERED).contains(&rendering.covered()) {
+        if !(MIN_COVERED..MAX_COVERED).contains(&rendering.covered()) {
             continue;
         }
         let mask = rendering.mask();

@@ -38,15 +38,22 @@ impl Default for StructureCompletion {
 /// Walls with their ends extended to each other.
 #[derive(Debug, Clone)]
 pub(super) struct Extended {
-    /// Each with its start and end along itself.
-    walls: Vec<(Wall, f64, f64)>,
+    walls: Vec<ExtendedWall>,
+}
+
+/// A wall with its extended start and end along itself.
+#[derive(Debug, Clone)]
+struct ExtendedWall {
+    wall: Wall,
+    from_m: f64,
+    to_m: f64,
 }
 
 impl Extended {
     pub(super) fn new(walls: &[Wall], params: &StructureCompletion) -> Extended {
         let extended = walls.iter().map(|wall| {
             let (from_m, to_m) = ends(wall, walls, params);
-            (wall.clone(), from_m, to_m)
+            ExtendedWall { wall: wall.clone(), from_m, to_m }
         });
         Extended { walls: extended.collect() }
     }
@@ -60,9 +67,9 @@ impl Extended {
         params: &StructureCompletion,
     ) -> Vec<CloudPoint> {
         let mut points = Vec::new();
-        for (wall, from_m, to_m) in &self.walls {
-            let open = Openings::of(wall, *from_m, *to_m, keys, clip_from_world, params);
-            continue_wall(wall, *from_m, *to_m, &open, voxel_m, params, &mut points);
+        for wall in &self.walls {
+            let open = Openings::of(wall, keys, clip_from_world, params);
+            wall.add_points(&open, voxel_m, params, &mut points);
         }
         points
     }
@@ -71,13 +78,13 @@ impl Extended {
     pub(super) fn first_hit(&self, from: &Point3, ray: &Vector3) -> Option<f64> {
         /// Approximate height of rooms.
         const CEILING_M: f64 = 2.6;
-        let meets = |(wall, from_m, to_m): &(Wall, f64, f64)| {
+        let meets = |ExtendedWall { wall, from_m, to_m }: &ExtendedWall| {
             let approach = ray.xy().dot(&wall.normal);
-            let share = (wall.offset_m - from.coords.xy().dot(&wall.normal)) / approach;
-            let at = from + ray * share;
+            let fraction = (wall.offset_m - from.coords.xy().dot(&wall.normal)) / approach;
+            let at = from + ray * fraction;
             let along_m = at.coords.xy().dot(&wall.along());
             let on = (*from_m..=*to_m).contains(&along_m) && (0.0..CEILING_M).contains(&at.z);
-            (approach < 0.0 && share > 0.0 && on).then_some(share)
+            (approach < 0.0 && fraction > 0.0 && on).then_some(fraction)
         };
         self.walls.iter().filter_map(meets).min_by(f64::total_cmp)
     }
@@ -124,15 +131,14 @@ struct Openings {
 
 impl Openings {
     fn of(
-        wall: &Wall,
-        from_m: f64,
-        to_m: f64,
+        extended: &ExtendedWall,
         keys: &[KeyFrame],
         clip_from_world: &Pose3,
         params: &StructureCompletion,
     ) -> Openings {
         /// Minimum distance behind the plane of a reading that went through it; less may be noise.
         const BEHIND_M: f64 = 0.2;
+        let (wall, from_m, to_m) = (&extended.wall, extended.from_m, extended.to_m);
         let steps = ((to_m - from_m) / Wall::STEP_M) as usize + 1;
         let mut passages = vec![0; steps];
         let along = wall.along();
@@ -167,40 +173,44 @@ impl Openings {
     }
 }
 
-fn continue_wall(
-    wall: &Wall,
-    from_m: f64,
-    to_m: f64,
-    open: &Openings,
-    voxel_m: f64,
-    params: &StructureCompletion,
-    into: &mut Vec<CloudPoint>,
-) {
-    let along = wall.along();
-    let columns = ((to_m - from_m) / voxel_m) as usize;
-    for column in 0..=columns {
-        let along_m = from_m + column as f64 * voxel_m;
-        let step = (along_m - wall.from_m) / Wall::STEP_M;
-        let seen = if step < 0.0 { None } else { wall.seen_m.get(step as usize).copied().flatten() };
-        let top_m = match seen {
-            Some((low_m, high_m)) if low_m > params.lintel_m && high_m - low_m < params.lintel_height_m => {
+impl ExtendedWall {
+    /// Adds its unseen parts as points, without the openings.
+    fn add_points(
+        &self,
+        open: &Openings,
+        voxel_m: f64,
+        params: &StructureCompletion,
+        into: &mut Vec<CloudPoint>,
+    ) {
+        let (wall, from_m, to_m) = (&self.wall, self.from_m, self.to_m);
+        let along = wall.along();
+        let columns = ((to_m - from_m) / voxel_m) as usize;
+        for column in 0..=columns {
+            let along_m = from_m + column as f64 * voxel_m;
+            let step = (along_m - wall.from_m) / Wall::STEP_M;
+            let seen = if step < 0.0 { None } else { wall.seen_m.get(step as usize).copied().flatten() };
+            let top_m = match seen {
+                Some((low_m, high_m))
+                    if low_m > params.lintel_m && high_m - low_m < params.lintel_height_m =>
+                {
+                    continue;
+                }
+                Some((low_m, _)) => low_m.min(params.height_m),
+                None => params.height_m,
+            };
+            if open.at(along_m) {
                 continue;
             }
-            Some((low_m, _)) => low_m.min(params.height_m),
-            None => params.height_m,
-        };
-        if open.at(along_m) {
-            continue;
+            let at: Vector2 = wall.normal * wall.offset_m + along * along_m;
+            let rows = (top_m / voxel_m) as usize;
+            into.extend((0..rows).map(|row| CloudPoint {
+                position_m: [at.x as f32, at.y as f32, ((row as f64 + 0.5) * voxel_m) as f32],
+                normal: [wall.normal.x as f32, wall.normal.y as f32, 0.0],
+                color: [200, 200, 200],
+                label: Label::new(Class::Wall, 0.8, 0),
+                weight: 1,
+            }));
         }
-        let at: Vector2 = wall.normal * wall.offset_m + along * along_m;
-        let rows = (top_m / voxel_m) as usize;
-        into.extend((0..rows).map(|row| CloudPoint {
-            position_m: [at.x as f32, at.y as f32, ((row as f64 + 0.5) * voxel_m) as f32],
-            normal: [wall.normal.x as f32, wall.normal.y as f32, 0.0],
-            color: [200, 200, 200],
-            label: Label::new(Class::Wall, 0.8, 0),
-            weight: 1,
-        }));
     }
 }
 
@@ -278,7 +288,7 @@ mod tests {
         let along_y = cloud.iter().filter(|p| (p.position().x + 0.6).abs() < 1e-6);
         let low = along_y.map(|p| p.position().y).fold(f64::INFINITY, f64::min);
         assert!(low.abs() < 0.04, "{low}");
-        // A ray ends also at the unseen part of the wall.
+        // A ray also ends at the unseen part of the wall.
         let params = StructureCompletion::default();
         let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)], &params);
         let ray = Vector3::new(0.0, -1.0, -0.2);

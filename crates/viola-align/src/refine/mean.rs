@@ -21,7 +21,7 @@ const AROUND_M: f64 = 0.05;
 const AROUND_RAD: f64 = 1.5 * PI / 180.0;
 /// Factor of the draws' variances over the fitted ones, and a constant added to them.
 const WIDER: f64 = 2.0;
-const LEAST: [f64; 3] = [1e-6, 1e-6, 1e-7];
+const MIN_VARIANCES: [f64; 3] = [1e-6, 1e-6, 1e-7];
 
 /// The mean of the poses around a minimum, and their spread.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +62,9 @@ pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Mean {
     let mut centre = Vector3::zeros();
     let draws = draws();
     for _ in 0..ROUNDS {
-        let Some(root) = (spread * WIDER + Matrix3::from_diagonal(&LEAST.into())).cholesky() else { break };
+        let Some(root) = (spread * WIDER + Matrix3::from_diagonal(&MIN_VARIANCES.into())).cholesky() else {
+            break;
+        };
         let offsets: Vec<Vector3<f64>> = draws.iter().map(|draw| centre + root.l() * draw).collect();
         let logs: Vec<f64> = draws
             .iter()
@@ -88,14 +90,14 @@ pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Mean {
 /// Removes the prior's information from a covariance. A direction that the hits do not constrain gets a
 /// deviation of a metre (a radian).
 fn without_prior(spread: &Matrix3<f64>, prior: &Vector3<f64>) -> Matrix3<f64> {
-    const LEAST_INFORMATION: f64 = 1.0;
+    const MIN_INFORMATION: f64 = 1.0;
     let scale = prior.map(f64::sqrt);
     // In units of the prior's deviations, so that metres and radians can be compared.
     let unit = |m: &Matrix3<f64>| m.component_mul(&(scale * scale.transpose()));
-    let information = (unit(spread) + Matrix3::from_diagonal(&LEAST.into())).try_inverse();
+    let information = (unit(spread) + Matrix3::from_diagonal(&MIN_VARIANCES.into())).try_inverse();
     let information = information.unwrap_or_else(Matrix3::identity) - Matrix3::identity();
     let mut eigen = ((information + information.transpose()) * 0.5).symmetric_eigen();
-    let least = LEAST_INFORMATION / prior.x;
+    let least = MIN_INFORMATION / prior.x;
     eigen.eigenvalues.apply(|value| *value = 1.0 / value.max(least));
     eigen.recompose().component_div(&(scale * scale.transpose()))
 }

@@ -1,6 +1,6 @@
 //! Refines poses together with the scale of the hits, for clips whose unit is unknown.
 
-use super::{KERNEL_M, STEPS, Weighted, cost, descend, variance_m2};
+use super::{DescentParams, KERNEL_M, STEPS, Weighted, cost, descend, variance_m2};
 use crate::scan::Hit;
 use crate::target::Target;
 use nalgebra::{Matrix4, Vector4};
@@ -89,11 +89,11 @@ impl Normal {
         for hit in hits {
             let (rx, ry) = (cos * hit.x_m - sin * hit.y_m, sin * hit.x_m + cos * hit.y_m);
             let (d, slope) = target.field.value_and_gradient(&Point2::new(rx + pose.x_m, ry + pose.y_m));
-            let share = c2 / (c2 + d * d);
-            let bent = hit.weight * share;
+            let kernel_weight = c2 / (c2 + d * d);
+            let bent = hit.weight * kernel_weight;
             let jacobian =
                 Vector4::new(slope.x, slope.y, slope.y * rx - slope.x * ry, slope.x * rx + slope.y * ry);
-            let weighted = jacobian * (bent * share);
+            let weighted = jacobian * (bent * kernel_weight);
             normal.information += weighted * jacobian.transpose();
             normal.gradient += weighted * d;
             normal.cost += bent * d * d;
@@ -123,13 +123,14 @@ pub fn spread_of_scale(pose: &Pose2, hits: &[Hit], target: &Target) -> LogScale 
     let kernel_m = KERNEL_M[KERNEL_M.len() - 1];
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
     let variance_m2 = variance_m2(pose, &hits, target, kernel_m);
+    let params = DescentParams { kernel_m, steps: STEPS, still_m: 4e-4, still_rad: 1e-4 };
     let mut profile = Vec::new();
     for side in [-1, 1] {
         let mut pose = *pose;
         for step in i32::from(side > 0)..=PROFILE_STEPS {
             let log = f64::from(side * step) * PROFILE_STEP;
             let scaled = scaled(&hits, log.exp());
-            pose = descend(pose, &scaled, target, kernel_m, STEPS, 4e-4, 1e-4);
+            pose = descend(pose, &scaled, target, &params);
             profile.push((log, cost(&pose, &scaled, target, kernel_m)));
         }
     }

@@ -56,7 +56,7 @@ fn explained(
         }
         let refined = distinct(refine::refine_with_scale(starts, hits, target, step));
         let resized: Vec<Vec<Hit>> = refined.iter().map(|at| resized(hits, at.factor)).collect();
-        let mut scorer = PoseScorer::new(hits, scan, params.score.unknown_share);
+        let mut scorer = PoseScorer::new(hits, scan, params.score.unknown_fraction);
         for (Rescaled { map_from_clip, factor }, hits) in refined.into_iter().zip(&resized) {
             let scale = scale * factor;
             scorer = scorer.with_hits(hits);
@@ -74,10 +74,7 @@ fn distinct(refined: Vec<Rescaled>) -> Vec<Rescaled> {
     const SAME_RAD: f64 = 0.02;
     let mut kept: Vec<Rescaled> = Vec::new();
     for at in refined {
-        let is_same = |known: &Rescaled| {
-            let turned = viola_geometry::angle_between(known.map_from_clip.yaw_rad, at.map_from_clip.yaw_rad);
-            known.map_from_clip.distance_m(&at.map_from_clip) < SAME_M && turned < SAME_RAD
-        };
+        let is_same = |known: &Rescaled| known.map_from_clip.is_within(&at.map_from_clip, SAME_M, SAME_RAD);
         if !kept.iter().any(is_same) {
             kept.push(at);
         }

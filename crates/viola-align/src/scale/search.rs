@@ -48,7 +48,7 @@ pub(super) fn search(
     let search = SearchParams {
         rotations: (params.search.rotations as f64 * effort.rotations) as usize,
         first: effort.limits,
-        in_doubt: effort.limits,
+        resumed: effort.limits,
         max_nodes: effort.max_nodes,
         ..params.search.clone()
     };

@@ -26,7 +26,7 @@ pub(super) const FIRST: Effort = Effort {
     heights_m: 0.5..=2.2,
     step: 1.0,
     rotations: 0.5,
-    limits: SearchLimits { modes: 20, bar: 0.75 },
+    limits: SearchLimits { modes: 20, min_score_ratio: 0.75 },
     max_nodes: 200_000,
 };
 
@@ -35,7 +35,7 @@ pub(super) const IN_DOUBT: Effort = Effort {
     heights_m: 1.0..=1.8,
     step: 0.5,
     rotations: 1.0,
-    limits: SearchLimits { modes: 100, bar: 0.7 },
+    limits: SearchLimits { modes: 100, min_score_ratio: 0.7 },
     max_nodes: 200_000,
 };
 
@@ -90,7 +90,7 @@ impl Shape {
         self.scan(scale, &some, params)
     }
 
-    /// Returns the virtual scan at a scale. It is cast anew, because the vacuum's height has metres.
+    /// Returns the virtual scan at a scale. It is cast for each scale, because the vacuum's height has metres.
     fn scan(&self, scale: f64, keys: &[KeyFrame], params: &RaycastParams) -> VirtualScan {
         let keys: Vec<KeyFrame> = keys.iter().map(|key| key.clone().scaled(scale)).collect();
         let mut clip_from_world = self.clip_from_world;

@@ -15,7 +15,7 @@ pub struct Landmark {
     pub from_m: Point2,
     pub class: Class,
     /// Fraction of the area with anything standing in pictures, times the probability of this class.
-    pub share: f64,
+    pub fraction: f64,
 }
 
 /// Side of the cells of the floor plan in which classes are summed up.
@@ -68,7 +68,7 @@ pub(super) fn landmarks(
             point_m,
             from_m: seen_from(&point_m, cameras)?,
             class,
-            share: sum / cell.count / area,
+            fraction: sum / cell.count / area,
         })
     };
     cells.iter().filter_map(thing).collect()
@@ -123,7 +123,7 @@ mod tests {
         let [thing] = found[..] else { panic!("{found:?}") };
         assert_eq!((thing.class, thing.from_m), (Class::Bed, Point2::origin()));
         assert!((thing.point_m - Point2::new(2.1, 0.1)).norm() < 1e-6, "{thing:?}");
-        assert!((thing.share - 0.5).abs() < 1e-6, "{thing:?}");
+        assert!((thing.fraction - 0.5).abs() < 1e-6, "{thing:?}");
         assert_eq!(landmarks(&cloud, &[], &RaycastParams::default()), []);
     }
 }

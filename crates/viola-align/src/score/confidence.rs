@@ -1,7 +1,7 @@
 //! Probability that the best pose is right, calibrated on simulated homes. Only this module sets it.
 //!
-//! A logistic regression on three features of the answer, at most the answer's share of the odds of all
-//! explanations, capped by doubts that the features do not include. The coefficients are those of [`MODEL`].
+//! A logistic regression on three features of the answer, at most the answer's fraction of the odds of all
+//! explanations, capped by facts that the features do not include. The coefficients are those of [`MODEL`].
 
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative};
@@ -57,15 +57,15 @@ fn odds_against(alternatives: &[Alternative], temperature_m: f64) -> Option<f64>
     Some(UNLISTED_ODDS + rivals(alternatives).map(odds).sum::<f64>())
 }
 
-/// Returns the best pose's share of the odds, which bounds its probability: whatever speaks for it speaks for a rival
+/// Returns the best pose's fraction of the odds, which bounds its probability: whatever speaks for it speaks for a rival
 /// with the same loss, too. `temperature_m` is that of the bound.
-pub fn share_of_odds(alternatives: &[Alternative], temperature_m: f64) -> Option<f64> {
+pub fn fraction_of_odds(alternatives: &[Alternative], temperature_m: f64) -> Option<f64> {
     odds_against(alternatives, temperature_m).map(|against| 1.0 / (1.0 + against))
 }
 
-/// Facts about an answer that its features do not show.
+/// Facts about an answer that cap its probability; its features do not include them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Doubts {
+pub struct ProbabilityCaps {
     /// True if the search ended at its budget: an unsearched pose may explain the clip as well.
     pub search_incomplete: bool,
     /// True if the camera was tracked from frames that are far apart.
@@ -73,24 +73,24 @@ pub struct Doubts {
 }
 
 /// Maximum probability if the search was incomplete.
-const MOST_AFTER_INCOMPLETE_SEARCH: f64 = 0.5;
+const MAX_AFTER_INCOMPLETE_SEARCH: f64 = 0.5;
 /// Maximum probability if the camera was tracked from sparse frames: of the simulated clips at 2.5 frames a
 /// second that were reported as aligned, 13 % were wrong (docs/experiments.md).
-const MOST_FOR_SPARSE_TRACK: f64 = 0.85;
+const MAX_FOR_SPARSE_TRACK: f64 = 0.85;
 
 /// Sets the probabilities of an answer.
-pub fn set_probabilities(answer: &mut Alignment, doubts: Doubts) {
+pub fn set_probabilities(answer: &mut Alignment, caps: ProbabilityCaps) {
     regress(answer, &MODEL);
-    if doubts.search_incomplete {
-        cap(&mut answer.probability, MOST_AFTER_INCOMPLETE_SEARCH);
+    if caps.search_incomplete {
+        cap(&mut answer.probability, MAX_AFTER_INCOMPLETE_SEARCH);
         for alternative in &mut answer.alternatives {
-            cap(&mut alternative.probability, MOST_AFTER_INCOMPLETE_SEARCH);
+            cap(&mut alternative.probability, MAX_AFTER_INCOMPLETE_SEARCH);
         }
     }
-    if doubts.sparse_track {
-        cap(&mut answer.probability, MOST_FOR_SPARSE_TRACK);
+    if caps.sparse_track {
+        cap(&mut answer.probability, MAX_FOR_SPARSE_TRACK);
         if let Some(first) = answer.alternatives.first_mut() {
-            cap(&mut first.probability, MOST_FOR_SPARSE_TRACK);
+            cap(&mut first.probability, MAX_FOR_SPARSE_TRACK);
         }
     }
 }
@@ -99,20 +99,22 @@ fn cap(probability: &mut Option<f64>, most: f64) {
     *probability = probability.map(|p| p.min(most));
 }
 
-/// Sets the regression's probability for the best pose, at most its share of the odds. The rest is divided among the
+/// Sets the regression's probability for the best pose, at most its fraction of the odds. The rest is divided among the
 /// other explanations by their losses, with a part for unlisted poses.
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
     let temperature_m = model.temperature_m(answer.hits);
     let Some(mut features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
-    let Some(mut share) = share_of_odds(&answer.alternatives, temperature_m * model.bound) else { return };
+    let Some(mut fraction) = fraction_of_odds(&answer.alternatives, temperature_m * model.bound) else {
+        return;
+    };
     if !answer.scale_rival_gaps_m.is_empty() {
         let odds = |gap_m: &f64| (-gap_m / temperature_m).exp();
         let at_other_scales: f64 = answer.scale_rival_gaps_m.iter().map(odds).sum();
         features[0] = -((-features[0]).exp() + at_other_scales).ln();
-        share = 1.0 / (1.0 / share + at_other_scales);
+        fraction = 1.0 / (1.0 / fraction + at_other_scales);
     }
-    let best = model.probability(&features).min(share);
+    let best = model.probability(&features).min(fraction);
     let loss_m = answer.alternatives[0].loss_m;
     let weight = |a: &Alternative| (-(a.loss_m - loss_m) / temperature_m).exp();
     let sum: f64 = ELSEWHERE + answer.alternatives.iter().skip(1).map(weight).sum::<f64>();
@@ -161,7 +163,7 @@ mod tests {
         rival.loss_m += gap_m;
         answer.alternatives.push(rival);
         answer.hits = hits;
-        set_probabilities(&mut answer, Doubts { search_incomplete: false, sparse_track: false });
+        set_probabilities(&mut answer, ProbabilityCaps { search_incomplete: false, sparse_track: false });
         let rival = answer.alternatives[1].probability.unwrap();
         assert!(rival <= answer.probability.unwrap());
         answer.probability.unwrap()
@@ -176,22 +178,22 @@ mod tests {
         assert!(by_hits.is_sorted(), "{by_hits:?}");
     }
 
-    fn check(doubts: Doubts, most: f64) {
+    fn check(caps: ProbabilityCaps, most: f64) {
         let mut answer = sure();
-        set_probabilities(&mut answer, doubts);
+        set_probabilities(&mut answer, caps);
         let probability = answer.probability.unwrap();
-        assert!(probability <= most, "{doubts:?} {probability}");
+        assert!(probability <= most, "{caps:?} {probability}");
         assert_eq!(answer.alternatives[0].probability, answer.probability);
     }
 
     #[test]
     fn doubts_cap_the_probability() {
-        let none = Doubts { search_incomplete: false, sparse_track: false };
+        let none = ProbabilityCaps { search_incomplete: false, sparse_track: false };
         let mut answer = sure();
         set_probabilities(&mut answer, none);
-        assert!(answer.probability.unwrap() > MOST_FOR_SPARSE_TRACK, "{:?}", answer.probability);
-        check(Doubts { sparse_track: true, ..none }, MOST_FOR_SPARSE_TRACK);
-        check(Doubts { search_incomplete: true, ..none }, MOST_AFTER_INCOMPLETE_SEARCH);
-        check(Doubts { search_incomplete: true, sparse_track: true }, MOST_AFTER_INCOMPLETE_SEARCH);
+        assert!(answer.probability.unwrap() > MAX_FOR_SPARSE_TRACK, "{:?}", answer.probability);
+        check(ProbabilityCaps { sparse_track: true, ..none }, MAX_FOR_SPARSE_TRACK);
+        check(ProbabilityCaps { search_incomplete: true, ..none }, MAX_AFTER_INCOMPLETE_SEARCH);
+        check(ProbabilityCaps { search_incomplete: true, sparse_track: true }, MAX_AFTER_INCOMPLETE_SEARCH);
     }
 }

@@ -49,7 +49,7 @@ pub struct PoseScorer<'a> {
     /// Maximum distance of a free cell from the clip's origin.
     free_reach_m: f64,
     landmarks: &'a [Landmark],
-    unknown_share: f64,
+    unknown_fraction: f64,
 }
 
 /// Side of the cells in which free floor is compared.
@@ -64,7 +64,7 @@ fn weight(hits: &[Hit]) -> f64 {
 }
 
 impl<'a> PoseScorer<'a> {
-    pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, unknown_share: f64) -> PoseScorer<'a> {
+    pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, unknown_fraction: f64) -> PoseScorer<'a> {
         let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
         // One cell in from the edge: the edge itself is where walls stand.
         let inner =
@@ -75,7 +75,7 @@ impl<'a> PoseScorer<'a> {
             free: seen.iter().filter(|c| inner(c)).copied().collect(),
             free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
             landmarks: &scan.landmarks,
-            unknown_share,
+            unknown_fraction,
         }
     }
 
@@ -88,7 +88,7 @@ impl<'a> PoseScorer<'a> {
     }
 
     /// Returns the evidence on one pose. A hit without a counterpart costs the truncation, or a fraction of
-    /// `unknown_share` of it in unknown cells of the map.
+    /// `unknown_fraction` of it in unknown cells of the map.
     pub fn evidence(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
         let mut evidence = Evidence::default();
         let turn = Rotation2::new(map_from_clip.yaw_rad);
@@ -97,16 +97,16 @@ impl<'a> PoseScorer<'a> {
             let distance_m = target.field.value(&at);
             let state = target.cell_at(&at);
             let cut_m = match state {
-                Cell::Unknown => TRUNCATION_M * self.unknown_share,
+                Cell::Unknown => TRUNCATION_M * self.unknown_fraction,
                 _ => TRUNCATION_M,
             };
             let on_floor = state == Cell::Free && distance_m > OFF_WALL_M;
             evidence.distance_m += hit.weight * distance_m.min(cut_m);
-            evidence.inliers += hit.weight * share(distance_m < INLIER_M);
-            evidence.hits_on_floor += hit.weight * share(on_floor);
+            evidence.inliers += hit.weight * indicator(distance_m < INLIER_M);
+            evidence.hits_on_floor += hit.weight * indicator(on_floor);
             if distance_m < INLIER_M && target.cells.is_some() {
                 let before = at + turn * hit.normal * BEFORE_WALL_M;
-                evidence.unseen_sides += hit.weight * share(target.cell_at(&before) == Cell::Unknown);
+                evidence.unseen_sides += hit.weight * indicator(target.cell_at(&before) == Cell::Unknown);
             }
             // Completed hits were not seen, so they have no ray.
             if !hit.completed {
@@ -130,10 +130,10 @@ impl<'a> PoseScorer<'a> {
         let contradicted = target
             .thinned_m
             .iter()
-            .zip(&target.thinned_shares)
+            .zip(&target.thinned_fractions)
             .filter(|(p, _)| (*p - origin).norm_squared() < reach2)
             .filter(|(p, _)| self.free.contains(&cell(&clip_from_map.apply(p))))
-            .map(|(_, share)| share)
+            .map(|(_, fraction)| fraction)
             .sum::<f64>();
         contradicted / (contradicted + self.hits.len() as f64).max(1.0)
     }
@@ -144,11 +144,11 @@ impl<'a> PoseScorer<'a> {
             rooms.around(&at, &from).suit(thing.class) == Some(false)
         };
         // The sum of nothing is -0.0, which JSON would show.
-        0.0 + self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum::<f64>()
+        0.0 + self.landmarks.iter().filter(is_misplaced).map(|thing| thing.fraction).sum::<f64>()
     }
 }
 
-/// Returns how much the map blocks the ray of a hit, 0..1, by sphere tracing on the distance field: the share
+/// Returns how much the map blocks the ray of a hit, 0..1, by sphere tracing on the distance field: the fraction
 /// of the longest piece that the ray meets.
 fn blocked(map_from_clip: &Pose2, hit: &Hit, target: &Target) -> f64 {
     let cell_m = target.field.frame().cell_m;
@@ -161,14 +161,14 @@ fn blocked(map_from_clip: &Pose2, hit: &Hit, target: &Target) -> f64 {
         let at = from + direction * along_m;
         let distance_m = target.field.value(&at);
         if distance_m < wall_m {
-            blocked = f64::max(blocked, target.wall_share(&at));
+            blocked = f64::max(blocked, target.wall_fraction(&at));
         }
         along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
     }
     blocked
 }
 
-fn share(of: bool) -> f64 {
+fn indicator(of: bool) -> f64 {
     f64::from(u8::from(of))
 }
 
@@ -204,8 +204,8 @@ mod tests {
     fn a_wall_that_is_seen_from_where_the_robot_never_was_contradicts() {
         use std::f64::consts::PI;
         let hits: Vec<Hit> = (0..10).map(|i| hit(0.1 * f64::from(i))).collect();
-        let (scan, unknown_share) = (VirtualScan::default(), 0.6);
-        let scorer = PoseScorer::new(&hits, &scan, unknown_share);
+        let (scan, unknown_fraction) = (VirtualScan::default(), 0.6);
+        let scorer = PoseScorer::new(&hits, &scan, unknown_fraction);
         let (front, behind, off) =
             (Pose2::new(1.0, 1.0, 0.0), Pose2::new(3.0, 3.0, PI), Pose2::new(1.5, 1.0, 0.0));
         for (known, pose, want) in [

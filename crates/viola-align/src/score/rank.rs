@@ -8,21 +8,21 @@ use crate::scan::{Hit, VirtualScan};
 use crate::target::Target;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{Point2, Pose2};
 
 /// Parameters of the ranking; the experiments vary them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScoreParams {
     pub weights: LossWeights,
     /// Cost of a hit without a counterpart in unknown cells of the map, as a fraction of the truncation.
-    pub unknown_share: f64,
+    pub unknown_fraction: f64,
     /// Maximum number of explanations in an answer.
     pub alternatives: usize,
 }
 
 impl Default for ScoreParams {
     fn default() -> Self {
-        ScoreParams { weights: MODEL.loss, unknown_share: 0.6, alternatives: 8 }
+        ScoreParams { weights: MODEL.loss, unknown_fraction: 0.6, alternatives: 8 }
     }
 }
 
@@ -50,10 +50,10 @@ pub struct Candidates<'a> {
 }
 
 /// Returns the refined poses above all floors and on all levels by how well they explain the clip, the best
-/// first, without duplicates. Losses are means over the hits, so that they can be compared.
+/// first, without duplicates. Losses are means over the hits, so they can be compared.
 pub fn rank(candidates: &[Candidates], params: &ScoreParams) -> Vec<Ranked> {
     let of = |candidates: &Candidates| -> Vec<Ranked> {
-        let scorer = PoseScorer::new(candidates.hits, candidates.scan, params.unknown_share);
+        let scorer = PoseScorer::new(candidates.hits, candidates.scan, params.unknown_fraction);
         candidates.refined.par_iter().map(|pose| ranked(pose, candidates, &scorer, params)).collect()
     };
     let mut ranked: Vec<Ranked> = candidates.iter().flat_map(of).collect();
@@ -72,10 +72,7 @@ fn ranked(pose: &Refined, candidates: &Candidates, scorer: &PoseScorer, params: 
 }
 
 fn is_same(a: &Alternative, b: &Alternative) -> bool {
-    let (pose, other) = (&a.map_from_clip, &b.map_from_clip);
-    a.level == b.level
-        && pose.distance_m(other) < SAME_M
-        && angle_between(pose.yaw_rad, other.yaw_rad) < SAME_RAD
+    a.level == b.level && a.map_from_clip.is_within(&b.map_from_clip, SAME_M, SAME_RAD)
 }
 
 fn distinct(sorted: Vec<Ranked>, most: usize) -> Vec<Ranked> {

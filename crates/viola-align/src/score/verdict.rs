@@ -5,9 +5,9 @@ use crate::answer::{Alignment, AlignmentState};
 use viola_reconstruct::Reason;
 
 /// Minimum fraction of the hits with a counterpart in the map.
-const LEAST_INLIERS: f64 = 0.3;
+const MIN_INLIER_FRACTION: f64 = 0.3;
 /// Minimum probability of the state `aligned`.
-const SURE: f64 = 0.9;
+pub const MIN_ALIGNED_PROBABILITY: f64 = 0.9;
 
 /// Maximum probability of all listed explanations together at which the clip is said to be of another home.
 const FOREIGN: f64 = 0.3;
@@ -16,14 +16,14 @@ const FOREIGN: f64 = 0.3;
 pub fn set_state(answer: &mut Alignment) {
     let inliers = answer.inliers.unwrap_or(0.0);
     let probability = answer.probability.unwrap_or(0.0);
-    if inliers < LEAST_INLIERS {
+    if inliers < MIN_INLIER_FRACTION {
         let percent = inliers * 100.0;
         answer.reasons.push(Reason::new(
             "no_support",
             format!("only {percent:.0} % of what the clip shows at the vacuum's height is in the map anywhere; is it the map of this home?"),
         ));
         answer.state = AlignmentState::Failed;
-    } else if probability >= SURE {
+    } else if probability >= MIN_ALIGNED_PROBABILITY {
         answer.state = AlignmentState::Aligned;
     } else {
         answer.state = AlignmentState::Ambiguous;

@@ -249,7 +249,7 @@ impl<'a> Space<'a> {
         Pose2::new(x_m, y_m, yaw_rad(leaf.rotation, self.params))
     }
 
-    pub(super) fn share(&self, bound: u32) -> f64 {
+    pub(super) fn fraction(&self, bound: u32) -> f64 {
         f64::from(bound) / self.full
     }
 

@@ -25,7 +25,7 @@ fn hit(x: f64, y: f64) -> Hit {
 }
 
 fn small() -> SearchParams {
-    let first = SearchLimits { modes: 1, bar: 0.8 };
+    let first = SearchLimits { modes: 1, min_score_ratio: 0.8 };
     SearchParams { rotations: 24, levels: 3, first, ..SearchParams::default() }
 }
 
@@ -42,7 +42,7 @@ fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
     let leaves = roots.iter().flat_map(|root| {
         (0..side * side).map(|i| space.node(root.rotation, 0, root.x + i % side, root.y + i / side))
     });
-    leaves.map(|leaf| space.share(leaf.bound)).fold(0.0, f64::max)
+    leaves.map(|leaf| space.fraction(leaf.bound)).fold(0.0, f64::max)
 }
 
 proptest! {
@@ -64,7 +64,7 @@ proptest! {
     #[test]
     fn the_order_of_hits_does_not_matter(points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25)) {
         let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
-        let params = SearchParams { first: SearchLimits { modes: 10, bar: 0.8 }, ..small() };
+        let params = SearchParams { first: SearchLimits { modes: 10, min_score_ratio: 0.8 }, ..small() };
         let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
         let mut turned = hits.clone();
         turned.reverse();
@@ -80,14 +80,14 @@ proptest! {
         points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
     ) {
         let target = target(&walls);
-        let params = SearchParams { in_doubt: SearchLimits { modes: 12, bar: 0.5 }, ..small() };
+        let params = SearchParams { resumed: SearchLimits { modes: 12, min_score_ratio: 0.5 }, ..small() };
         let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
         let mut paused = Search::new(&hits, &target, &params);
         paused.run(&params.first, &Silent).unwrap();
         let mut straight = Search::new(&hits, &target, &params);
         prop_assert_eq!(
-            paused.run(&params.in_doubt, &Silent).unwrap(),
-            straight.run(&params.in_doubt, &Silent).unwrap()
+            paused.run(&params.resumed, &Silent).unwrap(),
+            straight.run(&params.resumed, &Silent).unwrap()
         );
     }
 }
@@ -101,9 +101,9 @@ proptest! {
         points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
     ) {
         let target = target(&walls);
-        let params = SearchParams { in_doubt: SearchLimits { modes: 12, bar: 0.5 }, ..small() };
+        let params = SearchParams { resumed: SearchLimits { modes: 12, min_score_ratio: 0.5 }, ..small() };
         let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
-        let all = Search::new(&hits, &target, &params).run(&params.in_doubt, &Silent).unwrap();
+        let all = Search::new(&hits, &target, &params).run(&params.resumed, &Silent).unwrap();
         let least = 0.8 * all.modes[0].score;
         let likelihood = Arc::new(Likelihood::new(&target, reach_m(&hits) + 0.5, &params));
         let mut search = Search::sharing(&likelihood, &hits, &params);
@@ -143,7 +143,7 @@ fn a_clip_that_begins_outside_of_the_map_is_found() {
 #[test]
 fn hits_far_away_change_no_mode() {
     let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
-    let params = SearchParams { first: SearchLimits { modes: 10, bar: 0.8 }, ..small() };
+    let params = SearchParams { first: SearchLimits { modes: 10, min_score_ratio: 0.8 }, ..small() };
     let mut hits: Vec<Hit> = (0..16).map(|i| hit(0.05 * f64::from(i % 4), 0.05 * f64::from(i / 4))).collect();
     let alone = search(&hits, &target, &params);
     hits.extend((0..16).map(|i| hit(9e4 - f64::from(i), 40.0 * f64::from(i) - 500.0)));

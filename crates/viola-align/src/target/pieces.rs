@@ -7,17 +7,17 @@ use viola_geometry::Point2;
 const JOIN_M: f64 = 0.1;
 /// The same in cells of the map, so that neighbours of a coarse map touch.
 const JOIN_CELLS: f64 = 1.5;
-/// Minimum extent of a piece with full share. Legs of chairs and tables, echoes of mirrors and stray cells are
+/// Minimum extent of a piece that counts fully. Legs of chairs and tables, echoes of mirrors and stray cells are
 /// shorter; a door jamb with its wall is longer.
 const LONG_M: f64 = 0.6;
 
 type Key = [i32; 2];
 
-/// Shares of the pieces by cell.
+/// Fractions of the pieces by cell.
 #[derive(Debug, Clone)]
 pub(super) struct Pieces {
     join_m: f64,
-    share_by_cell: FxHashMap<Key, f64>,
+    fraction_by_cell: FxHashMap<Key, f64>,
 }
 
 fn key(point: &Point2, join_m: f64) -> Key {
@@ -37,22 +37,23 @@ impl Pieces {
             let cell = bounds.entry(key(point, join_m)).or_insert([*point; 2]);
             *cell = [cell[0].inf(point), cell[1].sup(point)];
         }
-        let mut share_by_cell = FxHashMap::default();
+        let mut fraction_by_cell = FxHashMap::default();
         for &start in bounds.keys() {
-            if share_by_cell.contains_key(&start) {
+            if fraction_by_cell.contains_key(&start) {
                 continue;
             }
             let (piece, extent_m) = connected(start, &bounds);
-            let share = (extent_m / LONG_M).min(1.0);
-            share_by_cell.extend(piece.into_iter().map(|cell| (cell, share)));
+            let fraction = (extent_m / LONG_M).min(1.0);
+            fraction_by_cell.extend(piece.into_iter().map(|cell| (cell, fraction)));
         }
-        Pieces { join_m, share_by_cell }
+        Pieces { join_m, fraction_by_cell }
     }
 
     /// Returns how much the piece at a point counts, 0..1: its extent as a fraction of a long piece's. Points
     /// without a piece count fully.
-    pub fn share(&self, point: &Point2) -> f64 {
-        let near = around(key(point, self.join_m)).filter_map(|cell| self.share_by_cell.get(&cell).copied());
+    pub fn fraction(&self, point: &Point2) -> f64 {
+        let near =
+            around(key(point, self.join_m)).filter_map(|cell| self.fraction_by_cell.get(&cell).copied());
         near.reduce(f64::max).unwrap_or(1.0)
     }
 }
@@ -87,8 +88,8 @@ mod tests {
         let points = [row([0.0, 0.0], 21), row([2.0, 0.0], 7), row([4.0, 0.0], 1)].concat();
         let pieces = Pieces::new(&points, None);
         for (at, want) in [(0.5, 1.0), (2.1, 0.5), (4.0, 0.0), (3.2, 1.0)] {
-            let share = pieces.share(&Point2::new(at, 0.01));
-            assert!((share - want).abs() < 1e-9, "{at} {share}");
+            let fraction = pieces.fraction(&Point2::new(at, 0.01));
+            assert!((fraction - want).abs() < 1e-9, "{at} {fraction}");
         }
     }
 
@@ -98,13 +99,13 @@ mod tests {
             let wall: Vec<Point2> =
                 (0..200).map(|i| Point2::new(cell_m * f64::from(i) - 10.05, 0.3)).collect();
             let pieces = Pieces::new(&wall, Some(cell_m));
-            assert!(wall.iter().all(|at| pieces.share(at) == 1.0), "{cell_m}");
+            assert!(wall.iter().all(|at| pieces.fraction(at) == 1.0), "{cell_m}");
         }
     }
 
     #[test]
     fn touching_pieces_are_one() {
         let points = [row([0.0, 0.0], 7), row([0.3, 0.1], 9)].concat();
-        assert_eq!(Pieces::new(&points, Some(0.05)).share(&Point2::new(0.0, 0.0)), 1.0);
+        assert_eq!(Pieces::new(&points, Some(0.05)).fraction(&Point2::new(0.0, 0.0)), 1.0);
     }
 }

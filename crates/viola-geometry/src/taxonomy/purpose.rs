@@ -39,8 +39,8 @@ impl Purposes {
     /// Returns the purposes of a room by its name, in any of the languages of `WORDS`.
     pub fn of_name(name: &str) -> Purposes {
         /// Longer names are cut, because the files are untrusted.
-        const MOST_CHARS: usize = 100;
-        let name = fold(&name.chars().take(MOST_CHARS).collect::<String>());
+        const MAX_CHARS: usize = 100;
+        let name = fold(&name.chars().take(MAX_CHARS).collect::<String>());
         let words: Vec<&str> =
             name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
         let told = PATTERNS.iter().filter(|(pattern, _)| words.iter().any(|word| pattern.fits(word)));

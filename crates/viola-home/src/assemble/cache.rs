@@ -7,26 +7,39 @@ use super::tile::TileKey;
 use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
-use viola_reconstruct::Feature;
+use viola_reconstruct::{CloudPoint, Feature, View};
 
-/// Maximum number of points of the cached contributions; with its surface a point takes about 100 bytes.
-const KEPT_POINTS: usize = 1_500_000;
+/// Maximum size of the cached contributions.
+const MAX_KEPT_BYTES: usize = 150_000_000;
+/// Bytes of a point's surface: about every fourth point is in it.
+const SURFACE_BYTES: usize = 24;
 
 /// A contribution and its lazily built surface.
 pub(super) struct Loaded {
-    pub share: ClipContribution,
+    pub contribution: ClipContribution,
     surface: OnceLock<Surface>,
 }
 
 impl Loaded {
     pub fn surface(&self) -> &Surface {
-        self.surface.get_or_init(|| Surface::new(&self.share.cloud_in_clip))
+        self.surface.get_or_init(|| Surface::new(&self.contribution.cloud_in_clip))
+    }
+
+    /// Returns roughly the memory that it takes.
+    fn size_bytes(&self) -> usize {
+        let of_surface = self.surface.get().map_or(0, |_| SURFACE_BYTES);
+        let points = self.contribution.cloud_in_clip.points.len() * (size_of::<CloudPoint>() + of_surface);
+        points + self.contribution.views.iter().map(View::size_bytes).sum::<usize>()
     }
 
     pub fn extent(&self) -> Extent {
-        let points =
-            self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
-        let cameras = self.share.views.iter().map(|view| view.clip_from_camera.translation.vector);
+        let points = self
+            .contribution
+            .cloud_in_clip
+            .points
+            .iter()
+            .map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
+        let cameras = self.contribution.views.iter().map(|view| view.clip_from_camera.translation.vector);
         Extent::around(points.chain(cameras.map(|at| [at.x, at.y])))
     }
 }
@@ -42,31 +55,60 @@ impl<'a, E> Cache<'a, E> {
         Cache { load, kept: VecDeque::new() }
     }
 
-    pub fn features(&mut self, member: &Member) -> Result<Vec<Feature>, E> {
-        self.load.features(member)
+    pub fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, E> {
+        self.load.features(members)
     }
 
-    pub fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, E> {
-        self.load.sums(tile)
+    pub fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, E> {
+        self.load.sums(tiles)
     }
 
     pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {
-        let known = self.kept.iter().position(|(share, _)| *share == member.share);
-        let entry = match known.and_then(|place| self.kept.remove(place)) {
-            Some(entry) => entry,
-            None => {
-                let share = self.load.contribution(member)?;
-                (member.share.clone(), Arc::new(Loaded { share, surface: OnceLock::new() }))
+        Ok(self.get_all(&[member])?.remove(0))
+    }
+
+    /// Returns the contributions of different members, in their order.
+    pub fn get_all(&mut self, members: &[&Member]) -> Result<Vec<Arc<Loaded>>, E> {
+        let take = |kept: &mut VecDeque<(String, Arc<Loaded>)>, member: &Member| {
+            let place = kept.iter().position(|(name, _)| *name == member.contribution)?;
+            kept.remove(place).map(|(_, loaded)| loaded)
+        };
+        let known: Vec<Option<Arc<Loaded>>> =
+            members.iter().map(|member| take(&mut self.kept, member)).collect();
+        let missing: Vec<&Member> = members
+            .iter()
+            .zip(&known)
+            .filter(|(_, known)| known.is_none())
+            .map(|(member, _)| *member)
+            .collect();
+        let mut loaded = self.load.contributions(&missing)?.into_iter();
+        let mut all = Vec::with_capacity(members.len());
+        for (member, known) in members.iter().zip(known) {
+            let next = || Some(Arc::new(Loaded { contribution: loaded.next()?, surface: OnceLock::new() }));
+            let Some(of_member) = known.or_else(next) else { continue };
+            self.kept.push_back((member.contribution.clone(), of_member.clone()));
+            all.push(of_member);
+        }
+        self.bound();
+        Ok(all)
+    }
+
+    /// Forgets the surfaces: later steps need the points only, of more clips.
+    pub fn forget_surfaces(&mut self) {
+        for (_, loaded) in &mut self.kept {
+            if let Some(loaded) = Arc::get_mut(loaded) {
+                loaded.surface.take();
             }
+        }
+    }
+
+    /// Removes contributions until the others are few enough.
+    fn bound(&mut self) {
+        let bytes = |kept: &VecDeque<(String, Arc<Loaded>)>| -> usize {
+            kept.iter().map(|(_, loaded)| loaded.size_bytes()).sum()
         };
-        let loaded = entry.1.clone();
-        self.kept.push_back(entry);
-        let points = |kept: &VecDeque<(String, Arc<Loaded>)>| -> usize {
-            kept.iter().map(|(_, loaded)| loaded.share.cloud_in_clip.points.len()).sum()
-        };
-        while self.kept.len() > 1 && points(&self.kept) > KEPT_POINTS {
+        while self.kept.len() > 1 && bytes(&self.kept) > MAX_KEPT_BYTES {
             self.kept.pop_front();
         }
-        Ok(loaded)
     }
 }

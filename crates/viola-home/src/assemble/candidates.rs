@@ -5,19 +5,18 @@ use super::footprint::Footprint;
 use super::members::{Extent, Member, Mode, Verdict};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
+use viola_align::MIN_ALIGNED_PROBABILITY;
 use viola_geometry::{LevelName, Pose2};
 
 /// Maximum possible poses of a clip: as many as an alignment lists.
 const MAX_MODES: usize = 8;
-/// Probability of an alignment that tells none: the minimum of the state `aligned`.
-const ALIGNED: f64 = 0.9;
 /// Minimum probability that a clip is at none of its listed poses.
 const MIN_ELSEWHERE: f64 = 0.005;
 
 /// A clip and its possible poses.
 pub(super) struct Candidate<'a> {
     pub member: &'a Member,
-    /// The best first, as the clip's own alignment ranks them; then those that ties to other clips add.
+    /// The best first, as the clip's own alignment ranks them; then those that matches to other clips add.
     pub modes: Vec<Mode>,
     pub extent: Extent,
     pub footprint: Footprint,
@@ -27,7 +26,8 @@ pub(super) struct Candidate<'a> {
 /// A clip and its possible poses, named by its contribution.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KnownClip {
-    pub share: String,
+    #[serde(rename = "share")]
+    pub contribution: String,
     pub extent: Extent,
     /// None in manifests of earlier versions.
     #[serde(default)]
@@ -69,7 +69,7 @@ impl Candidate<'_> {
 
     pub fn known(&self, marginal: Option<Marginal>) -> KnownClip {
         KnownClip {
-            share: self.member.share.clone(),
+            contribution: self.member.contribution.clone(),
             extent: self.extent,
             footprint: Some(self.footprint.clone()),
             points: self.points,
@@ -97,16 +97,22 @@ pub(super) fn candidates<'a, E>(
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Candidate<'a>>, E> {
-    let before: FxHashMap<&str, &KnownClip> = known.iter().map(|known| (&*known.share, known)).collect();
+    let before: FxHashMap<&str, &KnownClip> =
+        known.iter().map(|known| (&*known.contribution, known)).collect();
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);
-        let known = before.get(&*member.share).and_then(|known| Some((known, known.footprint.clone()?)));
+        let known =
+            before.get(&*member.contribution).and_then(|known| Some((known, known.footprint.clone()?)));
         let (extent, footprint, points) = match known {
             Some((known, footprint)) => (known.extent, footprint, known.points),
             None => {
                 let loaded = cache.get(member)?;
-                (loaded.extent(), Footprint::of(loaded.surface()), loaded.share.cloud_in_clip.points.len())
+                (
+                    loaded.extent(),
+                    Footprint::of(loaded.surface()),
+                    loaded.contribution.cloud_in_clip.points.len(),
+                )
             }
         };
         candidates.push(Candidate { member, modes, extent, footprint, points });
@@ -117,7 +123,8 @@ pub(super) fn candidates<'a, E>(
 pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
     match verdict {
         Verdict::Aligned { level, map_from_clip, probability, .. } => {
-            let probability = probability.unwrap_or(ALIGNED).clamp(0.0, 1.0);
+            // An alignment without a probability has the minimum of its state.
+            let probability = probability.unwrap_or(MIN_ALIGNED_PROBABILITY).clamp(0.0, 1.0);
             vec![Mode { level: *level, map_from_clip: *map_from_clip, probability }]
         }
         Verdict::Chosen { level, map_from_clip } => {

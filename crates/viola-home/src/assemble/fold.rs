@@ -1,9 +1,9 @@
 //! A tile under construction, to which clips are added in the map's order, and its file.
 //!
-//! The sums of the first clips are kept with the map, so that a clip that comes last is added to them without a look at
+//! The sums of the first clips are kept with the map, so a clip that comes last is added to them without a look at
 //! the others. They are whole numbers: sums that were kept are the same as sums that are made again.
 
-use super::level::Level;
+use super::floor_correction::FloorCorrection;
 use super::looked::LookedCells;
 use super::members::PlacedClip;
 use super::tile::Tile;
@@ -11,7 +11,7 @@ use super::varint::{Reader, put};
 use super::voxels::Voxels;
 use crate::MAP_VOXEL_M;
 use crate::carved::{CELL_VOXELS, CarvedSpace};
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use uuid::Uuid;
@@ -29,18 +29,20 @@ pub(super) struct Part {
 /// A clip as it is part of a tile.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Source {
-    share: String,
+    #[serde(rename = "share")]
+    contribution: String,
     map_from_clip: Pose2,
-    level: Level,
+    #[serde(rename = "level")]
+    floor_correction: FloorCorrection,
     recorded_at_ms: Option<i64>,
 }
 
 impl Source {
     fn of(clip: &PlacedClip) -> Source {
         Source {
-            share: clip.share.clone(),
+            contribution: clip.contribution.clone(),
             map_from_clip: clip.map_from_clip,
-            level: clip.level,
+            floor_correction: clip.floor_correction,
             recorded_at_ms: clip.recorded_at_ms,
         }
     }
@@ -130,22 +132,24 @@ impl Fold {
     }
 
     /// Inverse of [`Fold::to_bytes`]; fails unless its clips are the first of `clips`.
-    pub fn read(bytes: &[u8], clips: &[(usize, &PlacedClip)]) -> Result<Fold, NotOurs> {
+    pub fn read(bytes: &[u8], clips: &[(usize, &PlacedClip)]) -> Result<Fold, UnknownFileFormat> {
         let mut reader = Reader(bytes);
         if reader.bytes(MAGIC.len())? != MAGIC {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let length = reader.count()?;
-        let sources: Vec<Source> = serde_json::from_slice(reader.bytes(length)?).map_err(|_| NotOurs)?;
+        let sources: Vec<Source> =
+            serde_json::from_slice(reader.bytes(length)?).map_err(|_| UnknownFileFormat)?;
         let now = clips.iter().map(|(_, clip)| Source::of(clip));
         if sources.len() > clips.len() || !sources.iter().zip(now).all(|(then, now)| *then == now) {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
-        let [timeless, earlier, now] = [(); 3].map(|()| Voxels::read(&mut reader, MAP_VOXEL_M));
+        let [timeless, earlier, now] =
+            [(); 3].map(|()| Voxels::read(&mut reader, MAP_VOXEL_M, sources.len()));
         let time_ms = sources.last().and_then(|source| source.recorded_at_ms);
         let looked = LookedCells::read(&mut reader)?;
         if !reader.0.is_empty() {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         Ok(Fold { sources, timeless: timeless?, earlier: earlier?, now: now?, time_ms, looked })
     }

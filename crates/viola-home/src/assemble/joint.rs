@@ -1,7 +1,7 @@
 //! Joint registration: the probabilities of all clips' possible poses, by what the clips saw of each other.
 //!
 //! Each clip is at one of the poses that its own alignment lists, or elsewhere. Each pair of clips adds
-//! evidence for each pair of their poses: surfaces that agree, surfaces that contradict each other, and ties. A
+//! evidence for each pair of their poses: surfaces that agree, surfaces that contradict each other, and matches. A
 //! clip's probability is its marginal over the poses of all clips. The model is a function of the set of
 //! clips.
 
@@ -9,22 +9,20 @@ use super::agreement::{Agreement, Side};
 use super::belief::{Factor, Model};
 use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
-use super::level::{Level, in_space};
-use super::members::Mode;
-use super::ties::{Branch, Forest, is_likely};
+use super::clip_matches::{Branch, Forest, is_likely};
+use super::floor_correction::{FloorCorrection, pose_in_space};
+use super::members::{Member, Mode};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::sync::Arc;
-use viola_geometry::angle_between;
 
 /// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
 /// their probability.
 const MAX_PARTNERS: usize = 24;
 /// Maximum clips that a clip with a pose of its own is compared with of those before it that have one, too: the clip
 /// that comes last is compared with few, however many there are.
-const MAX_SETTLED: usize = 8;
+const MAX_DECIDED: usize = 8;
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
 
@@ -33,10 +31,10 @@ const AT_A_TIME: usize = 8;
 const MAX_FOR: f64 = 2.0;
 const MAX_AGAINST: f64 = 8.0;
 const TEMPERING: f64 = 0.5;
-/// Minimum patches of a place that a settled clip saw.
+/// Minimum patches of a place that a decided clip saw.
 const MIN_SEEN: u32 = 5;
 /// Smallest probability of a state.
-const LEAST: f64 = 1e-6;
+const MIN_PROBABILITY: f64 = 1e-6;
 /// Poses of one clip this near to each other are the same explanation.
 const NEAR_M: f64 = 0.2;
 const NEAR_RAD: f64 = 7f64.to_radians();
@@ -65,22 +63,22 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         // A person's choices need no evidence.
         let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
         let Mode { level, map_from_clip: pose, .. } = &this.modes[usize::from(mode)];
-        let (mut shared, mut settled) = (Vec::new(), Vec::new());
+        let (mut shared, mut decided) = (Vec::new(), Vec::new());
         for &(other, at) in modes.iter().filter(|(other, _)| is_open(*other)) {
             let (candidate, there) = (&candidates[other], candidates[other].modes[usize::from(at)]);
-            let are_settled = !this.is_open() && !candidate.is_open();
+            let are_decided = !this.is_open() && !candidate.is_open();
             // Nothing on one level is seen from another.
-            if there.level != *level || (are_settled && other > clip) {
+            if there.level != *level || (are_decided && other > clip) {
                 continue;
             }
             let shared_m2 = this.extent.shared_m2(pose, &candidate.extent, &there.map_from_clip);
             if shared_m2 > 0.0 {
-                let list = if are_settled { &mut settled } else { &mut shared };
+                let list = if are_decided { &mut decided } else { &mut shared };
                 list.push((shared_m2 * there.probability, (other, at)));
             }
         }
         let ordered = |other: (usize, u8)| ((clip, mode).min(other), (clip, mode).max(other));
-        let most = [(shared, MAX_PARTNERS), (settled, MAX_SETTLED)].map(|(list, most)| largest(list, most));
+        let most = [(shared, MAX_PARTNERS), (decided, MAX_DECIDED)].map(|(list, most)| largest(list, most));
         most.into_iter().flatten().map(ordered).collect()
     };
     let mut kept: Vec<((usize, u8), (usize, u8))> = modes.par_iter().flat_map_iter(partners).collect();
@@ -106,16 +104,17 @@ pub(super) fn compare<E>(
     candidates: &[Candidate],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Comparison>, E> {
-    let before: FxHashMap<&str, &KnownClip> = known.iter().map(|known| (&*known.share, known)).collect();
+    let before: FxHashMap<&str, &KnownClip> =
+        known.iter().map(|known| (&*known.contribution, known)).collect();
     let is_same = |candidate: &Candidate| {
-        before.get(&*candidate.member.share).is_some_and(|known| candidate.has_modes_of(known))
+        before.get(&*candidate.member.contribution).is_some_and(|known| candidate.has_modes_of(known))
     };
     let same: Vec<bool> = candidates.iter().map(is_same).collect();
     let said: FxHashMap<(&str, &str), &Comparison> =
         said.iter().map(|one| ((&*one.a, &*one.b), one)).collect();
     let (mut comparisons, mut fresh) = (Vec::new(), Vec::new());
     for ((a, b), modes) in pairs(candidates) {
-        let name = |clip: usize| candidates[clip].member.share.clone();
+        let name = |clip: usize| candidates[clip].member.contribution.clone();
         let mut comparison = Comparison { a: name(a), b: name(b), said: Vec::new() };
         let old = said.get(&(&*comparison.a, &*comparison.b)).copied().filter(|_| same[a] && same[b]);
         comparison.said = modes.into_iter().map(|(m, n)| (m, n, Agreement::default())).collect();
@@ -133,11 +132,11 @@ pub(super) fn compare<E>(
         }
         for part in of_one.chunks(AT_A_TIME) {
             let b = cache.get(candidates[part[0].0].member)?;
-            let loaded: Result<Vec<Arc<Loaded>>, E> =
-                part.iter().map(|(_, a, _)| cache.get(candidates[*a].member)).collect();
+            let others: Vec<&Member> = part.iter().map(|(_, a, _)| candidates[*a].member).collect();
+            let loaded = cache.get_all(&others)?;
             let filled: Vec<Comparison> = part
                 .par_iter()
-                .zip(loaded?)
+                .zip(loaded)
                 .map(|((second, first, at), a)| {
                     let clips = [(&candidates[*first], &*a), (&candidates[*second], &*b)];
                     comparisons[*at].filled(clips)
@@ -173,7 +172,11 @@ impl Comparison {
         let side = |which: usize, mode: u8| {
             let (candidate, loaded) = clips[which];
             let pose = &candidate.modes[usize::from(mode)].map_from_clip;
-            Side::new(loaded.surface(), &loaded.share.views, in_space(pose, &Level::default()))
+            Side::new(
+                loaded.surface(),
+                &loaded.contribution.views,
+                pose_in_space(pose, &FloorCorrection::default()),
+            )
         };
         let agreement = |&(m, n, _): &(u8, u8, Agreement)| (m, n, Agreement::of(&side(0, m), &side(1, n)));
         Comparison { said: self.said.par_iter().map(agreement).collect(), ..self.clone() }
@@ -189,19 +192,19 @@ pub(super) fn marginals(
     let states = |candidate: &Candidate| -> Vec<f64> {
         let listed = candidate.modes.iter().map(|mode| mode.probability);
         // The last state: elsewhere. A state of probability 0 stays possible.
-        listed.chain([candidate.elsewhere()]).map(|p| p.max(LEAST).ln()).collect()
+        listed.chain([candidate.elsewhere()]).map(|p| p.max(MIN_PROBABILITY).ln()).collect()
     };
     let mut model = Model { states: candidates.iter().map(states).collect(), pairs: Vec::new() };
     let evidence = Evidence::new(candidates, comparisons, forest.alike);
-    let mut tied: FxHashMap<(usize, usize), &Branch> =
+    let mut matched: FxHashMap<(usize, usize), &Branch> =
         forest.branches.iter().map(|branch| ((branch.a, branch.b), branch)).collect();
     for (a, b, comparison) in &evidence.comparisons {
-        let branch = tied.remove(&(*a, *b));
+        let branch = matched.remove(&(*a, *b));
         let weights = evidence.weights([*a, *b], &comparison.said, branch);
         model.pairs.push(Factor { a: *a, b: *b, weights });
     }
     // Clips that see no floor in common at any of their poses.
-    for branch in forest.branches.iter().filter(|branch| tied.contains_key(&(branch.a, branch.b))) {
+    for branch in forest.branches.iter().filter(|branch| matched.contains_key(&(branch.a, branch.b))) {
         let weights = evidence.weights([branch.a, branch.b], &[], Some(branch));
         model.pairs.push(Factor { a: branch.a, b: branch.b, weights });
     }
@@ -218,25 +221,28 @@ pub(super) fn marginals(
 struct Evidence<'a> {
     candidates: &'a [Candidate<'a>],
     /// True for a clip with a pose of its own, by candidate.
-    is_settled: Vec<bool>,
+    is_decided: Vec<bool>,
     /// With the indices of their candidates.
     comparisons: Vec<(usize, usize, &'a Comparison)>,
-    /// Number of settled clips that agree with a clip at a mode.
+    /// Number of decided clips that agree with a clip at a mode.
     supporters: FxHashMap<(usize, u8), u32>,
-    /// Modes whose place a settled clip saw.
+    /// Modes whose place a decided clip saw.
     seen: FxHashSet<(usize, u8)>,
-    /// Maximum log weight of an agreement at one of several likely poses, if no settled clip saw the place of another one.
+    /// Maximum log weight of an agreement at one of several likely poses, if no decided clip saw the place of another one.
     alike: f64,
 }
 
 impl<'a> Evidence<'a> {
     fn new(candidates: &'a [Candidate<'a>], comparisons: &'a [Comparison], alike: f64) -> Evidence<'a> {
-        let place: FxHashMap<&str, usize> =
-            candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
+        let place: FxHashMap<&str, usize> = candidates
+            .iter()
+            .enumerate()
+            .map(|(i, candidate)| (&*candidate.member.contribution, i))
+            .collect();
         let placed = |one: &'a Comparison| Some((*place.get(&*one.a)?, *place.get(&*one.b)?, one));
         let mut evidence = Evidence {
             candidates,
-            is_settled: candidates.iter().map(|candidate| !candidate.is_open()).collect(),
+            is_decided: candidates.iter().map(|candidate| !candidate.is_open()).collect(),
             comparisons: comparisons.iter().filter_map(placed).collect(),
             supporters: FxHashMap::default(),
             seen: FxHashSet::default(),
@@ -246,12 +252,12 @@ impl<'a> Evidence<'a> {
             for (m, n, agreement) in &comparison.said {
                 if agreement.patches() >= MIN_SEEN {
                     let ends = [((*a, *m), *b), ((*b, *n), *a)].into_iter();
-                    let by_settled = ends.filter(|(_, other)| evidence.is_settled[*other]);
-                    evidence.seen.extend(by_settled.map(|(mode, _)| mode));
+                    let by_decided = ends.filter(|(_, other)| evidence.is_decided[*other]);
+                    evidence.seen.extend(by_decided.map(|(mode, _)| mode));
                 }
                 if agreement.log_likelihood_ratio() > 0.0 {
                     for (one, other) in [((*a, *m), *b), ((*b, *n), *a)] {
-                        let counts = evidence.is_settled[other];
+                        let counts = evidence.is_decided[other];
                         *evidence.supporters.entry(one).or_default() += u32::from(counts);
                     }
                 }
@@ -260,7 +266,7 @@ impl<'a> Evidence<'a> {
         evidence
     }
 
-    /// Returns the log weights of two clips at all their states, the last of which is elsewhere. A tie replaces
+    /// Returns the log weights of two clips at all their states, the last of which is elsewhere. A match replaces
     /// the agreement of their surfaces, which is a part of it.
     fn weights(&self, [a, b]: [usize; 2], said: &[(u8, u8, Agreement)], branch: Option<&Branch>) -> Vec<f64> {
         let (of_a, of_b) = (&self.candidates[a].modes, &self.candidates[b].modes);
@@ -276,9 +282,9 @@ impl<'a> Evidence<'a> {
         let clips = [&self.candidates[a], &self.candidates[b]];
         for m in 0..of_a.len() {
             for n in 0..of_b.len() {
-                let tied = branch.weight(clips, [m, n]);
+                let matched = branch.weight(clips, [m, n]);
                 let weight = &mut weights[m * columns + n];
-                *weight = if tied > 0.0 { tied } else { *weight };
+                *weight = if matched > 0.0 { matched } else { *weight };
             }
         }
         // Elsewhere, both may be together.
@@ -292,16 +298,16 @@ impl<'a> Evidence<'a> {
         if ratio <= 0.0 {
             return TEMPERING * ratio.max(-MAX_AGAINST);
         }
-        let (settled_a, settled_b) = (self.is_settled[a.0], self.is_settled[b.0]);
+        let (decided_a, decided_b) = (self.is_decided[a.0], self.is_decided[b.0]);
         let supporters = |mode: (usize, u8), by: bool| {
             if by { self.supporters.get(&mode).copied().unwrap_or_default() } else { 0 }
         };
-        let most = supporters(a, settled_b).max(supporters(b, settled_a));
+        let most = supporters(a, decided_b).max(supporters(b, decided_a));
         let bound = if self.is_alike(a) || self.is_alike(b) { MAX_FOR.min(self.alike) } else { MAX_FOR };
         if most == 0 { 0.0 } else { ratio.min(bound) / f64::from(most) }
     }
 
-    /// Returns whether this pose and another one are likely, and no settled clip saw the place of the other one: a surface
+    /// Returns whether this pose and another one are likely, and no decided clip saw the place of the other one: a surface
     /// there might agree as well.
     fn is_alike(&self, (clip, mode): (usize, u8)) -> bool {
         let candidate = &self.candidates[clip];
@@ -324,10 +330,7 @@ fn of_modes(candidate: &Candidate, states: &[f64]) -> Option<Marginal> {
 }
 
 fn is_near(a: &Mode, b: &Mode) -> bool {
-    let (pose, other) = (&a.map_from_clip, &b.map_from_clip);
-    a.level == b.level
-        && pose.distance_m(other) < NEAR_M
-        && angle_between(pose.yaw_rad, other.yaw_rad) < NEAR_RAD
+    a.level == b.level && a.map_from_clip.is_within(&b.map_from_clip, NEAR_M, NEAR_RAD)
 }
 
 #[cfg(test)]

@@ -5,17 +5,18 @@
 
 use super::content::{Block, Content};
 use super::looked::LookedThrough;
-use super::window::Window;
+use super::window::{Window, WindowLabels};
 use super::{Assembly, Manifest, Tile, TileInfo, TileKey};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_geometry::LevelName;
 use viola_reconstruct::Label;
 use viola_reconstruct::label::{SegmentError, SurfaceNetwork};
 
 /// Windows that are labelled at a time: the network takes about 100 MB for one.
 const AT_A_TIME: usize = 2;
-/// Version of the labels of a map. A map with other labels is labelled anew.
+/// Version of the labels of a map. A map with other labels is labelled again.
 const VERSION: &str = "windows of 4.8 m";
 
 /// The next map with all its tiles.
@@ -27,7 +28,7 @@ pub struct LabelledMap {
     pub changed: BTreeSet<TileKey>,
     /// As in [`Assembly`].
     pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
-    /// Of the tiles that the assembly made anew, by level.
+    /// Of the tiles that the assembly rebuilt, by level.
     pub looked: BTreeMap<LevelName, LookedThrough>,
     /// Windows that were labelled.
     pub windows: usize,
@@ -41,7 +42,7 @@ impl Assembly {
         self.manifest.labelled_by == version(network)
     }
 
-    /// Returns whether tiles of a level were made anew.
+    /// Returns whether tiles of a level were rebuilt.
     pub fn touches(&self, level: LevelName) -> bool {
         self.looked.contains_key(&level)
     }
@@ -71,14 +72,11 @@ impl Assembly {
         let windows: BTreeSet<Window> = blocks.iter().flat_map(Window::around).collect();
         let windows: Vec<Window> = windows.into_iter().collect();
         let mut failure = None;
-        for part in windows.chunks(AT_A_TIME) {
-            let labelled: Vec<_> = part.par_iter().map(|window| window.label(&tiles, network)).collect();
-            for window in labelled {
-                failure = failure.or(window.failure);
-                for (key, labels) in window.labels {
-                    let is_changed = tiles.get_mut(&key).is_some_and(|tile| set(tile, labels));
-                    changed_keys.extend(is_changed.then_some(key));
-                }
+        for window in labelled(&windows, &tiles, network) {
+            failure = failure.or(window.failure);
+            for (key, labels) in window.labels {
+                let is_changed = tiles.get_mut(&key).is_some_and(|tile| set(tile, labels));
+                changed_keys.extend(is_changed.then_some(key));
             }
         }
         manifest.labelled_by = if failure.is_none() { version } else { String::new() };
@@ -89,6 +87,21 @@ impl Assembly {
         }
         LabelledMap { manifest, tiles, changed: changed_keys, sums, looked, windows: windows.len(), failure }
     }
+}
+
+/// Returns the labels of windows, in their order. [`AT_A_TIME`] takers share them, so none waits for another's window.
+fn labelled(
+    windows: &[Window],
+    tiles: &BTreeMap<TileKey, Tile>,
+    network: Option<&SurfaceNetwork>,
+) -> Vec<WindowLabels> {
+    let next = AtomicUsize::new(0);
+    let take = || windows.get(next.fetch_add(1, Ordering::Relaxed));
+    let taker =
+        |_: usize| std::iter::from_fn(take).map(|window| (*window, window.label(tiles, network))).collect();
+    let labelled: Vec<Vec<(Window, WindowLabels)>> = (0..AT_A_TIME).into_par_iter().map(taker).collect();
+    let labelled: BTreeMap<Window, WindowLabels> = labelled.into_iter().flatten().collect();
+    labelled.into_values().collect()
 }
 
 /// Returns the version of the labels by a network.
@@ -111,7 +124,7 @@ fn set(tile: &mut Tile, labels: Vec<Label>) -> bool {
     let mut is_changed = false;
     for ((point, of_clips), label) in tile.points.iter_mut().zip(&tile.of_clips).zip(labels) {
         // A tile keeps only the first class, and the views of the point itself.
-        let mut label = label.with_shares([]);
+        let mut label = label.with_fractions([]);
         label.views = of_clips.views;
         is_changed |= point.point.label != label;
         point.point.label = label;

@@ -5,26 +5,27 @@ use super::tile::TileKey;
 use crate::contribution::ClipContribution;
 use viola_reconstruct::Feature;
 
-/// Loads what clips contribute to their home's map.
+/// Loads what clips contribute to their home's map, of several at once: a store may be far away. The results are in the
+/// order of the arguments.
 pub trait LoadClips<E> {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, E>;
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, E>;
 
-    /// Returns the features of a clip; none of a clip that was aligned before features were stored.
-    fn features(&mut self, member: &Member) -> Result<Vec<Feature>, E>;
+    /// Returns the features of clips; none of a clip that was aligned before features were stored.
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, E>;
 
-    /// Returns the sums of a tile that the last map keeps; none without a last map.
-    fn sums(&mut self, _tile: &TileKey) -> Result<Option<Vec<u8>>, E> {
-        Ok(None)
+    /// Returns the sums of tiles that the last map keeps; none without a last map.
+    fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, E> {
+        Ok(vec![None; tiles.len()])
     }
 }
 
 /// Contributions of clips without features.
 impl<E, F: FnMut(&Member) -> Result<ClipContribution, E>> LoadClips<E> for F {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, E> {
-        self(member)
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, E> {
+        members.iter().map(|member| self(member)).collect()
     }
 
-    fn features(&mut self, _: &Member) -> Result<Vec<Feature>, E> {
-        Ok(Vec::new())
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, E> {
+        Ok(vec![Vec::new(); members.len()])
     }
 }

@@ -5,7 +5,7 @@ use super::members::PlacedClip;
 use super::tile::TileKey;
 use super::varint::{Reader, put, put_signed};
 use crate::carved::{BLOCK_CELLS, CarvedSpace, block_of, cell_of, number_of};
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeSet;
 use viola_geometry::LevelName;
@@ -87,7 +87,7 @@ impl LookedThrough {
         looked
     }
 
-    /// Returns whether the tile at a place was made anew.
+    /// Returns whether the tile at a place was rebuilt.
     pub fn is_remade(&self, [x_m, y_m]: [f64; 2]) -> bool {
         self.tiles.contains(&TileKey::at(self.level, x_m, y_m))
     }
@@ -153,18 +153,18 @@ impl LookedCells {
         }
     }
 
-    pub fn read(reader: &mut Reader) -> Result<LookedCells, NotOurs> {
+    pub fn read(reader: &mut Reader) -> Result<LookedCells, UnknownFileFormat> {
         let mut looked = LookedCells::default();
         for _ in 0..reader.count()? {
             let mut key = [0; 3];
             for c in &mut key {
-                *c = i32::try_from(reader.signed()?).map_err(|_| NotOurs)?;
+                *c = i32::try_from(reader.signed()?).map_err(|_| UnknownFileFormat)?;
             }
             let mut cells = Box::new([[NEVER; 2]; CELLS]);
             let mut left = &mut cells[..];
             while !left.is_empty() {
-                let length = usize::try_from(reader.number()?).map_err(|_| NotOurs)?;
-                let (run, rest) = left.split_at_mut_checked(length.max(1)).ok_or(NotOurs)?;
+                let length = usize::try_from(reader.number()?).map_err(|_| UnknownFileFormat)?;
+                let (run, rest) = left.split_at_mut_checked(length.max(1)).ok_or(UnknownFileFormat)?;
                 let [first, last] = [reader.narrow::<u16>()?, reader.narrow::<u16>()?];
                 run.fill([first.wrapping_sub(1), last.wrapping_sub(1)]);
                 left = rest;

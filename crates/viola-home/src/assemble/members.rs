@@ -1,6 +1,6 @@
 //! Clips of a home, as its map uses them.
 
-use super::level::{Level, in_space};
+use super::floor_correction::{FloorCorrection, pose_in_space};
 use super::tile::TileKey;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ pub struct Member {
     /// Hash of the file; orders clips whose times are unknown.
     pub sha256: String,
     /// Name of its contribution; each new alignment result has a new name.
-    pub share: String,
+    pub contribution: String,
     pub verdict: Verdict,
 }
 
@@ -68,19 +68,22 @@ pub enum PlacedBy {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlacedClip {
     pub clip: Uuid,
-    pub share: String,
+    /// Name of its contribution.
+    #[serde(rename = "share")]
+    pub contribution: String,
     pub recorded_at_ms: Option<i64>,
     pub by: PlacedBy,
     pub probability: Option<f64>,
     /// The level in whose LiDAR map it is.
-    #[serde(default, skip_serializing_if = "LevelName::is_main")]
-    pub level_name: LevelName,
+    #[serde(rename = "level_name", default, skip_serializing_if = "LevelName::is_main")]
+    pub level: LevelName,
     /// Pose before joint refinement.
     pub alone: Pose2,
     /// Pose refined jointly with the clips that it overlaps.
     pub map_from_clip: Pose2,
     /// Height and tilt of that pose.
-    pub level: Level,
+    #[serde(rename = "level")]
+    pub floor_correction: FloorCorrection,
     /// Contributions of the clips that it was refined with.
     pub with: Vec<String>,
     pub extent: Extent,
@@ -132,12 +135,12 @@ impl Verdict {
 impl PlacedClip {
     /// Returns its pose in space before joint refinement.
     pub fn alone_in_space(&self) -> Pose3 {
-        in_space(&self.alone, &Level::default())
+        pose_in_space(&self.alone, &FloorCorrection::default())
     }
 
     /// Returns its pose in space.
-    pub fn in_space(&self) -> Pose3 {
-        in_space(&self.map_from_clip, &self.level)
+    pub fn pose_in_space(&self) -> Pose3 {
+        pose_in_space(&self.map_from_clip, &self.floor_correction)
     }
 }
 

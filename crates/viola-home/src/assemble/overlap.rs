@@ -110,12 +110,12 @@ impl Normal {
             let position = pose * sample.position;
             let Some(near) = b.nearest(&position, &(pose.rotation * sample.normal)) else { continue };
             let distance_m = near.normal.dot(&(position - near.position));
-            let share = c2 / (c2 + distance_m * distance_m);
+            let kernel_weight = c2 / (c2 + distance_m * distance_m);
             let turn = (position.coords - pose.translation.vector).cross(&near.normal);
             let n = near.normal;
             let slope = Vector6::new(n.x, n.y, n.z, turn.x, turn.y, turn.z);
-            normal.information += slope * slope.transpose() * (share * share);
-            normal.gradient += slope * (distance_m * share * share);
+            normal.information += slope * slope.transpose() * (kernel_weight * kernel_weight);
+            normal.gradient += slope * (distance_m * kernel_weight * kernel_weight);
             if sample.is_upright() && distance_m.abs() < near_m {
                 normal.found += 1;
                 normal.sum_in_a += sample.position.coords;

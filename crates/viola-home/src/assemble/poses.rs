@@ -3,27 +3,26 @@
 //! A block is refined with the blocks before it at rest. So a clip that comes last moves the clips of its own block only,
 //! and its merge costs the same in a home of many clips as in one of few.
 
-use super::cache::{Cache, Loaded};
+use super::cache::Cache;
 use super::candidates::{Candidate, KnownClip, Marginal, candidates};
+use super::clip_matches::{ClipMatch, clip_matches, forest, pass_poses};
+use super::floor_correction::{FloorCorrection, pose_in_space, rounded, split_pose};
 use super::footprint::{Footprint, PlacedFootprint};
 use super::joint::{self, Comparison};
-use super::level::{Level, apart, in_space, rounded};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::neighbours::neighbours;
 use super::overlap::{Overlap, overlap};
-use super::settle::{Edge, KERNELS, Prior, settle};
-use super::ties::{Tie, forest, pass_poses, ties};
+use super::pose_graph::{Edge, KERNELS, Prior, refine_poses};
 use super::{Manifest, Pair};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 use viola_geometry::{LevelName, Pose2};
 
 /// Minimum probability to place a clip that is not aligned by itself. In 80 simulated homes 4 % of the clips from 0.95 on
 /// were wrong, and none from 0.97 on (docs/experiments.md, Rules for placing clips together).
-pub(super) const SURE: f64 = 0.97;
+pub(super) const MIN_PLACED_PROBABILITY: f64 = 0.97;
 /// Clips of the first block, so many that the mean error of their own alignments is small, and of each further block.
 /// Clips count by their places among all clips of the home, placed or not.
 const FIRST_BLOCK: usize = 16;
@@ -51,8 +50,8 @@ impl Known<'_, '_> {
     /// Returns the pair of two clips, not yet registered.
     fn pair_with(&self, b: &Known) -> Pair {
         Pair {
-            a: self.member.share.clone(),
-            b: b.member.share.clone(),
+            a: self.member.contribution.clone(),
+            b: b.member.contribution.clone(),
             map_from_a: self.alone,
             map_from_b: b.alone,
             overlap: None,
@@ -73,7 +72,7 @@ pub(super) struct Placed<'a> {
     pub pairs: Vec<Pair>,
     pub known: Vec<KnownClip>,
     pub comparisons: Vec<Comparison>,
-    pub ties: Vec<Tie>,
+    pub clip_matches: Vec<ClipMatch>,
 }
 
 pub(super) fn place<'a, E>(
@@ -82,8 +81,8 @@ pub(super) fn place<'a, E>(
     cache: &mut Cache<E>,
 ) -> Result<Placed<'a>, E> {
     let mut candidates = candidates(&last.known, members, cache)?;
-    let ties = ties((&last.known, &last.ties), &candidates, cache)?;
-    let forest = forest(&candidates, &ties);
+    let clip_matches = clip_matches((&last.known, &last.clip_matches), &candidates, cache)?;
+    let forest = forest(&candidates, &clip_matches);
     pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
     let marginals = joint::marginals(&candidates, &comparisons, &forest);
@@ -91,11 +90,11 @@ pub(super) fn place<'a, E>(
     let placed = each().enumerate().filter_map(|(place, (clip, marginal))| known(place, clip, *marginal));
     let placed: Vec<Known> = placed.collect();
     let pairs = overlaps(last, &placed, cache)?;
-    let clips = together(&placed, &pairs, &ties);
+    let clips = together(&placed, &pairs, &clip_matches);
     let full = block(members.len());
     let resting = placed.partition_point(|clip| block(clip.place) < full);
     let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
-    Ok(Placed { clips, resting, pairs, known, comparisons, ties })
+    Ok(Placed { clips, resting, pairs, known, comparisons, clip_matches })
 }
 
 /// Returns a clip at its likeliest pose; none if its pose is not known. A clip that is aligned by itself, or
@@ -114,7 +113,7 @@ fn known<'a, 'c>(
         }
         Verdict::Chosen { level, map_from_clip } => (PlacedBy::Person, *level, *map_from_clip, None),
         Verdict::Ambiguous { .. } | Verdict::Unplaced => {
-            let sure = marginal.filter(|marginal| marginal.probability >= SURE)?;
+            let sure = marginal.filter(|marginal| marginal.probability >= MIN_PLACED_PROBABILITY)?;
             let spread = Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into());
             let mode = &candidate.modes[sure.mode];
             (PlacedBy::Neighbours, mode.level, mode.map_from_clip, Some(spread))
@@ -134,7 +133,7 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
         for a in chosen.into_iter().map(|a| &known[a]) {
-            let same = before.get(&(&*a.member.share, &*b.member.share));
+            let same = before.get(&(&*a.member.contribution, &*b.member.contribution));
             let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);
             if same.is_none() {
                 fresh.push((pairs.len(), a));
@@ -146,11 +145,13 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
         }
         for part in fresh.chunks(AT_A_TIME) {
             let b = cache.get(b.member)?;
-            let loaded: Result<Vec<Arc<Loaded>>, E> = part.iter().map(|(_, a)| cache.get(a.member)).collect();
-            let registered = part.par_iter().zip(loaded?).map(|((at, _), a)| {
-                let level = Level::default();
+            let others: Vec<&Member> = part.iter().map(|(_, a)| a.member).collect();
+            let loaded = cache.get_all(&others)?;
+            let registered = part.par_iter().zip(loaded).map(|((at, _), a)| {
+                let uncorrected = FloorCorrection::default();
                 let [from_a, from_b] = [pairs[*at].map_from_a, pairs[*at].map_from_b];
-                let start = in_space(&from_b, &level).inverse() * in_space(&from_a, &level);
+                let start =
+                    pose_in_space(&from_b, &uncorrected).inverse() * pose_in_space(&from_a, &uncorrected);
                 overlap(a.surface(), b.surface(), &start)
             });
             let registered: Vec<Option<Overlap>> = registered.collect();
@@ -167,11 +168,11 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
 fn chosen(last: &Manifest, known: &[Known]) -> Vec<Vec<usize>> {
     let is_old = last.known.iter().any(|known| known.footprint.is_none());
     let is_same = |(clip, last): &(&Known, &PlacedClip)| {
-        clip.member.share == last.share && clip.alone == last.alone && clip.level == last.level_name
+        clip.member.contribution == last.contribution && clip.alone == last.alone && clip.level == last.level
     };
     let same = if is_old { 0 } else { known.iter().zip(&last.clips).take_while(is_same).count() };
     let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, clip)| (&*clip.member.share, i)).collect();
+        known.iter().enumerate().map(|(i, clip)| (&*clip.member.contribution, i)).collect();
     let mut chosen: Vec<Vec<usize>> = vec![Vec::new(); known.len()];
     for pair in &last.pairs {
         if let (Some(a), Some(b)) = (place.get(&*pair.a), place.get(&*pair.b))
@@ -197,14 +198,18 @@ fn chosen(last: &Manifest, known: &[Known]) -> Vec<Vec<usize>> {
 }
 
 /// Refines the clips jointly, block by block.
-fn together<'a>(known: &[Known<'a, '_>], pairs: &[Pair], ties: &[Tie]) -> Vec<(&'a Member, PlacedClip)> {
-    let edges = edges(known, pairs, ties);
+fn together<'a>(
+    known: &[Known<'a, '_>],
+    pairs: &[Pair],
+    clip_matches: &[ClipMatch],
+) -> Vec<(&'a Member, PlacedClip)> {
+    let edges = edges(known, pairs, clip_matches);
     let mut priors: Vec<Prior> = known
         .iter()
         .map(|clip| Prior {
-            map_from_clip: in_space(&clip.alone, &Level::default()),
+            map_from_clip: pose_in_space(&clip.alone, &FloorCorrection::default()),
             covariance: clip.covariance,
-            is_settled: true,
+            is_fixed: true,
         })
         .collect();
     let mut with: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); known.len()];
@@ -212,38 +217,38 @@ fn together<'a>(known: &[Known<'a, '_>], pairs: &[Pair], ties: &[Tie]) -> Vec<(&
         with[*a].insert(*b);
         with[*b].insert(*a);
     }
-    let mut poses: Vec<(Pose2, Level)> = Vec::new();
+    let mut poses: Vec<(Pose2, FloorCorrection)> = Vec::new();
     for block in known.chunk_by(|a, b| block(a.place) == block(b.place)) {
         let range = poses.len()..poses.len() + block.len();
-        priors[range.clone()].iter_mut().for_each(|prior| prior.is_settled = false);
+        priors[range.clone()].iter_mut().for_each(|prior| prior.is_fixed = false);
         let of_block = edges.iter().filter(|edge| range.contains(&edge.b));
         let of_block: Vec<Edge> =
             of_block.map(|Joined { a, b, overlap }| Edge { a: *a, b: *b, overlap }).collect();
-        let settled = settle(&priors, &of_block, &KERNELS);
+        let refined = refine_poses(&priors, &of_block, &KERNELS);
         for i in range {
             let is_alone = with[i].is_empty();
-            let (pose, level) =
-                if is_alone { (known[i].alone, Level::default()) } else { apart(&settled[i]) };
-            let (pose, level) = rounded(&pose, &level);
+            let (pose, correction) =
+                if is_alone { (known[i].alone, FloorCorrection::default()) } else { split_pose(&refined[i]) };
+            let (pose, correction) = rounded(&pose, &correction);
             // A person's choice stays bit-identical in the plane.
             let pose = if known[i].covariance.is_none() { known[i].alone } else { pose };
-            poses.push((pose, level));
-            priors[i].map_from_clip = in_space(&pose, &level);
-            priors[i].is_settled = true;
+            poses.push((pose, correction));
+            priors[i].map_from_clip = pose_in_space(&pose, &correction);
+            priors[i].is_fixed = true;
         }
     }
-    let placed = |((clip, (pose, level)), with): ((&Known<'a, '_>, _), BTreeSet<usize>)| {
+    let placed = |((clip, (pose, floor_correction)), with): ((&Known<'a, '_>, _), BTreeSet<usize>)| {
         let placed = PlacedClip {
             clip: clip.member.clip,
-            share: clip.member.share.clone(),
+            contribution: clip.member.contribution.clone(),
             recorded_at_ms: clip.member.recorded_at_ms,
             by: clip.by,
             probability: clip.probability,
-            level_name: clip.level,
+            level: clip.level,
             alone: clip.alone,
             map_from_clip: pose,
-            level,
-            with: with.into_iter().map(|at| known[at].member.share.clone()).collect(),
+            floor_correction,
+            with: with.into_iter().map(|at| known[at].member.contribution.clone()).collect(),
             extent: clip.extent,
             tiles: Vec::new(),
             points: clip.points,
@@ -260,16 +265,16 @@ struct Joined {
     overlap: Overlap,
 }
 
-/// Returns the edges of the pose graph, in canonical order: the registered pairs, and the ties of clips whose own poses
+/// Returns the edges of the pose graph, in canonical order: the registered pairs, and the matches of clips whose own poses
 /// are too far apart.
-fn edges(known: &[Known], pairs: &[Pair], ties: &[Tie]) -> Vec<Joined> {
+fn edges(known: &[Known], pairs: &[Pair], clip_matches: &[ClipMatch]) -> Vec<Joined> {
     let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
+        known.iter().enumerate().map(|(i, k)| (&*k.member.contribution, i)).collect();
     let mut edges: BTreeMap<(usize, usize), Overlap> = BTreeMap::new();
-    for tie in ties {
-        let (Some(a), Some(b)) = (place.get(&*tie.a), place.get(&*tie.b)) else { continue };
+    for clip_match in clip_matches {
+        let (Some(a), Some(b)) = (place.get(&*clip_match.a), place.get(&*clip_match.b)) else { continue };
         if known[*a].level == known[*b].level
-            && let Some(overlap) = tie.overlap_at(&known[*a].alone, &known[*b].alone)
+            && let Some(overlap) = clip_match.overlap_at(&known[*a].alone, &known[*b].alone)
         {
             edges.insert((*a, *b), overlap);
         }

@@ -47,7 +47,7 @@ fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> ClipContribution {
             }
         }
     }
-    let clip_from_map = level::in_space(map_from_clip, &Level::default()).inverse();
+    let clip_from_map = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default()).inverse();
     let cloud_in_map = PointCloud { points, voxel_m: MAP_VOXEL_M };
     ClipContribution::new(cloud_in_map.transformed(&clip_from_map), Vec::new())
 }
@@ -57,7 +57,7 @@ fn member(name: &str, map_from_clip: Pose2) -> Member {
         clip: Uuid::from_u128(name.bytes().map(u128::from).sum()),
         recorded_at_ms: None,
         sha256: name.to_owned(),
-        share: format!("share of {name}"),
+        contribution: format!("contribution of {name}"),
         verdict: Verdict::Aligned {
             level: LevelName::MAIN,
             map_from_clip,
@@ -70,7 +70,7 @@ fn member(name: &str, map_from_clip: Pose2) -> Member {
 /// A clip, placed by its own alignment, and its contribution at the true pose.
 struct Clip {
     member: Member,
-    share: ClipContribution,
+    contribution: ClipContribution,
 }
 
 fn clips() -> Vec<Clip> {
@@ -84,7 +84,7 @@ fn clips() -> Vec<Clip> {
     all.into_iter()
         .map(|(name, truth, [x, y, yaw])| Clip {
             member: member(name, Pose2::new(truth.x_m + x, truth.y_m + y, truth.yaw_rad + yaw)),
-            share: room(&truth, None),
+            contribution: room(&truth, None),
         })
         .collect()
 }
@@ -96,9 +96,10 @@ fn timed_clips() -> Vec<Clip> {
     for (number, (clip, time)) in clips.iter_mut().zip(times).enumerate() {
         let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
         clip.member.recorded_at_ms = time;
-        clip.share = room(&map_from_clip, Some([2.2 + 0.3 * number as f64, 1.6]));
+        clip.contribution = room(&map_from_clip, Some([2.2 + 0.3 * number as f64, 1.6]));
         let from = 2.0 + 0.4 * number as f64;
-        clip.share.views = [0.0, 0.1, 0.2].map(|x| view(&map_from_clip, [from + x, 0.6], 2.4)).to_vec();
+        clip.contribution.views =
+            [0.0, 0.1, 0.2].map(|x| view(&map_from_clip, [from + x, 0.6], 2.4)).to_vec();
     }
     clips
 }
@@ -106,7 +107,7 @@ fn timed_clips() -> Vec<Clip> {
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
-        Ok(clips.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+        Ok(clips.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
     assemble(last, members, &mut load).unwrap()
 }
@@ -160,10 +161,10 @@ proptest! {
 #[test]
 fn the_whole_surface_of_an_object_votes() {
     let pose = Pose2::new(1.0, 0.5, 0.2);
-    let mut share = room(&pose, Some([2.8, 1.6]));
-    let boxes = share.cloud_in_clip.points.iter_mut().filter(|point| point.label.class == Class::Box);
+    let mut contribution = room(&pose, Some([2.8, 1.6]));
+    let boxes = contribution.cloud_in_clip.points.iter_mut().filter(|point| point.label.class == Class::Box);
     boxes.step_by(3).for_each(|point| point.label = Label::new(Class::Chair, 0.9, 3));
-    let clip = Clip { member: member("one", pose), share };
+    let clip = Clip { member: member("one", pose), contribution };
     let assembly = made(&Manifest::default(), &[&clip]);
     let labels = |tiles: Vec<&Tile>| {
         let count = |class: Class| {
@@ -191,7 +192,7 @@ fn clips_with_an_ambiguous_one() -> Vec<Clip> {
     let mut clips = clips();
     for clip in &mut clips {
         let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
-        clip.share.views = [2.4, 2.5, 2.6].map(|x| view(&map_from_clip, [x, 0.6], 2.4)).to_vec();
+        clip.contribution.views = [2.4, 2.5, 2.6].map(|x| view(&map_from_clip, [x, 0.6], 2.4)).to_vec();
     }
     let truth = Pose2::new(2.0, 2.0, -1.0);
     let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
@@ -214,7 +215,7 @@ fn ambiguous_clips_are_placed_alike_in_any_order() {
     }
 }
 
-/// A manifest of an older version is read; what it lacks is computed anew.
+/// A manifest of an older version is read; missing parts are computed again.
 #[test]
 fn an_old_manifest_is_no_cache() {
     let clips = clips_with_an_ambiguous_one();
@@ -224,9 +225,22 @@ fn an_old_manifest_is_no_cache() {
     let fields = old.as_object_mut().unwrap();
     fields.remove("known");
     fields.remove("comparisons");
-    fields.insert("opinions".to_owned(), serde_json::json!([{ "asked": "share of c", "alternative": 0 }]));
+    fields.insert(
+        "opinions".to_owned(),
+        serde_json::json!([{ "asked": "contribution of c", "alternative": 0 }]),
+    );
     let old: Manifest = serde_json::from_value(old).unwrap();
     assert_eq!(made(&old, &all).manifest, new);
+}
+
+/// Renamed fields keep their names in stored manifests.
+#[test]
+fn the_names_in_a_manifest_stay() {
+    let clips = clips();
+    let json = serde_json::to_value(made(&Manifest::default(), &[&clips[0]]).manifest).unwrap();
+    let (placed, known) = (&json["clips"][0], &json["known"][0]);
+    assert!(placed["share"].is_string() && placed["level"]["z_m"].is_number(), "{placed}");
+    assert!(known["share"].is_string() && json["ties"].is_array(), "{known}");
 }
 
 /// Returns the distance of a clip from its true place.
@@ -254,7 +268,7 @@ fn a_clip_elsewhere_is_not_read_again() {
     for (i, clip) in clips().into_iter().enumerate() {
         let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
         let moved = member(["w", "x", "y", "z"][i], far.compose(&map_from_clip));
-        all.push(Clip { member: moved, share: clip.share });
+        all.push(Clip { member: moved, contribution: clip.contribution });
     }
     let newest = all.remove(0);
     let before = made(&Manifest::default(), &all.iter().collect::<Vec<_>>());
@@ -263,7 +277,7 @@ fn a_clip_elsewhere_is_not_read_again() {
     let mut read = Vec::new();
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         read.push(member.sha256.clone());
-        Ok(all.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+        Ok(all.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
     assemble(&before.manifest, members, &mut load).unwrap();
     read.sort();
@@ -288,7 +302,7 @@ fn neighbours_decide_between_alternatives() {
     let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
     let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Neighbours).unwrap();
     assert!(placed.map_from_clip.distance_m(&truth) < 0.03, "{placed:?}");
-    assert!(placed.probability.unwrap() >= super::poses::SURE);
+    assert!(placed.probability.unwrap() >= super::poses::MIN_PLACED_PROBABILITY);
     // Alone it is not placed.
     let alone = made(&Manifest::default(), &[&clips[2]]);
     assert!(alone.manifest.clips.is_empty() && alone.changed.is_empty());
@@ -304,7 +318,9 @@ fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
         nalgebra::Translation3::new(from[0], from[1], 1.0),
         nalgebra::UnitQuaternion::from_rotation_matrix(&forward),
     );
-    let clip_from_camera = level::in_space(map_from_clip, &Level::default()).inverse() * map_from_camera;
+    let clip_from_camera = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default())
+        .inverse()
+        * map_from_camera;
     let depth_mm = vec![(depth_m * 1000.0) as u16; 64 * 48];
     View { clip_from_camera, readings: Readings::new(camera, 64, 1, depth_mm).unwrap() }
 }
@@ -313,10 +329,10 @@ fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
 fn later_clips_win_where_the_world_changed() {
     let pose = Pose2::new(1.0, 0.5, 0.2);
     let clip = |name: &str, at: Option<i64>, box_m: Option<[f64; 2]>, reach_m: f64| {
-        let mut share = room(&pose, box_m);
-        share.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
+        let mut contribution = room(&pose, box_m);
+        contribution.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
         let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose };
-        Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, share }
+        Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, contribution }
     };
     let crate_points = |clips: &[&Clip]| {
         let tiles = applied(Tiles::new(), &made(&Manifest::default(), clips));
@@ -343,10 +359,11 @@ fn later_clips_win_where_the_world_changed() {
 fn people_and_animals_are_not_part_of_a_home() {
     let pose = Pose2::new(1.0, 0.5, 0.2);
     let points_of = |class: Option<Class>| {
-        let mut share = room(&pose, class.map(|_| [2.8, 1.6]));
-        let boxes = share.cloud_in_clip.points.iter_mut().filter(|point| point.label.class == Class::Box);
+        let mut contribution = room(&pose, class.map(|_| [2.8, 1.6]));
+        let boxes =
+            contribution.cloud_in_clip.points.iter_mut().filter(|point| point.label.class == Class::Box);
         boxes.for_each(|point| point.label.class = class.unwrap_or(Class::Box));
-        let clip = Clip { member: member("one", pose), share };
+        let clip = Clip { member: member("one", pose), contribution };
         let tiles = applied(Tiles::new(), &made(&Manifest::default(), &[&clip]));
         tiles.values().map(|tile| tile.points.len()).sum::<usize>()
     };
@@ -360,7 +377,7 @@ fn people_and_animals_are_not_part_of_a_home() {
 fn timed_clips_are_read_as_often_as_others() {
     let pose = Pose2::new(1.0, 0.5, 0.2);
     let read = |timed: bool| {
-        let share = room(&pose, None);
+        let contribution = room(&pose, None);
         let clips: Vec<Member> = (0..20)
             .map(|number| Member {
                 recorded_at_ms: timed.then_some(number),
@@ -372,7 +389,7 @@ fn timed_clips_are_read_as_often_as_others() {
         let mut read = 0;
         let mut load = |_: &Member| -> Result<ClipContribution, Infallible> {
             read += 1;
-            Ok(share.clone())
+            Ok(contribution.clone())
         };
         assemble(&Manifest::default(), clips, &mut load).unwrap();
         read

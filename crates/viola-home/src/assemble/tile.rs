@@ -1,7 +1,7 @@
 //! Square tiles of the map: a local change rewrites only its own tiles.
 
 use super::content::Content;
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use crate::{MAP_VOXEL_M, MapPoint};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -63,7 +63,7 @@ pub struct TileInfo {
 const MAGIC: &[u8; 8] = b"violat02";
 /// Files of the previous version lack the labels by the clips alone.
 const MAGIC_01: &[u8; 8] = b"violat01";
-/// Bytes of a label by the clips: pairs of class and share.
+/// Bytes of a label by the clips: pairs of class and fraction.
 const LABEL_BYTES: usize = 2 * (1 + OTHER_CLASSES);
 /// Bytes of a point in tiles and in a map's PLY.
 pub const POINT_BYTES: usize = 38;
@@ -101,13 +101,13 @@ impl Tile {
         out
     }
 
-    pub fn read(bytes: &[u8]) -> Result<Tile, NotOurs> {
+    pub fn read(bytes: &[u8]) -> Result<Tile, UnknownFileFormat> {
         let TileBytes { clips, points, of_clips } = TileBytes::read(bytes)?;
-        let points: Result<Vec<MapPoint>, NotOurs> =
+        let points: Result<Vec<MapPoint>, UnknownFileFormat> =
             points.chunks_exact(POINT_BYTES).map(read_point).collect();
         let points = points?;
         if points.iter().any(|point| usize::from(point.clip) >= clips.len()) {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let label = |(point, bytes): (&MapPoint, &[u8])| read_label(bytes, point.point.label.views);
         let of_clips = match of_clips {
@@ -128,46 +128,46 @@ pub struct TileBytes<'a> {
 }
 
 impl<'a> TileBytes<'a> {
-    pub fn read(bytes: &'a [u8]) -> Result<TileBytes<'a>, NotOurs> {
-        let (magic, rest) = bytes.split_at_checked(MAGIC.len()).ok_or(NotOurs)?;
+    pub fn read(bytes: &'a [u8]) -> Result<TileBytes<'a>, UnknownFileFormat> {
+        let (magic, rest) = bytes.split_at_checked(MAGIC.len()).ok_or(UnknownFileFormat)?;
         if magic != MAGIC && magic != MAGIC_01 {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
-        let (head, rest) = rest.split_at_checked(8).ok_or(NotOurs)?;
+        let (head, rest) = rest.split_at_checked(8).ok_or(UnknownFileFormat)?;
         let count =
             |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
         let part = |rest: &'a [u8], count: usize, bytes: usize| {
-            rest.split_at_checked(count.checked_mul(bytes).ok_or(NotOurs)?).ok_or(NotOurs)
+            rest.split_at_checked(count.checked_mul(bytes).ok_or(UnknownFileFormat)?).ok_or(UnknownFileFormat)
         };
         let (clips, rest) = part(rest, count(0), 16)?;
         let (points, rest) = part(rest, count(4), POINT_BYTES)?;
         let (of_clips, rest) =
             if magic == MAGIC { part(rest, count(4), LABEL_BYTES)? } else { (&rest[..0], rest) };
         if !rest.is_empty() {
-            return Err(NotOurs);
+            return Err(UnknownFileFormat);
         }
         let clips: Result<Vec<Uuid>, _> = clips.chunks_exact(16).map(Uuid::from_slice).collect();
         let of_clips = (magic == MAGIC).then_some(of_clips);
-        Ok(TileBytes { clips: clips.map_err(|_| NotOurs)?, points, of_clips })
+        Ok(TileBytes { clips: clips.map_err(|_| UnknownFileFormat)?, points, of_clips })
     }
 }
 
 pub(super) fn label_bytes(label: &Label) -> [u8; LABEL_BYTES] {
     let mut bytes = [0; LABEL_BYTES];
-    for (pair, (class, share)) in bytes.chunks_exact_mut(2).zip(label.shares()) {
-        pair.copy_from_slice(&[class.id() as u8, share]);
+    for (pair, (class, fraction)) in bytes.chunks_exact_mut(2).zip(label.fractions()) {
+        pair.copy_from_slice(&[class.id() as u8, fraction]);
     }
     bytes
 }
 
 /// Inverse of [`label_bytes`]; the number of views is that of the point.
-fn read_label(bytes: &[u8], views: u16) -> Result<Label, NotOurs> {
-    let mut shares = [(Class::Other, 0); 1 + OTHER_CLASSES];
-    for (share, pair) in shares.iter_mut().zip(bytes.chunks_exact(2)) {
-        *share = (Class::from_id(usize::from(pair[0])).ok_or(NotOurs)?, pair[1]);
+fn read_label(bytes: &[u8], views: u16) -> Result<Label, UnknownFileFormat> {
+    let mut fractions = [(Class::Other, 0); 1 + OTHER_CLASSES];
+    for (fraction, pair) in fractions.iter_mut().zip(bytes.chunks_exact(2)) {
+        *fraction = (Class::from_id(usize::from(pair[0])).ok_or(UnknownFileFormat)?, pair[1]);
     }
-    let [(class, share), others @ ..] = shares;
-    Ok(Label::new(class, f32::from(share) / 255.0, views).with_shares(others))
+    let [(class, fraction), others @ ..] = fractions;
+    Ok(Label::new(class, f32::from(fraction) / 255.0, views).with_fractions(others))
 }
 
 /// Returns a point's bytes as in tiles and PLY files, little endian.
@@ -188,11 +188,11 @@ pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
 }
 
 /// Inverse of [`point_bytes`].
-pub fn read_point(bytes: &[u8]) -> Result<MapPoint, NotOurs> {
-    let bytes: &[u8; POINT_BYTES] = bytes.try_into().map_err(|_| NotOurs)?;
+pub fn read_point(bytes: &[u8]) -> Result<MapPoint, UnknownFileFormat> {
+    let bytes: &[u8; POINT_BYTES] = bytes.try_into().map_err(|_| UnknownFileFormat)?;
     let float = |at: usize| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
     let short = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-    let class = Class::from_id(usize::from(bytes[27])).ok_or(NotOurs)?;
+    let class = Class::from_id(usize::from(bytes[27])).ok_or(UnknownFileFormat)?;
     let point = CloudPoint {
         position_m: [float(0), float(4), float(8)],
         normal: [float(12), float(16), float(20)],
@@ -201,7 +201,7 @@ pub fn read_point(bytes: &[u8]) -> Result<MapPoint, NotOurs> {
         weight: short(36),
     };
     let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
-    if finite { Ok(MapPoint { point, clip: short(CLIP_AT) }) } else { Err(NotOurs) }
+    if finite { Ok(MapPoint { point, clip: short(CLIP_AT) }) } else { Err(UnknownFileFormat) }
 }
 
 #[cfg(test)]
@@ -249,7 +249,7 @@ mod tests {
     fn other_bytes_are_refused() {
         let good = tile().to_bytes();
         for length in (0..good.len()).step_by(7) {
-            assert_eq!(Tile::read(&good[..length]), Err(NotOurs), "{length}");
+            assert_eq!(Tile::read(&good[..length]), Err(UnknownFileFormat), "{length}");
         }
         for at in 0..good.len() {
             let mut bytes = good.clone();

@@ -11,7 +11,6 @@ use crate::carved::{BLOCK_CELLS, CELL_VOXELS};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::CloudPoint;
@@ -22,11 +21,11 @@ pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
 /// Tiles under construction at a time: the voxels of one take about 4 MB.
 const TILES_AT_ONCE: usize = 16;
 /// Minimum number of clips whose sums in a tile are kept: fewer are read as quickly as their sums.
-const LEAST_KEPT: usize = 8;
+const MIN_KEPT_CLIPS: usize = 8;
 /// Clips in use at a time.
 const CLIPS_AT_ONCE: usize = 8;
 
-/// The clips with the tiles that they affect, and the tiles that were made anew.
+/// The clips with the tiles that they affect, and the rebuilt tiles.
 pub(super) struct Rebuilt {
     pub clips: Vec<PlacedClip>,
     pub changed: ChangedTiles,
@@ -35,7 +34,7 @@ pub(super) struct Rebuilt {
     pub looked: BTreeMap<LevelName, LookedThrough>,
 }
 
-/// A tile that is built anew.
+/// A tile that is rebuilt.
 struct Underway<'a> {
     key: TileKey,
     /// The clips that touch it, with their numbers in the map.
@@ -47,13 +46,7 @@ struct Underway<'a> {
 }
 
 impl<'a> Underway<'a> {
-    /// Begins with the sums of the last map, if they are of the first clips of the tile.
-    fn new<E>(
-        key: TileKey,
-        placed: &[(&Member, &'a PlacedClip)],
-        resting: usize,
-        cache: &mut Cache<E>,
-    ) -> Result<Underway<'a>, E> {
+    fn new(key: TileKey, placed: &[(&Member, &'a PlacedClip)], resting: usize) -> Underway<'a> {
         let touches = |clip: &PlacedClip| clip.tiles.binary_search(&key).is_ok();
         let clips = placed.iter().map(|(_, clip)| *clip).enumerate().filter(|(_, clip)| touches(clip));
         let clips: Vec<(usize, &PlacedClip)> = clips.collect();
@@ -63,9 +56,14 @@ impl<'a> Underway<'a> {
         while kept > 0 && time_ms(kept).is_some() && time_ms(kept - 1) == time_ms(kept) {
             kept -= 1;
         }
-        let sums = if clips.len() < LEAST_KEPT { None } else { cache.sums(&key)? };
-        let fold = sums.and_then(|sums| Fold::read(&sums, &clips).ok());
-        Ok(Underway { key, clips, fold: fold.unwrap_or_else(Fold::new), kept, sums: None })
+        Underway { key, clips, fold: Fold::new(), kept, sums: None }
+    }
+
+    /// Begins with the sums of the last map, if they are of the first clips of the tile.
+    fn begin_with(&mut self, sums: &[u8]) {
+        if let Ok(fold) = Fold::read(sums, &self.clips) {
+            self.fold = fold;
+        }
     }
 
     fn lacks(&self, number: usize) -> bool {
@@ -79,31 +77,37 @@ impl<'a> Underway<'a> {
         }
         let (_, clip) = self.clips[self.fold.len()];
         self.fold.add(part.unwrap_or(&Part::default()), clip);
-        if self.fold.len() == self.kept && self.kept >= LEAST_KEPT {
+        if self.fold.len() == self.kept && self.kept >= MIN_KEPT_CLIPS {
             self.sums = Some(self.fold.to_bytes());
         }
     }
 }
 
-/// Builds the tiles anew that `clips` change. The poses of the first `resting` clips do not depend on later clips.
+/// Rebuilds the tiles that `clips` change. The poses of the first `resting` clips do not depend on later clips.
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
     resting: usize,
     cache: &mut Cache<E>,
 ) -> Result<Rebuilt, E> {
+    cache.forget_surfaces();
     let dirty: Vec<TileKey> = dirty(last, &mut clips, cache)?.into_iter().collect();
     let placed: Vec<(&Member, &PlacedClip)> = clips.iter().map(|(member, clip)| (*member, clip)).collect();
-    let (mut changed, mut sums, mut looked_in) = (ChangedTiles::new(), BTreeMap::new(), Vec::new());
+    let (mut changed, mut new_sums, mut looked_in) = (ChangedTiles::new(), BTreeMap::new(), Vec::new());
     for keys in dirty.chunks(TILES_AT_ONCE) {
-        let tiles: Result<Vec<Underway>, E> =
-            keys.iter().map(|key| Underway::new(*key, &placed, resting, cache)).collect();
-        let mut tiles = tiles?;
+        let mut tiles: Vec<Underway> = keys.iter().map(|key| Underway::new(*key, &placed, resting)).collect();
+        let may_have_sums = |tile: &&mut Underway| tile.clips.len() >= MIN_KEPT_CLIPS;
+        let mut with_sums: Vec<&mut Underway> = tiles.iter_mut().filter(may_have_sums).collect();
+        let sums = cache.sums(&with_sums.iter().map(|tile| tile.key).collect::<Vec<_>>())?;
+        with_sums.par_iter_mut().zip(sums).for_each(|(tile, sums)| {
+            if let Some(sums) = sums {
+                tile.begin_with(&sums);
+            }
+        });
         let missing: Vec<usize> =
             (0..placed.len()).filter(|number| tiles.iter().any(|tile| tile.lacks(*number))).collect();
         for numbers in missing.chunks(CLIPS_AT_ONCE) {
-            let loaded: Vec<Arc<Loaded>> =
-                numbers.iter().map(|at| cache.get(placed[*at].0)).collect::<Result<_, E>>()?;
+            let loaded = cache.get_all(&numbers.iter().map(|at| placed[*at].0).collect::<Vec<_>>())?;
             let parts: Vec<(usize, BTreeMap<TileKey, Part>)> = numbers
                 .par_iter()
                 .zip(loaded)
@@ -119,12 +123,12 @@ pub(super) fn rebuild<E>(
         let finished = tiles.into_par_iter().map(|tile| {
             let (made, cells) = tile.fold.finish(&tile.clips);
             // Earlier sums may be of clips that are deleted.
-            let sums = (tile.sums.is_some() || tile.kept < LEAST_KEPT).then_some(tile.sums);
+            let sums = (tile.sums.is_some() || tile.kept < MIN_KEPT_CLIPS).then_some(tile.sums);
             (tile.key, made, cells, sums)
         });
         for (key, tile, cells, kept) in finished.collect::<Vec<_>>() {
             if let Some(kept) = kept.or(tile.is_none().then_some(None)) {
-                sums.insert(key, kept);
+                new_sums.insert(key, kept);
             }
             changed.insert(key, tile);
             looked_in.push((key, cells));
@@ -135,7 +139,7 @@ pub(super) fn rebuild<E>(
     for (key, cells) in looked_in {
         looked.entry(key.level).or_insert_with(|| LookedThrough::of(key.level, &clips)).add(key, cells);
     }
-    Ok(Rebuilt { clips, changed, sums, looked })
+    Ok(Rebuilt { clips, changed, sums: new_sums, looked })
 }
 
 /// Sets the tiles of the clips, and returns those that change.
@@ -144,14 +148,15 @@ fn dirty<E>(
     clips: &mut [(&Member, PlacedClip)],
     cache: &mut Cache<E>,
 ) -> Result<BTreeSet<TileKey>, E> {
-    let before: FxHashMap<&str, &PlacedClip> = last.clips.iter().map(|clip| (&*clip.share, clip)).collect();
+    let before: FxHashMap<&str, &PlacedClip> =
+        last.clips.iter().map(|clip| (&*clip.contribution, clip)).collect();
     let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
     let mut moved = Vec::new();
     for (at, (_, clip)) in clips.iter_mut().enumerate() {
-        let old = before.get(&*clip.share);
+        let old = before.get(&*clip.contribution);
         let same = |old: &&&PlacedClip| {
-            old.level_name == clip.level_name
-                && old.in_space() == clip.in_space()
+            old.level == clip.level
+                && old.pose_in_space() == clip.pose_in_space()
                 && old.recorded_at_ms == clip.recorded_at_ms
         };
         match old.filter(same) {
@@ -163,8 +168,7 @@ fn dirty<E>(
         }
     }
     for numbers in moved.chunks(CLIPS_AT_ONCE) {
-        let loaded: Vec<Arc<Loaded>> =
-            numbers.iter().map(|at| cache.get(clips[*at].0)).collect::<Result<_, E>>()?;
+        let loaded = cache.get_all(&numbers.iter().map(|at| clips[*at].0).collect::<Vec<_>>())?;
         let tiles: Vec<Vec<TileKey>> =
             numbers.par_iter().zip(loaded).map(|(at, loaded)| touched(&loaded, &clips[*at].1)).collect();
         for (at, tiles) in numbers.iter().zip(tiles) {
@@ -172,8 +176,8 @@ fn dirty<E>(
             clips[*at].1.tiles = tiles;
         }
     }
-    let there: BTreeSet<&str> = clips.iter().map(|(_, clip)| &*clip.share).collect();
-    let gone = last.clips.iter().filter(|old| !there.contains(&*old.share));
+    let there: BTreeSet<&str> = clips.iter().map(|(_, clip)| &*clip.contribution).collect();
+    let gone = last.clips.iter().filter(|old| !there.contains(&*old.contribution));
     dirty.extend(gone.flat_map(|old| &old.tiles));
     Ok(dirty)
 }
@@ -181,11 +185,11 @@ fn dirty<E>(
 /// Returns the tiles of a clip's points. Clips with a known time add the tiles that they looked through,
 /// because they may remove points there.
 fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
-    let map_from_clip = clip.in_space();
+    let map_from_clip = clip.pose_in_space();
     let mut tiles: BTreeSet<TileKey> = BTreeSet::new();
     let mut last = None;
     for point in lasting_points(loaded) {
-        let key = tile_of(clip.level_name, &placed(point, &map_from_clip).position_m);
+        let key = tile_of(clip.level, &placed(point, &map_from_clip).position_m);
         if last != Some(key) {
             tiles.insert(key);
             last = Some(key);
@@ -194,9 +198,9 @@ fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
     if clip.recorded_at_ms.is_some() {
         tiles.extend(
             loaded
-                .share
+                .contribution
                 .carved()
-                .placed(&map_from_clip, |block| Some(tile_of_block(clip.level_name, block)))
+                .placed(&map_from_clip, |block| Some(tile_of_block(clip.level, block)))
                 .keys(),
         );
     }
@@ -206,7 +210,7 @@ fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
 /// Returns the points of a clip without those of people and animals: they are not part of a home.
 fn lasting_points(loaded: &Loaded) -> impl Iterator<Item = &CloudPoint> {
     let moves = |class: Class| matches!(class, Class::Person | Class::Animal);
-    loaded.share.cloud_in_clip.points.iter().filter(move |point| !moves(point.label.class))
+    loaded.contribution.cloud_in_clip.points.iter().filter(move |point| !moves(point.label.class))
 }
 
 fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
@@ -225,7 +229,7 @@ fn tile_of_block(level: LevelName, block: [i32; 3]) -> TileKey {
 
 /// Splits a clip by tiles; only `keys`, which are sorted.
 fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileKey, Part> {
-    let map_from_clip = clip.in_space();
+    let map_from_clip = clip.pose_in_space();
     let mut parts: BTreeMap<TileKey, Part> = BTreeMap::new();
     // Neighbours in the cloud are neighbours in space: few points need a search.
     let mut points: Vec<CloudPoint> = Vec::new();
@@ -238,7 +242,7 @@ fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileK
     };
     for point in lasting_points(loaded) {
         let point = placed(point, &map_from_clip);
-        let key = tile_of(clip.level_name, &point.position_m);
+        let key = tile_of(clip.level, &point.position_m);
         if last != Some(key) {
             flush(last, &mut points);
             last = Some(key);
@@ -248,8 +252,8 @@ fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileK
     flush(last, &mut points);
     if clip.recorded_at_ms.is_some() {
         let wanted =
-            |block| Some(tile_of_block(clip.level_name, block)).filter(|key| keys.binary_search(key).is_ok());
-        for (key, carved) in loaded.share.carved().placed(&map_from_clip, wanted) {
+            |block| Some(tile_of_block(clip.level, block)).filter(|key| keys.binary_search(key).is_ok());
+        for (key, carved) in loaded.contribution.carved().placed(&map_from_clip, wanted) {
             parts.entry(key).or_default().carved = carved;
         }
     }

@@ -1,6 +1,6 @@
 //! Numbers in few bytes: seven bits a byte, the lowest first.
 
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 
 pub(super) fn put(out: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
@@ -19,13 +19,13 @@ pub(super) fn put_signed(out: &mut Vec<u8>, value: i64) {
 pub(super) struct Reader<'a>(pub &'a [u8]);
 
 impl<'a> Reader<'a> {
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], NotOurs> {
-        let (bytes, rest) = self.0.split_at_checked(count).ok_or(NotOurs)?;
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], UnknownFileFormat> {
+        let (bytes, rest) = self.0.split_at_checked(count).ok_or(UnknownFileFormat)?;
         self.0 = rest;
         Ok(bytes)
     }
 
-    pub fn number(&mut self) -> Result<u64, NotOurs> {
+    pub fn number(&mut self) -> Result<u64, UnknownFileFormat> {
         let mut value = 0;
         for shift in (0..64).step_by(7) {
             let byte = self.bytes(1)?[0];
@@ -34,22 +34,22 @@ impl<'a> Reader<'a> {
                 return Ok(value);
             }
         }
-        Err(NotOurs)
+        Err(UnknownFileFormat)
     }
 
-    pub fn signed(&mut self) -> Result<i64, NotOurs> {
+    pub fn signed(&mut self) -> Result<i64, UnknownFileFormat> {
         let value = self.number()?;
         Ok((value >> 1) as i64 ^ -((value & 1) as i64))
     }
 
     /// Returns a number of items of at least one byte each.
-    pub fn count(&mut self) -> Result<usize, NotOurs> {
-        let count = usize::try_from(self.number()?).map_err(|_| NotOurs)?;
-        (count <= self.0.len()).then_some(count).ok_or(NotOurs)
+    pub fn count(&mut self) -> Result<usize, UnknownFileFormat> {
+        let count = usize::try_from(self.number()?).map_err(|_| UnknownFileFormat)?;
+        (count <= self.0.len()).then_some(count).ok_or(UnknownFileFormat)
     }
 
-    pub fn narrow<T: TryFrom<u64>>(&mut self) -> Result<T, NotOurs> {
-        T::try_from(self.number()?).map_err(|_| NotOurs)
+    pub fn narrow<T: TryFrom<u64>>(&mut self) -> Result<T, UnknownFileFormat> {
+        T::try_from(self.number()?).map_err(|_| UnknownFileFormat)
     }
 }
 
@@ -69,7 +69,7 @@ mod tests {
             prop_assert!(out.len() - before <= 2);
             let mut reader = Reader(&out);
             prop_assert_eq!((reader.number(), reader.signed(), reader.signed()), (Ok(value), Ok(signed), Ok(small)));
-            prop_assert_eq!(reader.number(), Err(NotOurs));
+            prop_assert_eq!(reader.number(), Err(UnknownFileFormat));
         }
     }
 
@@ -79,7 +79,7 @@ mod tests {
         put(&mut out, 3);
         out.extend([0; 3]);
         assert_eq!(Reader(&out).count(), Ok(3));
-        assert_eq!(Reader(&out[..3]).count(), Err(NotOurs));
-        assert_eq!(Reader(&[0xff; 12]).number(), Err(NotOurs));
+        assert_eq!(Reader(&out[..3]).count(), Err(UnknownFileFormat));
+        assert_eq!(Reader(&[0xff; 12]).number(), Err(UnknownFileFormat));
     }
 }

@@ -13,9 +13,9 @@ use viola_reconstruct::label::likeliest_beside;
 use viola_reconstruct::{CloudPoint, Label, NO_COLOR};
 
 /// Minimum weight of a voxel: one reading from 4 m. Further away depth errors exceed a voxel.
-const LEAST_WEIGHT: i64 = 16;
+const MIN_WEIGHT: i64 = 16;
 /// Maximum weight of a point: eight readings from 1 m. Readings of one recording have correlated errors.
-const MOST_WEIGHT: u16 = 2_048;
+const MAX_WEIGHT: u16 = 2_048;
 
 /// Maximum distance along each axis from a point without a colour to those that give it one. Beyond, nobody saw its colour.
 const NEAR_COLOR_M: f64 = 0.12;
@@ -23,9 +23,9 @@ const NEAR_COLOR_M: f64 = 0.12;
 /// Views that a label counts as without any: shapes and surface networks know something, too.
 const PSEUDO_VIEWS: u32 = 3;
 /// Maximum number of views that count: more of them are nearly the same view.
-const MOST_VIEWS: u16 = 20;
+const MAX_VIEWS: u16 = 20;
 /// Maximum weight of the labels without a view, relative to those with one.
-const BLIND_SHARE: f32 = 0.25;
+const BLIND_FRACTION: f32 = 0.25;
 
 /// No clip.
 const NOBODY: (u16, i64) = (u16::MAX, 0);
@@ -63,9 +63,9 @@ struct Classes {
 
 impl Classes {
     fn add(&mut self, label: &Label) {
-        let weight = PSEUDO_VIEWS + u32::from(label.views.min(MOST_VIEWS));
+        let weight = PSEUDO_VIEWS + u32::from(label.views.min(MAX_VIEWS));
         self.total = self.total.saturating_add(255 * weight);
-        label.shares().for_each(|(class, share)| self.add_sum(class, weight * u32::from(share)));
+        label.fractions().for_each(|(class, fraction)| self.add_sum(class, weight * u32::from(fraction)));
     }
 
     fn add_sum(&mut self, class: Class, more: u32) {
@@ -110,7 +110,7 @@ impl Voxels {
         let key = voxel_of(&point.position_m, self.side_m);
         let side_m = self.side_m;
         let voxel = self.at(key);
-        let weight = i64::from(point.weight.clamp(1, MOST_WEIGHT));
+        let weight = i64::from(point.weight.clamp(1, MAX_WEIGHT));
         voxel.weight += weight;
         voxel.points += 1;
         voxel.views += i64::from(point.label.views);
@@ -154,9 +154,9 @@ impl Voxels {
         gone.for_each(|(_, voxel)| *voxel = Voxel::default());
     }
 
-    /// Returns one point per voxel, in voxel order, without voxels below `LEAST_WEIGHT`.
+    /// Returns one point per voxel, in voxel order, without voxels below `MIN_WEIGHT`.
     pub fn into_points(self) -> Vec<MapPoint> {
-        let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
+        let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= MIN_WEIGHT);
         let mut voxels: Vec<&([i32; 3], Voxel)> = well.collect();
         voxels.sort_unstable_by_key(|(key, _)| *key);
         let has_colors = voxels.iter().any(|(_, voxel)| voxel.color_weight > 0);
@@ -245,7 +245,7 @@ impl Voxel {
     /// Returns the likeliest class. Labels without a view never outvote those with one, however many they are.
     fn label(&self) -> Label {
         let (seen, blind) = (self.seen.total as f32, self.blind.total as f32);
-        let bound = if self.seen.total == 0 { f32::INFINITY } else { BLIND_SHARE * seen };
+        let bound = if self.seen.total == 0 { f32::INFINITY } else { BLIND_FRACTION * seen };
         let blind_factor = if blind > bound { bound / blind } else { 1.0 };
         let mut sums = [0f32; CLASSES];
         for (classes, factor) in [(&self.seen, 1.0), (&self.blind, blind_factor)] {

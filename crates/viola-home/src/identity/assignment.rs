@@ -15,7 +15,7 @@ pub struct Candidate {
 }
 
 /// Returns the pairs with the largest sum of scores, each row and column at most once, sorted by row. The
-/// same candidates give the same pairs, also of equal sums.
+/// same candidates give the same pairs, even for equal sums.
 pub fn best_pairs(candidates: &[Candidate]) -> Vec<(usize, usize)> {
     let mut pairs: Vec<(usize, usize)> = parts(candidates).iter().flat_map(|part| best_of(part)).collect();
     pairs.sort_unstable();

@@ -13,7 +13,7 @@ const SIDE_FRACTION: f64 = 0.25;
 /// Maximum ratio of the longest sides of one object, if a visit shows only a part of it.
 const LONGEST_RATIO: f64 = 1.5;
 /// Difference of the sizes of such an object, as of [`unlike`].
-const MOST_UNLIKE: f64 = 3.0;
+const MAX_UNLIKE: f64 = 3.0;
 /// Lower score of a pair whose classes differ: more than all differences of two objects of one class.
 const OTHER_CLASS: i64 = 4000;
 /// Distance beyond which all moves are alike.
@@ -116,9 +116,9 @@ fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut Object
             if !is_same_class && !is_family(a.class, b.class) {
                 continue;
             }
-            // A place that was emptied and one that was filled are evidence enough: visits show parts of an object. What
-            // labels take for another of its family must be as high.
-            let of_part = || (is_as_long(a, b) && (is_same_class || is_as_high(a, b))).then_some(MOST_UNLIKE);
+            // A place that was emptied and one that was filled are evidence enough: visits show parts of an object. An
+            // object with the label of another class of its family must be as high.
+            let of_part = || (is_as_long(a, b) && (is_same_class || is_as_high(a, b))).then_some(MAX_UNLIKE);
             if let Some(unlike) = unlike(a, b).or_else(of_part) {
                 let far = (distance_m(a, b) / FAR_M).min(1.0);
                 let kind = if is_same_class { 0 } else { OTHER_CLASS };

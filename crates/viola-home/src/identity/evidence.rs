@@ -32,13 +32,14 @@ pub fn points_of(object: &Object, looked: &LookedThrough) -> Vec<KnownPoint> {
 
 /// Returns whether clips looked through an object's place before it was seen there.
 pub fn was_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
-    share(points, |at_m, time_ms| looked.before(at_m, time_ms)).is_some_and(|share| share >= MIN_EMPTY)
+    fraction(points, |at_m, time_ms| looked.before(at_m, time_ms))
+        .is_some_and(|fraction| fraction >= MIN_EMPTY)
 }
 
 /// Returns whether clips looked through an object's place after it was seen there; `None` if too little of the place
 /// changed to tell.
 pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> Option<bool> {
-    share(points, |at_m, time_ms| looked.after(at_m, time_ms)).map(|share| share >= MIN_EMPTY)
+    fraction(points, |at_m, time_ms| looked.after(at_m, time_ms)).map(|fraction| fraction >= MIN_EMPTY)
 }
 
 /// Returns whether clips after those of an object's points see enough of `now`; a clip of unknown time may be one.
@@ -61,16 +62,16 @@ pub fn is_of_map(points: &[KnownPoint], looked: &LookedThrough) -> bool {
 }
 
 /// Returns whether an object was pushed aside: clips looked through a part of its earlier place after it was seen there,
-/// and later clips see it. What is left of an object that was taken away is seen by no later clip.
+/// and later clips see it. No later clip sees the rest of an object that was taken away.
 pub fn is_pushed(then: &[KnownPoint], now: &[KnownPoint], looked: &LookedThrough) -> bool {
     let last_ms = then.iter().filter_map(|point| point.1).max();
     let later = now.iter().filter(|point| point.1 > last_ms).count();
-    let emptied = share(then, |at_m, time_ms| looked.after(at_m, time_ms));
-    2 * later >= now.len() && emptied.is_some_and(|share| share >= MIN_EMPTIED)
+    let emptied = fraction(then, |at_m, time_ms| looked.after(at_m, time_ms));
+    2 * later >= now.len() && emptied.is_some_and(|fraction| fraction >= MIN_EMPTIED)
 }
 
 /// Returns the fraction of the points for which `is_empty` holds, of those that can be judged; `None` if they are few.
-fn share(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>) -> Option<f64> {
+fn fraction(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>) -> Option<f64> {
     // A point of unknown time is judged: nothing is known to be earlier or later.
     let judge = |point: &KnownPoint| match point.1 {
         Some(time_ms) => is_empty(point.0, time_ms),

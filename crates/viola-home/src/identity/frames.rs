@@ -13,7 +13,7 @@ const APART_RAD: f64 = 0.3;
 /// A clip's own frame does not depend on the LiDAR map, so each clip in both maps gives the transform. The
 /// one that most others agree with is taken, because single clips may have changed their place.
 pub fn map_from_earlier(level: LevelName, earlier: &[PlacedClip], now: &[PlacedClip]) -> Option<Pose2> {
-    let is_on_level = |clip: &&PlacedClip| clip.level_name == level;
+    let is_on_level = |clip: &&PlacedClip| clip.level == level;
     let now: Vec<&PlacedClip> = now.iter().filter(is_on_level).collect();
     let mut pairs: Vec<(&PlacedClip, &PlacedClip)> = earlier
         .iter()

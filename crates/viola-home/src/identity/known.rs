@@ -19,7 +19,7 @@ pub struct KnownObject {
     pub centre_m: [f64; 3],
     pub size_m: [f64; 3],
     pub yaw_rad: f64,
-    /// Number of revisions since it was found, of those that made its place anew; 0 if the last revision has it.
+    /// Number of revisions since it was found, of those that rebuilt its place; 0 if the last revision has it.
     pub missing: u32,
     /// Points of its surface.
     #[serde(default)]

@@ -14,7 +14,7 @@ const MARGIN_M: f64 = 0.05;
 /// Minimum overlap, intersection over union, of two boxes of one family.
 const MIN_IOU: f64 = 0.1;
 /// Minimum fraction of the smaller box in the larger: a sofa was first seen by one half.
-const MIN_SHARE: f64 = 0.5;
+const MIN_FRACTION: f64 = 0.5;
 /// Maximum distance of the centres if the boxes do not overlap: a chair that was pushed aside a little.
 const NEAR_M: f64 = 0.25;
 /// Minimum overlap of two boxes of different families: labels change, but the thing fills the same space. Also of an
@@ -80,7 +80,7 @@ struct Shared {
     /// Intersection over union.
     iou: f64,
     /// Fraction of the smaller box.
-    share: f64,
+    fraction: f64,
 }
 
 impl Shared {
@@ -90,7 +90,7 @@ impl Shared {
         let shared_m3 = a.shared_m2(&b) * high.max(0.0);
         Shared {
             iou: shared_m3 / (a.volume_m3() + b.volume_m3() - shared_m3),
-            share: shared_m3 / a.volume_m3().min(b.volume_m3()),
+            fraction: shared_m3 / a.volume_m3().min(b.volume_m3()),
         }
     }
 }
@@ -106,9 +106,9 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object, fills: bool) -> O
     if between_m.is_nan() || between_m > most_m {
         return None;
     }
-    let Shared { iou, share } = Shared::of(known, &bounds);
+    let Shared { iou, fraction } = Shared::of(known, &bounds);
     let is_same = if is_family(class, object.class) && !fills {
-        iou >= MIN_IOU || share >= MIN_SHARE || between_m <= NEAR_M
+        iou >= MIN_IOU || fraction >= MIN_FRACTION || between_m <= NEAR_M
     } else {
         iou >= MIN_IOU_OF_OTHERS
     };
@@ -118,7 +118,7 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object, fills: bool) -> O
         () if is_family(class, object.class) => 0.15,
         () => 0.0,
     };
-    is_same.then_some(((iou + 0.5 * share + 0.5 * near + kind) * 1000.0) as i64)
+    is_same.then_some(((iou + 0.5 * fraction + 0.5 * near + kind) * 1000.0) as i64)
 }
 
 fn grown(bounds: &UprightBox) -> UprightBox {
@@ -130,7 +130,7 @@ const SAMPLES: f64 = 4000.0;
 /// Minimum intersection over union of the areas of one room in two revisions.
 const MIN_ROOM_IOU: f64 = 0.3;
 /// Minimum fraction of the smaller area in the larger: rooms grow as they are seen.
-const MIN_ROOM_SHARE: f64 = 0.7;
+const MIN_ROOM_FRACTION: f64 = 0.7;
 
 /// Returns the score of a room as a known one; none if it is another.
 pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
@@ -157,8 +157,8 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
     let shared_m2 = common as f64 / (columns * rows) as f64 * width_m * height_m;
     let (a_m2, b_m2) = (signed_area_m2(&known.polygon_m), room.area_m2);
     let iou = shared_m2 / (a_m2 + b_m2 - shared_m2).max(shared_m2).max(1e-9);
-    let share = shared_m2 / a_m2.min(b_m2).max(1e-9);
-    let is_same = iou >= MIN_ROOM_IOU || share >= MIN_ROOM_SHARE;
+    let fraction = shared_m2 / a_m2.min(b_m2).max(1e-9);
+    let is_same = iou >= MIN_ROOM_IOU || fraction >= MIN_ROOM_FRACTION;
     is_same.then(|| (iou * 1000.0) as i64 + 1 - i64::from(known.missing.min(10))).map(|score| score.max(1))
 }
 

@@ -1,6 +1,6 @@
 mod people;
 
-use super::super::assemble::{Extent, Level, PlacedBy, PlacedClip};
+use super::super::assemble::{Extent, FloorCorrection, PlacedBy, PlacedClip};
 use super::super::objects::Sample;
 use super::*;
 use uuid::Uuid;
@@ -145,14 +145,14 @@ fn rooms_keep_their_ids_when_their_order_changes() {
 fn placed(clip: u128, map_from_clip: Pose2) -> PlacedClip {
     PlacedClip {
         clip: Uuid::from_u128(clip),
-        share: clip.to_string(),
+        contribution: clip.to_string(),
         recorded_at_ms: None,
         by: PlacedBy::Alignment,
-        level_name: LevelName::MAIN,
+        level: LevelName::MAIN,
         probability: None,
         alone: map_from_clip,
         map_from_clip,
-        level: Level::default(),
+        floor_correction: FloorCorrection::default(),
         with: Vec::new(),
         extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
         tiles: Vec::new(),
@@ -294,7 +294,7 @@ fn only_revisions_that_could_show_an_object_count() {
     let times = [Some(10), Some(20)];
     for (name, looked, missing) in [
         ("its tile stays as it was", LookedThrough::of_times(&times), [1, 1, 1]),
-        ("its tile is made anew", LookedThrough::of_boxes(&times, &[]), [1, 2, 3]),
+        ("its tile is rebuilt", LookedThrough::of_boxes(&times, &[]), [1, 2, 3]),
         ("its clip is deleted", LookedThrough::of_times(&[None, Some(20)]), [1, 2, 3]),
     ] {
         let mut history = History::default();

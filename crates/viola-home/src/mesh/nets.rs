@@ -85,10 +85,10 @@ fn vertex_in(field: &Field, cell: [i32; 3]) -> Option<[f32; 3]> {
             if a == b || (distances[a] < 0.0) == (distances[b] < 0.0) {
                 continue;
             }
-            let share = distances[a] / (distances[a] - distances[b]);
+            let fraction = distances[a] / (distances[a] - distances[b]);
             let from = offset(a);
             for (other, sum) in sum.iter_mut().enumerate() {
-                *sum += from[other] as f32 + if other == axis { share } else { 0.0 };
+                *sum += from[other] as f32 + if other == axis { fraction } else { 0.0 };
             }
             count += 1;
         }

@@ -175,7 +175,7 @@ impl<'a> Simplifier<'a> {
         let step = self.mesh.vertices[a as usize].difference(&self.mesh.vertices[b as usize]);
         let look = (p - q).norm_squared() * (COLOUR_M * step).powi(2);
         let candidates = [(p, 0.0), (q, 1.0), ((p + q) / 2.0, 0.5)];
-        let costs = candidates.map(|(place, share)| (quadric.at(&place) + look, place, share));
+        let costs = candidates.map(|(place, fraction)| (quadric.at(&place) + look, place, fraction));
         costs.into_iter().min_by(|x, y| x.0.total_cmp(&y.0)).unwrap_or((f64::INFINITY, p, 0.0))
     }
 
@@ -193,9 +193,9 @@ impl<'a> Simplifier<'a> {
                 continue;
             }
             let [a, b] = edge;
-            let (_, place, share) = self.best(a, b);
+            let (_, place, fraction) = self.best(a, b);
             if self.is_allowed(a, b, &place) {
-                self.collapse(a, b, place, share);
+                self.collapse(a, b, place, fraction);
             }
         }
     }
@@ -238,7 +238,7 @@ impl<'a> Simplifier<'a> {
     }
 
     /// Moves `a` to its new place and puts it wherever `b` was.
-    fn collapse(&mut self, a: u32, b: u32, place: V, share: f64) {
+    fn collapse(&mut self, a: u32, b: u32, place: V, fraction: f64) {
         let gone: Vec<u32> = self.shared(a, b).collect();
         for index in &gone {
             self.is_removed[*index as usize] = true;
@@ -255,7 +255,7 @@ impl<'a> Simplifier<'a> {
         let of_b = self.quadrics[b as usize];
         self.quadrics[a as usize].add(&of_b);
         self.places[a as usize] = place;
-        let vertex = self.mesh.vertices[a as usize].towards(&self.mesh.vertices[b as usize], share as f32);
+        let vertex = self.mesh.vertices[a as usize].towards(&self.mesh.vertices[b as usize], fraction as f32);
         self.mesh.vertices[a as usize] =
             super::Vertex { position_m: [place.x as f32, place.y as f32, place.z as f32], ..vertex };
         self.versions[a as usize] += 1;

@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
 /// Views beyond this number do not increase a label's weight.
-const MOST_VIEWS: f32 = 4.0;
+const MAX_VIEWS: f32 = 4.0;
 /// Weight of a vote for wall: walls are behind thin things, in the same cells.
 const WALL_VOTE: f32 = 0.6;
 /// Heights of objects in metres above the floor.
@@ -68,12 +68,12 @@ impl Cells {
             for axis in 0..3 {
                 cells.normals[cell][axis] += point.normal[axis];
             }
-            let views = f32::from(point.label.views).min(MOST_VIEWS) / MOST_VIEWS;
+            let views = f32::from(point.label.views).min(MAX_VIEWS) / MAX_VIEWS;
             let weight = 0.25 + 0.75 * views;
             let prior = if point.label.class == Class::Wall { WALL_VOTE } else { 1.0 };
             cells.votes[cell][point.label.class as usize] += prior * point.label.probability() * weight;
-            for (class, share) in point.label.shares() {
-                cells.likelihoods[cell][class as usize] += f32::from(share) / 255.0 * weight;
+            for (class, fraction) in point.label.fractions() {
+                cells.likelihoods[cell][class as usize] += f32::from(fraction) / 255.0 * weight;
             }
             weights[cell] += weight;
         }

@@ -5,21 +5,20 @@ use super::fit::UprightBox;
 use super::kind::confusable;
 use crate::map_point::MapPoint;
 use std::collections::BTreeSet;
-use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 
 /// Largest overlap of two objects that stand on the floor, as a fraction of the smaller footprint.
-const MOST_SHARED: f64 = 0.2;
+const MAX_SHARED_FRACTION: f64 = 0.2;
 /// The resolved overlap: less than the largest one, so that rounding does not matter.
 const AIM: f64 = 0.18;
 /// An object whose underside is below this stands on the floor.
 const STANDS_BELOW_M: f64 = 0.3;
 /// Fraction of an object's points that may be cut off by trimming its box.
-const MOST_CUT: f64 = 0.1;
+const MAX_CUT_FRACTION: f64 = 0.1;
 /// Minimum ratio of the footprints of an object and of one that is small beside it.
 const SEVERAL: f64 = 4.0;
 /// Two objects of which one is this far inside the other in space are one object seen twice.
-const SAME_SHARE: f64 = 0.5;
+const SAME_FRACTION: f64 = 0.5;
 
 /// Returns whether a box stands on the floor.
 fn stands(bounds: &UprightBox) -> bool {
@@ -66,9 +65,9 @@ fn conflicts(a: (Class, &UprightBox), b: (Class, &UprightBox)) -> bool {
         return false;
     }
     if stands(a.1) && stands(b.1) {
-        return shared(a.1, b.1) > MOST_SHARED;
+        return shared(a.1, b.1) > MAX_SHARED_FRACTION;
     }
-    shared_in_space(a.1, b.1) > SAME_SHARE
+    shared_in_space(a.1, b.1) > SAME_FRACTION
 }
 
 /// An object whose box may be trimmed.
@@ -99,7 +98,7 @@ impl Candidate {
         let [long_m, short_m] = [0, 1].map(|axis| inner.size_m[axis] + 2.0 * AROUND_M);
         area_m2(own) >= LARGER * area_m2(inner)
             && self.measured_m2(own, 0.0) >= MEASURED * area_m2(own)
-            && self.measured_m2(inner, AROUND_M) <= MOST_SHARED * long_m * short_m
+            && self.measured_m2(inner, AROUND_M) <= MAX_SHARED_FRACTION * long_m * short_m
     }
 
     /// Returns the area that its points cover in the footprint of a box that is grown by `by_m` on all sides.
@@ -122,7 +121,7 @@ impl Candidate {
     /// Adds the points of another one that is a part of the same object.
     fn take_in(&mut self, other: Candidate) {
         let is_part = confusable(self.found.object.class, other.found.object.class)
-            && shared_in_space(&self.bounds, &other.bounds) > SAME_SHARE;
+            && shared_in_space(&self.bounds, &other.bounds) > SAME_FRACTION;
         if is_part {
             self.places.extend(other.places);
             self.found.members.extend(other.found.members);
@@ -171,13 +170,8 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
         }
     }
     let finished = |Candidate { mut found, bounds, .. }: Candidate| {
-        let object = &mut found.object;
-        (object.centre_m, object.size_m) = (bounds.centre_m, bounds.size_m);
         // The length of a trimmed box may have become less than its width.
-        if object.size_m[0] < object.size_m[1] {
-            object.size_m.swap(0, 1);
-            object.yaw_rad = (object.yaw_rad + FRAC_PI_2) % PI;
-        }
+        found.object.set_bounds(bounds);
         found
     };
     kept.into_iter().map(finished).collect()
@@ -219,7 +213,7 @@ fn placed(kept: &[Candidate], candidate: &Candidate) -> Result<(Vec<UprightBox>,
 }
 
 /// Returns the box of an object with one side moved so that it overlaps `other` by at most [`AIM`], and the
-/// fraction of the points that are outside of it then. None if more than [`MOST_CUT`] would be.
+/// fraction of the points that are outside of it then. None if more than [`MAX_CUT_FRACTION`] would be.
 fn trimmed(places: &[[f64; 3]], of: &UprightBox, other: &UprightBox) -> Option<(f64, UprightBox)> {
     const STEP_M: f64 = 0.03;
     let sides = (0..4).filter_map(|side| {
@@ -234,7 +228,7 @@ fn trimmed(places: &[[f64; 3]], of: &UprightBox, other: &UprightBox) -> Option<(
         let outside = places.iter().filter(|at| !bounds.holds(at, 0.02)).count();
         let before = places.iter().filter(|at| !of.holds(at, 0.02)).count();
         let lost = outside.saturating_sub(before) as f64 / places.len().max(1) as f64;
-        (lost <= MOST_CUT).then_some((lost, bounds))
+        (lost <= MAX_CUT_FRACTION).then_some((lost, bounds))
     });
     sides.min_by(|a, b| a.0.total_cmp(&b.0))
 }

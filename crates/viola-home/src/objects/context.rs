@@ -4,7 +4,6 @@ use super::Found;
 use super::fit::UprightBox;
 use super::hidden::WORKTOP_M;
 use crate::rooms::Room;
-use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
 
@@ -97,12 +96,10 @@ pub fn fill_under_worktops(found: &mut [Found]) {
         let low = along.iter().copied().fold(f64::INFINITY, f64::min);
         let high = along.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let centre = of_top.apply(&Point2::new((low + high) / 2.0, 0.0));
-        [object.centre_m[0], object.centre_m[1]] = [centre.x, centre.y];
-        [object.size_m[0], object.size_m[1]] = [high - low, top.size_m[1]];
-        object.yaw_rad = top.yaw_rad;
-        if object.size_m[0] < object.size_m[1] {
-            object.size_m.swap(0, 1);
-            object.yaw_rad = (object.yaw_rad + FRAC_PI_2) % PI;
-        }
+        object.set_bounds(UprightBox {
+            centre_m: [centre.x, centre.y, unit.centre_m[2]],
+            size_m: [high - low, top.size_m[1], unit.size_m[2]],
+            yaw_rad: top.yaw_rad,
+        });
     }
 }

@@ -1,5 +1,6 @@
 //! Upright boxes around points.
 
+use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::{Point2, wrap_angle};
 
 /// An upright box; its own x axis is along the longer side.
@@ -29,6 +30,14 @@ impl UprightBox {
         let [l, w] = [self.size_m[0] / 2.0, self.size_m[1] / 2.0];
         [[-l, -w], [l, -w], [l, w], [-l, w]]
             .map(|[x, y]| [self.centre_m[0] + c * x - s * y, self.centre_m[1] + s * x + c * y])
+    }
+
+    /// Makes the longer side the length.
+    pub fn normalise(&mut self) {
+        if self.size_m[0] < self.size_m[1] {
+            self.size_m.swap(0, 1);
+            self.yaw_rad = (self.yaw_rad + FRAC_PI_2) % PI;
+        }
     }
 
     pub fn bottom_m(&self) -> f64 {
@@ -130,9 +139,9 @@ pub fn around(points: &[&[f64; 3]], yaw_rad: f64, beyond: f64) -> UprightBox {
     let centre_m = [c * middle[0] - s * middle[1], s * middle[0] + c * middle[1], middle[2]];
     let swap = size[1] > size[0];
     let size_m = if swap { [size[1], size[0], size[2]] } else { size };
-    let turned = if swap { yaw_rad + std::f64::consts::FRAC_PI_2 } else { yaw_rad };
-    let mut yaw_rad = wrap_angle(turned).rem_euclid(std::f64::consts::PI);
-    if yaw_rad > std::f64::consts::PI - 1e-9 {
+    let turned = if swap { yaw_rad + FRAC_PI_2 } else { yaw_rad };
+    let mut yaw_rad = wrap_angle(turned).rem_euclid(PI);
+    if yaw_rad > PI - 1e-9 {
         yaw_rad = 0.0;
     }
     UprightBox { centre_m, size_m, yaw_rad }
@@ -162,7 +171,7 @@ pub fn wall_direction(normals: impl Iterator<Item = (f64, f64)>) -> Option<f64> 
         x += weight * angle.cos();
         y += weight * angle.sin();
     }
-    (x.hypot(y) > 1e-9).then(|| (y.atan2(x) / 4.0).rem_euclid(std::f64::consts::FRAC_PI_2))
+    (x.hypot(y) > 1e-9).then(|| (y.atan2(x) / 4.0).rem_euclid(FRAC_PI_2))
 }
 
 /// Returns the centre of a footprint.
@@ -174,7 +183,6 @@ pub fn middle(fitted: &UprightBox) -> Point2 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::f64::consts::PI;
 
     prop_compose! {
         fn upright()(x in -2.0..2.0f64, y in -2.0..2.0f64, l in 0.6..2.0f64, w in 0.2..0.55f64, h in 0.3..1.0f64,

@@ -31,8 +31,8 @@ impl Fragment {
     pub fn new(mut cells: Vec<u32>, labels: &[Option<(Class, f32)>]) -> Fragment {
         cells.sort_unstable();
         let mut evidence = [0.0; CLASSES];
-        for (class, share) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
-            evidence[class as usize] += share;
+        for (class, fraction) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
+            evidence[class as usize] += fraction;
         }
         let mut fragment = Fragment { cells, class: Class::Other, evidence, is_unit: false };
         fragment.class = fragment.most();
@@ -48,8 +48,8 @@ impl Fragment {
 
     /// Returns a part of it with `cells` and their fraction of the evidence.
     pub fn part(&self, cells: Vec<u32>) -> Fragment {
-        let share = cells.len() as f32 / self.cells.len().max(1) as f32;
-        Fragment { cells, evidence: self.evidence.map(|said| said * share), ..*self }
+        let fraction = cells.len() as f32 / self.cells.len().max(1) as f32;
+        Fragment { cells, evidence: self.evidence.map(|said| said * fraction), ..*self }
     }
 
     pub fn join(&mut self, other: Fragment) {
@@ -161,9 +161,9 @@ fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
 fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64> {
     /// Distance of boards from the bottom and the top.
     const WITHIN_M: f64 = 0.12;
-    const LEAST_HEIGHT_M: f64 = 0.45;
+    const MIN_HEIGHT_M: f64 = 0.45;
     const HANGS_M: f64 = 1.0;
-    if bounds.size_m[2] < LEAST_HEIGHT_M {
+    if bounds.size_m[2] < MIN_HEIGHT_M {
         return (bounds.bottom_m() > HANGS_M).then_some(1.0);
     }
     let heights_m = bounds.bottom_m() + WITHIN_M..bounds.top_m() - WITHIN_M;

@@ -5,7 +5,6 @@ use super::fit::{self, UprightBox};
 use super::fragment::{Decided, Fragment};
 use super::kind;
 use crate::map_point::MapPoint;
-use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 
 /// A counter whose underside is above this is a worktop.
@@ -56,10 +55,7 @@ pub fn deepen_front(bounds: &mut UprightBox, class: Class, members: &[u32], poin
     bounds.centre_m[0] += sin * by_m;
     bounds.centre_m[1] -= cos * by_m;
     bounds.size_m[1] = APPLIANCE_M;
-    if bounds.size_m[0] < APPLIANCE_M {
-        bounds.size_m.swap(0, 1);
-        bounds.yaw_rad = (bounds.yaw_rad + FRAC_PI_2) % PI;
-    }
+    bounds.normalise();
 }
 
 /// Extends what stands on the floor down to it, and bounds sinks and worktops by their own heights.
@@ -100,7 +96,7 @@ fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
     /// Half the side of the square that holds the foot.
     const REACH_M: f64 = 0.18;
     /// Minimum fraction of the heights at which it was measured.
-    const LEAST: f64 = 0.6;
+    const MIN_MEASURED_FRACTION: f64 = 0.6;
     let [x, y, _] = bounds.centre_m;
     let steps = |from_m: f64, to_m: f64| {
         let count = ((to_m - from_m) / cells.side_m).max(0.0) as usize;
@@ -124,7 +120,7 @@ fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
             all += 1.0;
         }
     }
-    measured as f64 >= LEAST * heights.max(1) as f64 && stored < 0.4 * all
+    measured as f64 >= MIN_MEASURED_FRACTION * heights.max(1) as f64 && stored < 0.4 * all
 }
 
 fn set_heights(bounds: &mut UprightBox, bottom_m: f64, top_m: f64) {

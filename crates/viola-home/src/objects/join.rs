@@ -10,12 +10,12 @@ use viola_geometry::taxonomy::Class;
 /// Minimum cells of a fragment; smaller ones are noise.
 const MIN_CELLS: usize = 5;
 /// A fragment with this fraction of its cells in a larger one's box is a part of it.
-const INSIDE_SHARE: f64 = 0.6;
+const INSIDE_FRACTION: f64 = 0.6;
 /// Margin of the box in that test.
 const GROW_M: f64 = 0.06;
 /// A fragment with this fraction of its cells adjacent to a larger one is a part of it; a fifth is enough for
 /// a fragment that is not a plausible object.
-const TOUCH_SHARE: f64 = 0.25;
+const TOUCH_FRACTION: f64 = 0.25;
 /// Maximum gap between fragments of one class that form one object of plausible size.
 const GAP_M: f64 = 0.25;
 /// The boards of a wall shelf hang this far apart, and so do the spots of a lamp.
@@ -88,6 +88,7 @@ pub fn join(
     }
 }
 
+/// Returns whether the smaller part belongs to the larger one.
 fn belongs(
     large: &Part,
     small: &Part,
@@ -97,66 +98,106 @@ fn belongs(
 ) -> bool {
     let (a, b) = (large.fragment.class, small.fragment.class);
     let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
-    if !is_guest && !confusable(a, b) {
+    if !is_guest && !confusable(a, b) || are_separate_units(large, small) || are_far_apart(large, small) {
         return false;
     }
+    let contact = Contact::of(large, small, cells);
+    if is_guest {
+        return contact.inside >= INSIDE_FRACTION || contact.beside >= TOUCH_FRACTION;
+    }
+    let alone = fit_alone(small);
+    let is_plausible = || plausible(large, small, wall_yaw_rad);
+    // A plausible object by itself, like a stool before a sofa, needs a longer common border.
+    let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
+    let grown_together = is_solid(a) && is_solid(b) && contact.beside >= ease * TOUCH_FRACTION;
+    let is_of_top =
+        || is_top(a) && is_top(b) && (a != b || alone < 0.9) && one_top(large, small, wall_yaw_rad);
+    if contact.is_within([a, b], ease) || grown_together || is_of_top() {
+        return is_plausible();
+    }
+    a == b && is_plausible() && is_gap_closed(large, small, is_wall, wall_yaw_rad)
+}
+
+fn is_worktop(part: &Part) -> bool {
+    part.fragment.class == Class::Counter && part.bounds.bottom_m() > WORKTOP_M
+}
+
+/// Returns whether the parts are a worktop and storage below it, or storage of which one is a unit.
+fn are_separate_units(large: &Part, small: &Part) -> bool {
+    let (a, b) = (large.fragment.class, small.fragment.class);
+    let is_unit = large.fragment.is_unit || small.fragment.is_unit;
     // A worktop lies on units and is none of them.
-    let is_worktop =
-        |part: &Part| part.fragment.class == Class::Counter && part.bounds.bottom_m() > WORKTOP_M;
-    if is_storage(b) && is_worktop(large) || is_storage(a) && is_worktop(small) {
-        return false;
-    }
-    if is_storage(a) && is_storage(b) && (large.fragment.is_unit || small.fragment.is_unit) {
-        return false;
-    }
-    // Boxes far apart are unrelated.
+    is_storage(b) && is_worktop(large)
+        || is_storage(a) && is_worktop(small)
+        || is_storage(a) && is_storage(b) && is_unit
+}
+
+/// Returns whether the boxes are so far apart that the parts are unrelated.
+fn are_far_apart(large: &Part, small: &Part) -> bool {
     let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
         .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
     let reach = |part: &Part| part.bounds.size_m[0].hypot(part.bounds.size_m[1]) / 2.0;
-    if between > reach(large) + reach(small) + BOARDS_M {
-        return false;
+    between > reach(large) + reach(small) + BOARDS_M
+}
+
+/// Fractions of the smaller part's cells.
+struct Contact {
+    /// In the box of the larger part.
+    inside: f64,
+    /// Adjacent to cells of the larger part.
+    beside: f64,
+}
+
+impl Contact {
+    fn of(large: &Part, small: &Part, cells: &Cells) -> Contact {
+        let count = small.places.len() as f64;
+        let touches = |cell: &u32| {
+            cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
+        };
+        Contact {
+            inside: small.places.iter().filter(|p| large.bounds.holds(p, GROW_M)).count() as f64 / count,
+            beside: small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count,
+        }
     }
-    let count = small.places.len() as f64;
-    let inside = small.places.iter().filter(|p| large.bounds.holds(p, GROW_M)).count() as f64 / count;
-    let touches = |cell: &u32| {
-        cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
-    };
-    let beside = small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count;
-    // A plausible object by itself, like a stool before a sofa, needs a longer common border.
-    let [long_m, short_m, _] = small.bounds.size_m;
-    let short_m = if is_front(&small.bounds, b) { APPLIANCE_M } else { short_m };
-    let alone = kind(b).map_or(0.0, |kind| kind.fit(long_m, short_m, small.bounds.top_m()));
-    let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
-    if is_guest {
-        return inside >= INSIDE_SHARE || beside >= TOUCH_SHARE;
+
+    /// Returns whether the smaller part of these classes lies within the larger one and is a part of it.
+    fn is_within(&self, [a, b]: [Class; 2], ease: f64) -> bool {
+        // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
+        let stored = is_storage(a) && is_storage(b);
+        // Appliances are built into rows of units.
+        let built_in =
+            (is_appliance(b) || b == Class::Sink) && (is_storage(a) || a == Class::Counter) && ease == 1.0;
+        self.inside >= INSIDE_FRACTION && !built_in && (ease < 1.0 || stored || self.beside >= TOUCH_FRACTION)
     }
-    // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
-    let stored = is_storage(a) && is_storage(b);
-    // Appliances are built into rows of units.
-    let built_in =
-        (is_appliance(b) || b == Class::Sink) && (is_storage(a) || a == Class::Counter) && ease == 1.0;
-    let within = inside >= INSIDE_SHARE && !built_in && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
-    let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
-    if within || grown_together {
-        return plausible(large, small, wall_yaw_rad);
-    }
-    if is_top(a) && is_top(b) && (a != b || alone < 0.9) && one_top(large, small, wall_yaw_rad) {
-        return plausible(large, small, wall_yaw_rad);
-    }
-    if a != b || !plausible(large, small, wall_yaw_rad) {
-        return false;
-    }
-    if stack_gap_m(a).is_some_and(|gap_m| stacked(large, small, gap_m)) {
+}
+
+/// Returns how well a part by itself fits its class's size.
+fn fit_alone(part: &Part) -> f64 {
+    let class = part.fragment.class;
+    let [long_m, short_m, _] = part.bounds.size_m;
+    let short_m = if is_front(&part.bounds, class) { APPLIANCE_M } else { short_m };
+    kind(class).map_or(0.0, |kind| kind.fit(long_m, short_m, part.bounds.top_m()))
+}
+
+/// Returns whether the gap between two parts of one class is one within an object.
+fn is_gap_closed(
+    large: &Part,
+    small: &Part,
+    is_wall: &dyn Fn(&[f64; 3]) -> bool,
+    wall_yaw_rad: Option<f64>,
+) -> bool {
+    let class = large.fragment.class;
+    if stack_gap_m(class).is_some_and(|gap_m| stacked(large, small, gap_m)) {
         return true;
     }
     if is_worktop(large) && is_worktop(small) {
         return in_line(large, small, wall_yaw_rad) && gap(large, small, BUILT_IN_M).is_some();
     }
-    if is_appliance(a) {
+    if is_appliance(class) {
         // No wall is inside an appliance, whatever a patch of it is called.
         return gap(large, small, BOARDS_M).is_some();
     }
-    let gap_m = if matches!(a, Class::Shelf | Class::Lamp) { BOARDS_M } else { GAP_M };
+    let gap_m = if matches!(class, Class::Shelf | Class::Lamp) { BOARDS_M } else { GAP_M };
     gap(large, small, gap_m).is_some_and(|(p, q)| is_open(&p, &q, is_wall))
 }
 
@@ -178,14 +219,14 @@ fn one_top(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     const STEP_M: f64 = 0.05;
     const TOUCH_M: f64 = 0.13;
     /// Largest area of both in one rectangle, as a multiple of their own.
-    const MOST: f64 = 1.2;
+    const MAX_UNION_RATIO: f64 = 1.2;
     if (large.bounds.top_m() - small.bounds.top_m()).abs() > STEP_M || gap(large, small, TOUCH_M).is_none() {
         return false;
     }
     let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
     let area_m2 = |bounds: &UprightBox| bounds.size_m[0] * bounds.size_m[1];
     let own_m2 = area_m2(&large.bounds) + area_m2(&small.bounds);
-    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| area_m2(&union) <= MOST * own_m2)
+    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| area_m2(&union) <= MAX_UNION_RATIO * own_m2)
 }
 
 /// Returns how far apart the parts of an object may be, one above the other: a lamp's shade and foot, a toilet and its

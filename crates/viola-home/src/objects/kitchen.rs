@@ -14,14 +14,14 @@ const HEIGHTS_M: Range<f64> = 0.75..1.1;
 /// Minimum vertical part of a level cell's normal.
 const LEVEL: f32 = 0.8;
 /// Minimum fraction of a worktop's cells that are called counter, or sink or stove in it; things on it are not.
-const LEAST_CALLED: f64 = 0.25;
+const MIN_CALLED_FRACTION: f64 = 0.25;
 /// Minimum fraction of those that are called counter.
-const LEAST_COUNTER: f64 = 0.25;
+const MIN_COUNTER_FRACTION: f64 = 0.25;
 /// Minimum area and depth of a run.
-const LEAST_M2: f64 = 0.2;
-const LEAST_DEPTH_M: f64 = 0.3;
+const MIN_AREA_M2: f64 = 0.2;
+const MIN_DEPTH_M: f64 = 0.3;
 /// A run is longer than a kitchen island is wide.
-const MOST_DEPTH_M: f64 = 1.3;
+const MAX_DEPTH_M: f64 = 1.3;
 /// Fronts stand out this far from below a worktop.
 const OUT_M: f64 = 0.1;
 
@@ -128,8 +128,8 @@ fn worktops(cells: &Cells, labels: &[Option<(Class, f32)>]) -> Vec<Vec<u32>> {
         };
         let all = called(&[Class::Counter, Class::Sink, Class::Stove]);
         let is_called =
-            all >= LEAST_CALLED * members.len() as f64 && all >= called(&[Class::Table, Class::Desk]);
-        if is_called && called(&[Class::Counter]) >= LEAST_COUNTER * all {
+            all >= MIN_CALLED_FRACTION * members.len() as f64 && all >= called(&[Class::Table, Class::Desk]);
+        if is_called && called(&[Class::Counter]) >= MIN_COUNTER_FRACTION * all {
             found.push(members);
         }
     }
@@ -149,7 +149,7 @@ fn straight(worktop: Vec<u32>, cells: &Cells, turned: &dyn Fn([f64; 3]) -> [f64;
         };
         let sides_m = [side(0), side(1)];
         let [x_m, y_m] = sides_m.map(|[low, high]| high - low);
-        let is_run = x_m * y_m >= LEAST_M2 && (LEAST_DEPTH_M..MOST_DEPTH_M).contains(&x_m.min(y_m));
+        let is_run = x_m * y_m >= MIN_AREA_M2 && (MIN_DEPTH_M..MAX_DEPTH_M).contains(&x_m.min(y_m));
         let own: Vec<u32> = members.iter().map(|i| worktop[*i]).collect();
         let [top_m, _] = span(own.iter().map(|cell| cells.centre(*cell as usize)[2]), 0.5);
         is_run.then_some(Run { cells: own, sides_m, top_m })

@@ -7,7 +7,7 @@ use viola_geometry::taxonomy::Class;
 /// Largest patch, in metres: what is built into a wall with a flush front is larger.
 const LARGEST_M: f64 = 0.8;
 /// Minimum fraction of the cells between parts of the wall.
-const LEAST: f64 = 0.6;
+const MIN_INSIDE_FRACTION: f64 = 0.6;
 /// Largest vertical part of an upright cell's normal.
 const UPRIGHT: f32 = 0.5;
 
@@ -45,7 +45,7 @@ pub fn is_of_wall(fragment: &Fragment, cells: &Cells, labels: &[Option<(Class, f
         // Corners of a room have the wall on one side only.
         inside += usize::from(left && right || (left || right) && wall_goes_on(cell, &normal, [0.0, 1.0]));
     }
-    inside as f64 >= LEAST * all as f64
+    inside as f64 >= MIN_INSIDE_FRACTION * all as f64
 }
 
 /// Returns whether things of a class lie in the plane of a wall.

@@ -8,7 +8,7 @@ use viola_geometry::Point2;
 const REACH_M: f64 = 1.0;
 /// Largest distance of the compared places on the border of a footprint, and the largest number of them on a side.
 const STEP_M: f64 = 0.1;
-const MOST_STEPS: f64 = 40.0;
+const MAX_STEPS: f64 = 40.0;
 
 /// Returns the room around the centre of a box. A box whose centre is in no room, such as one on floor that the robot
 /// does not see, is in the room nearest to its footprint; of several that it reaches, in the one nearest to its centre.
@@ -39,7 +39,7 @@ fn border(bounds: &UprightBox) -> Vec<Point2> {
     for (side, from) in corners.iter().enumerate() {
         let to = corners[(side + 1) % corners.len()];
         let length_m = (to[0] - from[0]).hypot(to[1] - from[1]);
-        let steps = (length_m / STEP_M).ceil().clamp(1.0, MOST_STEPS) as usize;
+        let steps = (length_m / STEP_M).ceil().clamp(1.0, MAX_STEPS) as usize;
         places.extend((0..steps).map(|step| {
             let t = step as f64 / steps as f64;
             Point2::new(from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1]))

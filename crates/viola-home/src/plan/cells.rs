@@ -18,7 +18,7 @@ const BESIDE_M: f64 = 0.15;
 const BACK_M: std::ops::RangeInclusive<f64> = 0.04..=0.3;
 const BACK: f64 = 0.6;
 /// Minimum fraction of a face that shows wall up to the ceiling.
-pub(super) const TALL_SHARE: f64 = 0.5;
+pub(super) const TALL_FRACTION: f64 = 0.5;
 /// Distance of the samples of a cell, and their maximum number along a side.
 const SAMPLE_M: f64 = 0.04;
 const MAX_SAMPLES: usize = 40;
@@ -33,7 +33,7 @@ const UNKNOWN: f64 = 200.0;
 /// Cost of a millimetre of any wall: simple outlines are likelier.
 const ANY_WALL: f64 = 0.03;
 /// Costs of a millimetre of a face that was seen: inside right behind it, and outside right before it. Wall up to
-/// the ceiling hides its other face sooner than it is furniture, so that inside costs more than that face.
+/// the ceiling hides its other face sooner than it is furniture, so inside costs more than that face.
 const BEHIND_FACE: f64 = 0.6;
 const BEHIND_TALL: f64 = 1.1;
 const BEFORE_FACE: f64 = 0.3;
@@ -89,14 +89,14 @@ impl Cells {
             if up { off_m } else { -off_m }
         };
         let near = (0..faces.len()).filter(|other| BACK_M.contains(&behind_m(*other)));
-        let share = |other: usize| {
+        let fraction = |other: usize| {
             let own = faces[other].iter().filter(|face| face.facing == facing);
-            let seen = own.map(|face| face.share(span_m[0], span_m[1])).fold(0.0, f64::max);
-            let is_tall =
-                seen > 0.0 && evidence.share_of_tall(facing, self.lines[axis][other], span_m) >= TALL_SHARE;
+            let seen = own.map(|face| face.fraction(span_m[0], span_m[1])).fold(0.0, f64::max);
+            let is_tall = seen > 0.0
+                && evidence.tall_fraction(facing, self.lines[axis][other], span_m) >= TALL_FRACTION;
             if is_tall { seen } else { 0.0 }
         };
-        near.map(share).fold(0.0, f64::max)
+        near.map(fraction).fold(0.0, f64::max)
     }
 
     /// Returns a raster with a cell for each cell.
@@ -206,14 +206,14 @@ impl Cells {
                     let [along_m, off_m] = other.within(&Point2::from(centre));
                     other.normal.dot(&face.normal) < 0.0
                         && (0.0..BESIDE_M).contains(&off_m)
-                        && other.share(along_m) > f64::from(WALL)
+                        && other.fraction(along_m) > f64::from(WALL)
                 })
             };
             if before_m < 0.0 && is_beyond() {
                 continue;
             }
             let part = if before_m > 0.0 { BEFORE_FACE } else { BEHIND_FACE };
-            let metres = self.area_m2(at) / (BESIDE_M - oblique::OFF_M / 2.0) * face.share(along_m);
+            let metres = self.area_m2(at) / (BESIDE_M - oblique::OFF_M / 2.0) * face.fraction(along_m);
             let cost = (metres * 1e3 * part).round() as i64;
             let (if_outside, if_inside) = if before_m > 0.0 { (cost, 0) } else { (0, cost) };
             graph.add_node(at, if_outside, if_inside);
@@ -242,7 +242,7 @@ impl Cells {
                 let [from_m, to_m] = [step, step + 1].map(|i| self.lines[along][i]);
                 let straight = [false, true].map(|up| {
                     let facing = of_line.iter().filter(|face| face.facing.up == up);
-                    facing.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max)
+                    facing.map(|face| face.fraction(from_m, to_m)).fold(0.0, f64::max)
                 });
                 let ends = [from_m, to_m].map(|along_m| {
                     let mut end = [along_m; 2];
@@ -250,7 +250,7 @@ impl Cells {
                     Point2::from(end)
                 });
                 let seen = [false, true].map(|up| {
-                    let steps = oblique.iter().map(|face| face.share_of_step(axis, up, ends));
+                    let steps = oblique.iter().map(|face| face.step_fraction(axis, up, ends));
                     steps.fold(straight[usize::from(up)], f64::max)
                 });
                 let seen = [false, true].map(|up| {
@@ -270,7 +270,8 @@ impl Cells {
                 let behind = [false, true].map(|up| {
                     let is_tall = straight[usize::from(up)] > 0.0 && {
                         let facing = Facing { axis, up };
-                        evidence.share_of_tall(facing, self.lines[axis][line], [from_m, to_m]) >= TALL_SHARE
+                        evidence.tall_fraction(facing, self.lines[axis][line], [from_m, to_m])
+                            >= TALL_FRACTION
                     };
                     straight[usize::from(up)] * if is_tall { BEHIND_TALL } else { BEHIND_FACE }
                 });

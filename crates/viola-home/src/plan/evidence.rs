@@ -83,7 +83,7 @@ pub(super) struct Columns {
 }
 
 /// Fraction of a wall that a column shows.
-pub(super) fn share(bits: u32) -> f32 {
+pub(super) fn fraction(bits: u32) -> f32 {
     let heights = bits & ((1 << HEIGHTS) - 1);
     let seen = heights.count_ones() + 2 * (heights & HIGH).count_ones();
     let seen = (seen as f32 / 8.0).min(1.0);
@@ -238,22 +238,22 @@ impl<'a> Evidence<'a> {
     }
 
     /// Returns the fraction of the columns of an interval of a face with a window in it.
-    pub fn share_of_window(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
-        self.share_of(facing, line_m, [-0.3, 0.1], span_m, |bits| bits & WINDOW != 0)
+    pub fn window_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.fraction_of(facing, line_m, [-0.3, 0.1], span_m, |bits| bits & WINDOW != 0)
     }
 
     /// Returns the fraction of the columns of an interval of a face that show wall above doors.
-    pub fn share_of_lintel(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
-        self.share_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits & !BELOW_LINTEL) > 0)
+    pub fn lintel_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits & !BELOW_LINTEL) > 0)
     }
 
     /// Returns the fraction of the columns of an interval of a face that show wall up to the ceiling.
-    pub fn share_of_tall(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
-        self.share_of(facing, line_m, [-0.06, 0.06], span_m, is_tall)
+    pub fn tall_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, is_tall)
     }
 
     /// `band_m` is the interval across the face, into its room.
-    fn share_of(
+    fn fraction_of(
         &self,
         facing: Facing,
         line_m: f64,

@@ -1,6 +1,6 @@
 //! Straight faces of walls along the plan's axes, fitted to the columns of the evidence.
 
-use super::evidence::{Columns, Evidence, Facing, above, by_lidar, heights, is_lintel, is_opening, share};
+use super::evidence::{Columns, Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
 use viola_geometry::Point2;
 
 /// Half of the band in which columns belong to one face: noise of clips, and half a cell of a LiDAR map.
@@ -18,7 +18,7 @@ const SAME_GAP_M: f64 = 2.0;
 const BEHIND_M: f64 = 0.3;
 const BEFORE_M: f64 = 0.1;
 /// Evidence of a face that only the LiDAR saw, if clips saw wall this far behind it: furniture, a radiator.
-const STANDING_SHARE: f32 = 0.1;
+const STANDING_FRACTION: f32 = 0.1;
 const STANDING_M: [f64; 2] = [0.07, 0.7];
 /// The front of furniture: a clip saw at least this many heights of the wall above it, this far behind.
 const FRONT_M: [f64; 2] = [0.15, 0.75];
@@ -26,7 +26,7 @@ const HIGHER: u32 = 2;
 /// Heights that a clip must have seen of the wall behind.
 const WALL_HEIGHTS: u32 = 3;
 /// Evidence of a door or a window for the wall that it is in.
-const OPENING_SHARE: f32 = 0.9;
+const OPENING_FRACTION: f32 = 0.9;
 /// Floor at these distances behind a door is seen if it is open.
 const BEHIND_LEAF_M: [f64; 2] = [0.15, 0.28];
 /// A bound on work.
@@ -54,7 +54,7 @@ impl Face {
     }
 
     /// Returns the mean evidence of an interval.
-    pub fn share(&self, from_m: f64, to_m: f64) -> f64 {
+    pub fn fraction(&self, from_m: f64, to_m: f64) -> f64 {
         let count = ((to_m - from_m) / self.along_m).ceil().max(1.0) as usize;
         let step = (to_m - from_m) / count as f64;
         let sum: f64 = (0..count).map(|i| f64::from(self.at(from_m + (i as f64 + 0.5) * step))).sum();
@@ -87,12 +87,12 @@ struct Run {
 fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
     let half = ((BAND_M / seen.across_m).round() as usize).max(1);
     let mut left = Columns { bits: seen.bits.clone(), ..*seen };
-    let best_of = |columns: &Columns, row: usize| {
-        best_run(
-            (0..columns.along)
-                .map(|column| share(columns.band(row.saturating_sub(half), row + half, column)) - GAP_LOSS),
-        )
-    };
+    let best_of =
+        |columns: &Columns, row: usize| {
+            best_run((0..columns.along).map(|column| {
+                fraction(columns.band(row.saturating_sub(half), row + half, column)) - GAP_LOSS
+            }))
+        };
     let mut best: Vec<Run> = (0..seen.across).map(|row| best_of(&left, row)).collect();
     let mut faces = Vec::new();
     while faces.len() < MAX_FACES {
@@ -227,10 +227,10 @@ fn cover(face: &mut Face, evidence: &Evidence) {
                     (far[0]..=far[1]).map(|row| heights(columns.band(row, row, column) & above(bits))).max();
                 taller.unwrap_or(0) >= HIGHER
             };
-            let seen = if is_standing || is_front { STANDING_SHARE } else { share(bits) };
+            let seen = if is_standing || is_front { STANDING_FRACTION } else { fraction(bits) };
             let opens = is_opening(columns.band(deep[0], deep[1], column))
                 && !is_leaf(face.facing, &Point2::from(place), evidence);
-            if opens { seen.max(OPENING_SHARE) } else { seen }
+            if opens { seen.max(OPENING_FRACTION) } else { seen }
         })
         .collect();
 }

@@ -42,11 +42,11 @@ const ONE_BAR_M: f64 = 0.55;
 /// Gaps in the labels of one opening.
 const GAP_M: f64 = 0.4;
 /// Fraction of its steps that show it.
-const SHARE: f64 = 0.5;
+const SEEN_FRACTION: f64 = 0.5;
 const WINDOW_M: [f64; 2] = [0.35, 6.0];
 const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
 /// A leaf reaches this part of the doorway's width; it is seen in this part of its length.
-const LEAF_SHARE: f64 = 0.7;
+const LEAF_FRACTION: f64 = 0.7;
 const LEAF_STEPS: usize = 10;
 
 /// A point of the plan, its height and its class.
@@ -212,7 +212,7 @@ fn runs(
     }
     let is_opening = |(run, count): &([usize; 2], usize)| {
         let length = run[1] - run[0] + 1;
-        let is_seen = *count as f64 >= SHARE * length as f64;
+        let is_seen = *count as f64 >= SEEN_FRACTION * length as f64;
         is_seen && (width_m[0]..width_m[1]).contains(&(length as f64 * STEP_M))
     };
     runs.into_iter().filter(is_opening).map(|(run, _)| run).collect()
@@ -289,7 +289,8 @@ fn swing(opening: &Opening, labelled: &[Labelled]) -> Option<Swing> {
             }
             let most = seen.windows(2).map(|two| (two[0] | two[1]).count_ones() as usize).max().unwrap_or(0);
             let open_m = shifted(hinge_m, width_m);
-            if most as f64 >= LEAF_SHARE * LEAF_STEPS as f64 && best.is_none_or(|(least, _)| most > least) {
+            if most as f64 >= LEAF_FRACTION * LEAF_STEPS as f64 && best.is_none_or(|(least, _)| most > least)
+            {
                 best = Some((most, Swing { hinge_m, open_m, closed_m }));
             }
         }

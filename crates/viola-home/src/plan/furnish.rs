@@ -13,7 +13,7 @@ const SNAP_RAD: f64 = 0.35;
 const MOVE_M: f64 = 0.4;
 const CUT: f64 = 0.4;
 /// Smallest side of a drawn piece.
-const LEAST_M: f64 = 0.12;
+const MIN_SIDE_M: f64 = 0.12;
 /// Pieces this near a wall stand with their back to it.
 const BACK_M: f64 = 0.35;
 
@@ -76,7 +76,7 @@ fn piece(object: &Object, rooms: &[PlanRoom], plan_from_map: &Pose2) -> Option<F
     let yaw = object.yaw_rad + plan_from_map.yaw_rad;
     let turns = (yaw / FRAC_PI_2).round();
     let off = yaw - turns * FRAC_PI_2;
-    let [x, y] = [object.size_m[0], object.size_m[1]].map(|side| side.max(LEAST_M));
+    let [x, y] = [object.size_m[0], object.size_m[1]].map(|side| side.max(MIN_SIDE_M));
     let size_m = if turns.rem_euclid(2.0) < 0.5 { [x, y] } else { [y, x] };
     let yaw_rad = if off.abs() <= SNAP_RAD.min(FRAC_PI_4) { 0.0 } else { off };
     Some(Furniture {
@@ -146,7 +146,7 @@ fn fit(
     let is_same = (0..2).all(|axis| {
         let moved = (now.low[axis] + now.high[axis] - original.low[axis] - original.high[axis]).abs() / 2.0;
         moved <= MOVE_M
-            && now.size(axis) >= LEAST_M
+            && now.size(axis) >= MIN_SIDE_M
             && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
     });
     let kept = now.size(0) * now.size(1) / (original.size(0) * original.size(1)).max(1e-9);

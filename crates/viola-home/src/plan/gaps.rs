@@ -15,7 +15,7 @@ const WIDEST_M: f64 = 4.5;
 /// A wall goes on beside a gap if there is space this far beyond the gap's end: less than a wall is thick.
 const STUB_M: f64 = 0.05;
 /// Minimum fraction of a gap's width with wall above it.
-const LINTEL_SHARE: f64 = 0.5;
+const LINTEL_FRACTION: f64 = 0.5;
 /// Widest column with wall at one face only.
 const THIN_M: f64 = 0.12;
 /// Minimum wall with both faces at a side of a gap: at one side of a door, at both of a wider gap.
@@ -114,7 +114,7 @@ impl Span {
         let span_m = [self.from, self.to].map(|step| cells.lines[1 - self.axis][step]);
         [false, true].iter().any(|up| {
             let line_m = cells.lines[self.axis][self.lines[usize::from(*up)]];
-            evidence.share_of_lintel(Facing { axis: self.axis, up: *up }, line_m, span_m) >= LINTEL_SHARE
+            evidence.lintel_fraction(Facing { axis: self.axis, up: *up }, line_m, span_m) >= LINTEL_FRACTION
         })
     }
 
@@ -187,7 +187,7 @@ fn of_wall(cells: &Cells, evidence: &Evidence, axis: usize, lines: [usize; 2], b
             let seen = solid.map(|k| {
                 let [from_m, to_m] = [k, k + 1].map(|i| cells.lines[along][i]);
                 let faces = backs.iter().filter(|face| face.facing.up == up);
-                faces.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max) * (to_m - from_m)
+                faces.map(|face| face.fraction(from_m, to_m)).fold(0.0, f64::max) * (to_m - from_m)
             });
             seen.sum::<f64>()
         };

@@ -1,6 +1,6 @@
 //! Small pieces of the cut: islands and slits.
 
-use super::cells::{Cells, TALL_SHARE};
+use super::cells::{Cells, TALL_FRACTION};
 use super::evidence::{Evidence, Facing};
 use super::oblique::Oblique;
 use crate::rooms::outline::pieces;
@@ -15,7 +15,7 @@ const BESIDE_SPUR_M: [f64; 2] = [0.15, 0.3];
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
 /// Minimum fraction of a small island with wall up to the ceiling: a piece of a thin wall.
-const WALL_SHARE: f64 = 0.5;
+const WALL_FRACTION: f64 = 0.5;
 
 /// Makes passages beside oblique faces that nobody fits through a part of their walls: those have holes between cells.
 pub(super) fn close_slits(cells: &mut Cells, oblique: &[Oblique]) {
@@ -98,7 +98,7 @@ fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, en
         return false;
     }
     let steps = (length_m / 0.05).ceil().max(1.0) as usize;
-    let share = |is: &dyn Fn(f64) -> bool| {
+    let fraction = |is: &dyn Fn(f64) -> bool| {
         let along_m = |step: usize| lines[first] + (step as f64 + 0.5) / steps as f64 * length_m;
         (0..steps).filter(|step| is(along_m(*step))).count() as f64 / steps as f64
     };
@@ -110,13 +110,13 @@ fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, en
         let is_floor = |along_m: f64| {
             BESIDE_SPUR_M.iter().any(|off| evidence.is_floor_of_clips(&at(line_m + sign * off, along_m)))
         };
-        share(&is_floor) >= 0.5
+        fraction(&is_floor) >= 0.5
     };
     let middle_m = (faces_m[0] + faces_m[1]) / 2.0;
     let is_wall = |along_m: f64| {
         [-SPUR_M / 2.0, 0.0, SPUR_M / 2.0].iter().any(|off| evidence.is_wall(&at(middle_m + off, along_m)))
     };
-    sees_floor(faces_m[0], -1.0) && sees_floor(faces_m[1], 1.0) && share(&is_wall) < WALL_SHARE
+    sees_floor(faces_m[0], -1.0) && sees_floor(faces_m[1], 1.0) && fraction(&is_wall) < WALL_FRACTION
 }
 
 /// Returns whether the centre of a cell is at an oblique face, or right beyond its ends.
@@ -148,7 +148,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
         let island = &mut islands[*piece as usize];
         let place = cells.place(at);
         island.area_m2 += cells.area_m2(at);
-        island.wall_m2 += cells.area_m2(at) * share_of_wall(cells, evidence, place);
+        island.wall_m2 += cells.area_m2(at) * wall_fraction(cells, evidence, place);
         for (axis, [low, high]) in island.bounds.iter_mut().enumerate() {
             (*low, *high) = ((*low).min(place[axis]), (*high).max(place[axis] + 1));
         }
@@ -156,7 +156,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &islands[*piece as usize];
         if island.area_m2 < ISLAND_M2 {
-            let is_wall = island.wall_m2 >= WALL_SHARE * island.area_m2;
+            let is_wall = island.wall_m2 >= WALL_FRACTION * island.area_m2;
             cells.pillars[at] = is_wall || is_pillar(cells, evidence, island.bounds);
             cells.inside[at] = !cells.pillars[at];
         }
@@ -164,7 +164,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
 }
 
 /// Returns the fraction of a cell with wall up to the ceiling.
-fn share_of_wall(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
+fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
     /// Samples along each side.
     const STEPS: usize = 4;
     let is_wall = |i: &usize| {
@@ -184,7 +184,7 @@ fn is_pillar(cells: &Cells, evidence: &Evidence, bounds: [[usize; 2]; 2]) -> boo
     let shows = |facing: &Facing| {
         let (axis, along) = (facing.axis, 1 - facing.axis);
         let line_m = metres(axis, usize::from(facing.up));
-        evidence.share_of_tall(*facing, line_m, [metres(along, 0), metres(along, 1)]) >= TALL_SHARE
+        evidence.tall_fraction(*facing, line_m, [metres(along, 0), metres(along, 1)]) >= TALL_FRACTION
     };
     Facing::ALL.iter().filter(|facing| shows(facing)).count() >= 3
 }

@@ -1,6 +1,6 @@
 //! Straight faces of walls that are not along the plan's axes.
 
-use super::evidence::{Evidence, by_lidar, heights, share};
+use super::evidence::{Evidence, by_lidar, fraction, heights};
 use super::faces::{Face, GAP_LOSS};
 use super::uprights::Upright;
 use viola_geometry::{Point2, Vector2};
@@ -61,7 +61,7 @@ impl Oblique {
 
     /// Returns the length of the face that was seen.
     pub fn evidence_m(&self) -> f64 {
-        self.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * ALONG_M
+        self.cover.iter().map(|fraction| f64::from(*fraction)).sum::<f64>() * ALONG_M
     }
 
     /// Gives the face another middle and normal.
@@ -71,7 +71,7 @@ impl Oblique {
     }
 
     /// Returns the evidence at a place along the face; 0 beyond its ends.
-    pub fn share(&self, along_m: f64) -> f64 {
+    pub fn fraction(&self, along_m: f64) -> f64 {
         let column = (along_m / ALONG_M).floor();
         let seen = if column < 0.0 { None } else { self.cover.get(column as usize) };
         f64::from(seen.copied().unwrap_or(0.0))
@@ -93,12 +93,12 @@ impl Oblique {
 
     /// Returns the evidence for a side of a cell across an axis, whose room is on the side of larger
     /// coordinates (`up`) or of smaller ones; 0 if it is no step of the face.
-    pub fn share_of_step(&self, axis: usize, up: bool, ends: [Point2; 2]) -> f64 {
+    pub fn step_fraction(&self, axis: usize, up: bool, ends: [Point2; 2]) -> f64 {
         let into_room = if up { self.normal[axis] } else { -self.normal[axis] };
         let middle = nalgebra::center(&ends[0], &ends[1]);
         let [along_m, off_m] = self.within(&middle);
         let is_step = into_room > 0.0 && off_m.abs() <= OFF_M && (ends[1] - ends[0]).norm() <= 4.0 * STAIR_M;
-        if is_step { self.share(along_m) } else { 0.0 }
+        if is_step { self.fraction(along_m) } else { 0.0 }
     }
 }
 
@@ -119,7 +119,7 @@ pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
         best_band(&looking(evidence, left, normal), COARSE_M).map_or(0.0, |run| run.gain)
     };
     let directions = directions();
-    // Columns are only taken away, so that earlier gains are bounds.
+    // Columns are only taken away, so earlier gains are bounds.
     let mut gains: Vec<f32> = directions.iter().map(|normal| gain(&left, normal)).collect();
     let least = MIN_FACE_M * f64::from(1.0 - GAP_LOSS) / ALONG_M;
     let mut faces = Vec::new();
@@ -198,7 +198,7 @@ pub(super) fn without_steps(straight: Vec<Face>, oblique: &[Oblique]) -> Vec<Fac
 
 /// Returns whether a face along the axes is too long for a step: it explains columns.
 fn is_long(face: &Face) -> bool {
-    face.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * face.along_m >= EXPLAINING_M
+    face.cover.iter().map(|fraction| f64::from(*fraction)).sum::<f64>() * face.along_m >= EXPLAINING_M
 }
 
 /// Returns whether a face along the axes explains a column.
@@ -262,20 +262,20 @@ fn best_band(seen: &[Seen], half_m: f64) -> Option<Run> {
     columns.sort_unstable();
     let mut best: Option<Run> = None;
     for band in columns.chunk_by(|a, b| a.0 == b.0) {
-        let shares: Vec<(i64, f32)> = band
+        let fractions: Vec<(i64, f32)> = band
             .chunk_by(|a, b| a.1 == b.1)
-            .map(|same| (same[0].1, share(same.iter().fold(0, |bits, one| bits | one.2))))
+            .map(|same| (same[0].1, fraction(same.iter().fold(0, |bits, one| bits | one.2))))
             .collect();
         // Kadane's algorithm; columns without evidence lie between the listed ones.
         let (mut sum, mut from, mut last) = (0f32, 0, i64::MIN);
-        for (column, share) in shares {
+        for (column, fraction) in fractions {
             if sum > 0.0 {
                 sum -= GAP_LOSS * (column - last - 1) as f32;
             }
             if sum <= 0.0 {
                 (sum, from) = (0.0, column);
             }
-            sum += share - GAP_LOSS;
+            sum += fraction - GAP_LOSS;
             last = column;
             if sum > best.as_ref().map_or(0.0, |best| best.gain) {
                 let across_m = (band[0].0 + 1) as f64 * half_m;
@@ -311,7 +311,7 @@ fn fitted(evidence: &Evidence, left: &[&Upright], start: Vector2) -> Option<(Obl
     used.dedup();
     let along = Vector2::new(normal.y, -normal.x);
     let from_m = Point2::from(normal * across_m + along * (run.from as f64 * ALONG_M));
-    let cover: Vec<f32> = bits.into_iter().map(share).collect();
+    let cover: Vec<f32> = bits.into_iter().map(fraction).collect();
     let length_m = columns as f64 * ALONG_M;
     Some((Oblique { from_m, along, normal, length_m, cover }, used))
 }

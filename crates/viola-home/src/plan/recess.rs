@@ -11,7 +11,7 @@ const WIDTH_M: [f64; 2] = [0.35, 6.0];
 /// The wall on both sides of a recess is in one line within this.
 const SAME_LINE_M: f64 = 0.07;
 /// Minimum fraction of the back of a recess with a window.
-const WINDOW_SHARE: f64 = 0.5;
+const WINDOW_FRACTION: f64 = 0.5;
 
 /// Takes the recesses of windows out of the inside.
 pub(super) fn close(cells: &mut Cells, evidence: &Evidence) {
@@ -58,7 +58,7 @@ fn recess(cells: &Cells, evidence: &Evidence, ring: &[[usize; 2]], at: usize) ->
         return None;
     }
     let up = faces_m[0] > back_m;
-    if evidence.share_of_window(Facing { axis: across, up }, back_m, span_m) < WINDOW_SHARE {
+    if evidence.window_fraction(Facing { axis: across, up }, back_m, span_m) < WINDOW_FRACTION {
         return None;
     }
     let back = corner(2)[across];

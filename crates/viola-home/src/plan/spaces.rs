@@ -162,20 +162,20 @@ fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
 /// Divides pieces with several given rooms of which one `divides`, drops small ones, and numbers the rest by descending area.
 fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Vec<u32>, Vec<u32>) {
     // Area of each given room in each piece.
-    let mut shares: Vec<BTreeMap<u32, f64>> =
+    let mut areas_m2: Vec<BTreeMap<u32, f64>> =
         vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
     for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         for (owner, area) in cells.owners[at].iter().filter(|(owner, _)| *owner != 0) {
-            *shares[*piece as usize].entry(*owner).or_default() += area;
+            *areas_m2[*piece as usize].entry(*owner).or_default() += area;
         }
     }
     let mut key: Vec<Option<(u32, u32)>> = vec![None; pieces.len()];
-    for (piece, shares) in shares.iter().enumerate().skip(1) {
+    for (piece, areas_m2) in areas_m2.iter().enumerate().skip(1) {
         let mut parts: Vec<u32> =
-            shares.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
+            areas_m2.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
         if !parts.iter().any(|owner| divides(*owner)) {
             parts.clear();
-            let most = shares.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
+            let most = areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
             parts.extend(most.or(Some(0)));
         }
         spread(cells, pieces, piece as u32, &parts, &mut key);

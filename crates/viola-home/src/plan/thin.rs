@@ -1,5 +1,5 @@
 //! The two faces of a thin wall. Noise and the cells of a LiDAR map may put them on one line or in reversed order,
-//! so that no wall would remain between them.
+//! and no wall would remain between them.
 
 use super::evidence::Evidence;
 use super::faces::Face;
@@ -16,7 +16,7 @@ const COMMON: f64 = 0.5;
 /// Shorter ones are curtains and leaves.
 const SHORTEST_M: f64 = 0.5;
 /// Minimum part of it that shows wall up to the ceiling from one side; leaves of doors do not.
-const TALL_SHARE: f64 = 0.5;
+const TALL_FRACTION: f64 = 0.5;
 /// Oblique faces this near each other are those of one wall, which are parallel. Their stairs need more space.
 const SAME_WALL_M: f64 = 0.25;
 const THINNEST_OBLIQUE_M: f64 = 0.09;
@@ -39,8 +39,8 @@ pub(super) fn separate(faces: &mut [Face], evidence: &Evidence) {
             }
             let common = [a.from_m.max(b.from_m), a.to_m.min(b.to_m)];
             let is_tall = [a, b].iter().any(|face| {
-                let tall = evidence.share_of_tall(face.facing, face.line_m, common);
-                tall > 0.0 && tall >= TALL_SHARE * face.share(common[0], common[1])
+                let tall = evidence.tall_fraction(face.facing, face.line_m, common);
+                tall > 0.0 && tall >= TALL_FRACTION * face.fraction(common[0], common[1])
             });
             if !is_tall {
                 continue;

@@ -2,7 +2,7 @@
 
 use super::ClipNumbers;
 use crate::assemble::{CLIP_AT, POINT_BYTES, TileBytes, Voxels, point_bytes, read_point};
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use std::borrow::Cow;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
@@ -25,12 +25,12 @@ impl PointFilter {
     }
 
     /// Returns the selected points of a tile, [`POINT_BYTES`] each, with the map's clip numbers.
-    pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, NotOurs> {
+    pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, UnknownFileFormat> {
         let numbers = clips.of_tile(tile);
         let mut points = self.chosen(tile).into_owned();
         for point in points.chunks_exact_mut(POINT_BYTES) {
             let local = u16::from_le_bytes([point[CLIP_AT], point[CLIP_AT + 1]]);
-            let number = numbers.get(usize::from(local)).ok_or(NotOurs)?;
+            let number = numbers.get(usize::from(local)).ok_or(UnknownFileFormat)?;
             point[CLIP_AT..CLIP_AT + 2].copy_from_slice(&number.to_le_bytes());
         }
         match self.voxel_m {
@@ -68,9 +68,9 @@ impl PointFilter {
     }
 }
 
-fn thinned(points: &[u8], voxel_m: f64) -> Result<Vec<u8>, NotOurs> {
+fn thinned(points: &[u8], voxel_m: f64) -> Result<Vec<u8>, UnknownFileFormat> {
     let mut points: Vec<_> =
-        points.chunks_exact(POINT_BYTES).map(read_point).collect::<Result<Vec<_>, NotOurs>>()?;
+        points.chunks_exact(POINT_BYTES).map(read_point).collect::<Result<Vec<_>, UnknownFileFormat>>()?;
     // Voxels expect one clip after the other.
     points.sort_by_key(|point| point.clip);
     let mut voxels = Voxels::new(voxel_m);

@@ -121,7 +121,7 @@ fn cells_around(
         let of = |m: f64| (m - frame.origin_m[axis]) / frame.cell_m;
         let low = corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - by_m;
         let high = corners.iter().map(|c| c[axis]).fold(f64::NEG_INFINITY, f64::max) + by_m;
-        // Casts saturate, also for boxes far away.
+        // Casts saturate, even for boxes far away.
         (of(low).floor() as usize).min(cells)..(of(high).ceil().max(0.0) as usize).min(cells)
     };
     let (columns, rows) = (range(0, frame.width), range(1, frame.height));

@@ -186,7 +186,7 @@ fn unused(name: String, map_id: u32, taken: &mut BTreeSet<(u32, String)>) -> Str
             cut(&name, MAX_AREA_NAME - ending.len()) + &ending
         }
     };
-    // There are at most 255 areas, so that one of these is not taken.
+    // There are at most 255 areas, so one of these is not taken.
     let free = (1..=MAX_AREAS + 1).map(numbered).find(|name| taken.insert((map_id, name.clone())));
     free.unwrap_or(name)
 }

@@ -79,7 +79,7 @@ impl NoGoZone {
             class: None,
             driven: None,
         };
-        zone.driven = level.lidar.cells.as_ref().map(|cells| free_share(cells, &zone));
+        zone.driven = level.lidar.cells.as_ref().map(|cells| free_fraction(cells, &zone));
         zone
     }
 
@@ -165,7 +165,7 @@ fn strip([from, to]: [[f64; 2]; 2]) -> [[f64; 2]; 4] {
 }
 
 /// Returns the fraction of a zone's cells that are free; 0 for a zone without cells.
-fn free_share(cells: &Grid<Cell>, zone: &NoGoZone) -> f64 {
+fn free_fraction(cells: &Grid<Cell>, zone: &NoGoZone) -> f64 {
     let (mut all, mut free) = (0usize, 0usize);
     for_cells(&cells.frame, &zone.rings(), |index| {
         all += 1;

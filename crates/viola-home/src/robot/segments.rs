@@ -41,6 +41,6 @@ fn owner<'a>(id: &'a str, cells_m: &[Point2], level: &'a RobotLevel, owners: &Gr
     // Of equal counts the first room is taken.
     let most = (1..counts.len()).max_by(|a, b| counts[*a].cmp(&counts[*b]).then(b.cmp(a)));
     let most = most.filter(|number| counts[*number] > 0);
-    let share = most.map_or(0.0, |number| counts[number] as f64 / cells_m.len() as f64);
-    Segment { id, room: most.and_then(|number| level.rooms.get(number - 1)), overlap: round(share) }
+    let fraction = most.map_or(0.0, |number| counts[number] as f64 / cells_m.len() as f64);
+    Segment { id, room: most.and_then(|number| level.rooms.get(number - 1)), overlap: round(fraction) }
 }

@@ -177,7 +177,7 @@ fn goals_are_in_free_space_beside_the_object_and_face_it() {
         let towards = (object.bounds.centre_m[1] - at.y).atan2(object.bounds.centre_m[0] - at.x);
         assert!((goal.yaw_rad.unwrap() - towards).abs() < 2e-3, "{place:?}");
     }
-    // The sofa stands at the wall, so that its goal is before its front, beside the user's zone that ends at 6.5 m.
+    // The sofa stands at the wall, so its goal is before its front, beside the user's zone that ends at 6.5 m.
     let sofa = all[3].goal.unwrap();
     assert!(sofa.y_m < 3.1 - RADIUS_M && (6.5 + RADIUS_M..6.9).contains(&sofa.x_m), "{sofa:?}");
 }

@@ -151,7 +151,7 @@ impl SegmentName {
 fn named(json: Option<&[u8]>, segments: &[Segment]) -> Result<Value, Absent> {
     let absent = |code, detail: String| Absent { code, detail };
     let json = json.ok_or_else(|| {
-        let detail = "the LiDAR map was not uploaded as Valetudo's JSON, so that it has no segments to name";
+        let detail = "the LiDAR map was not uploaded as Valetudo's JSON, so it has no segments to name";
         absent("not_valetudo", detail.to_owned())
     })?;
     if json.len() > MAX_MAP_BYTES {

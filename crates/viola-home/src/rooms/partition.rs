@@ -8,7 +8,7 @@ use viola_geometry::{DistanceField, Grid};
 /// Half of a door's maximum width. Doors are up to 1 m wide, double doors somewhat more.
 pub(crate) const DOOR_HALF_M: f64 = 0.55;
 /// An opening splits only if its distance to walls is below this fraction of the smaller basin's peak, ...
-const NECK_SHARE: f64 = 0.8;
+const NECK_FRACTION: f64 = 0.8;
 /// and if both sides are this large.
 pub(super) const MIN_AREA_M2: f64 = 1.2;
 
@@ -103,7 +103,7 @@ fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space) -> bool
     let fewer = basins.cells[a as usize].min(basins.cells[b as usize]);
     let cell_m2 = space.frame.cell_m * space.frame.cell_m;
     f64::from(depth_m) <= DOOR_HALF_M
-        && f64::from(depth_m) < NECK_SHARE * f64::from(lower)
+        && f64::from(depth_m) < NECK_FRACTION * f64::from(lower)
         // A basin may still be growing when it meets the next one: a tenth of the area is enough.
         && f64::from(fewer) * cell_m2 > 0.1 * MIN_AREA_M2
 }

@@ -98,7 +98,7 @@ impl Space {
             }
             None => space.enclose(),
         }
-        space.tell(points);
+        space.find_furniture_and_doors(points);
         space
     }
 
@@ -146,7 +146,7 @@ impl Space {
     }
 
     /// Finds furniture and doors in the fused map.
-    fn tell(&mut self, points: &[MapPoint]) {
+    fn find_furniture_and_doors(&mut self, points: &[MapPoint]) {
         let mut counts = vec![Column::default(); self.frame.len()];
         for point in points {
             let [x, y, z] = point.point.position_m.map(f64::from);

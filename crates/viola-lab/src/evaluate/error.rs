@@ -76,6 +76,6 @@ pub enum SceneError {
 pub enum JournalError {
     #[error("{path}: {source}")]
     File { path: PathBuf, source: std::io::Error },
-    #[error("{path}, line {line}: {source}; delete the file to begin anew")]
+    #[error("{path}, line {line}: {source}; delete the file to start again")]
     Damaged { path: PathBuf, line: usize, source: serde_json::Error },
 }

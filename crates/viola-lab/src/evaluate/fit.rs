@@ -6,7 +6,8 @@ use super::weights::learned_loss;
 use super::{ClipResult, Listed, Placement};
 use std::collections::BTreeSet;
 use viola_align::{
-    Alternative, Coefficient, Evidence, FEATURES, LossWeights, MODEL, MadeBy, Model, features, share_of_odds,
+    Alternative, Coefficient, Evidence, FEATURES, LossWeights, MODEL, MadeBy, Model, features,
+    fraction_of_odds,
 };
 
 /// Weight of clips with the map of another home. They are half of the training data; with this weight, one clip in eleven.
@@ -73,7 +74,7 @@ fn ranked_right(results: &[ClipResult], weights: &LossWeights) -> usize {
 struct Answer {
     features: [f64; FEATURES.len()],
     /// Bounds of the probability, for each of [`BOUNDS`].
-    shares: [f64; BOUNDS.len()],
+    fractions: [f64; BOUNDS.len()],
     right: bool,
     weight: f64,
 }
@@ -85,7 +86,7 @@ const BOUNDS: [f64; 5] = [1.0, 0.75, 0.5, 0.35, 0.25];
 fn likeliest_bound(answers: &[Answer], model: &Model) -> f64 {
     let log_likelihood = |bound: usize| -> f64 {
         let of = |answer: &Answer| {
-            let p = model.probability(&answer.features).min(answer.shares[bound]).clamp(1e-6, 1.0 - 1e-6);
+            let p = model.probability(&answer.features).min(answer.fractions[bound]).clamp(1e-6, 1.0 - 1e-6);
             answer.weight * if answer.right { p.ln() } else { (1.0 - p).ln() }
         };
         answers.iter().map(of).sum()
@@ -113,12 +114,12 @@ impl Answer {
         let alternatives: Vec<Alternative> = ranked.into_iter().map(|(alternative, _)| alternative).collect();
         let temperature_m = model.temperature_m(result.hits);
         let features = features(&alternatives, result.hits, temperature_m)?;
-        let mut shares = [1.0; BOUNDS.len()];
-        for (share, bound) in shares.iter_mut().zip(BOUNDS) {
-            *share = share_of_odds(&alternatives, temperature_m * bound)?;
+        let mut fractions = [1.0; BOUNDS.len()];
+        for (fraction, bound) in fractions.iter_mut().zip(BOUNDS) {
+            *fraction = fraction_of_odds(&alternatives, temperature_m * bound)?;
         }
         let weight = if result.foreign { FOREIGN_WEIGHT } else { 1.0 };
-        Some(Answer { features, shares, right, weight })
+        Some(Answer { features, fractions, right, weight })
     }
 }
 
@@ -210,7 +211,7 @@ mod tests {
                 let mut features = [0.0; FEATURES.len()];
                 features[0] = x;
                 let right = luck < 1.0 / (1.0 + (-x).exp());
-                Answer { features, shares: [1.0; BOUNDS.len()], right, weight: 1.0 }
+                Answer { features, fractions: [1.0; BOUNDS.len()], right, weight: 1.0 }
             })
             .collect()
     }
@@ -234,9 +235,9 @@ mod tests {
     /// Beside a rival with its loss an answer is right in half of the cases, whatever its features.
     #[test]
     fn the_bound_is_as_tight_as_the_rivals_are_right() {
-        let with = |shares: [f64; BOUNDS.len()]| {
+        let with = |fractions: [f64; BOUNDS.len()]| {
             let answers: Vec<Answer> =
-                (0..100).map(|i| Answer { shares, right: i % 2 == 0, ..answers()[0] }).collect();
+                (0..100).map(|i| Answer { fractions, right: i % 2 == 0, ..answers()[0] }).collect();
             likeliest_bound(&answers, &Model { intercept: 9.0, coefficients: Vec::new(), ..MODEL.clone() })
         };
         assert_eq!(with([0.1, 0.3, 0.5, 0.7, 0.9]), BOUNDS[2]);

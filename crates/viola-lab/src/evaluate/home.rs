@@ -19,7 +19,7 @@ pub use clips::ClipsError;
 pub use floor_plan::{PlanScore, TruePlan, score_plan};
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
-pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
+pub use joint::{JointClip, JointHome, JointMatch, JointMode, JointRow, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use mesh_surface::{MeshScore, score_mesh};
 pub use mesh_walls::{WallScore, score_walls};
@@ -127,7 +127,7 @@ pub fn evaluate(
 impl HomeReport {
     /// Returns the report as Markdown tables.
     pub fn markdown(&self) -> String {
-        let percent = |share: f64| format!("{:.1} %", share * 100.0);
+        let percent = |fraction: f64| format!("{:.1} %", fraction * 100.0);
         let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
         let placed: Vec<&Excerpt> = self.excerpts.iter().filter(|e| e.placed_by.is_some()).collect();
         let by_others = placed.iter().filter(|e| e.placed_by == Some(home::PlacedBy::Neighbours));

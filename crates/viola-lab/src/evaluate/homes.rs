@@ -27,7 +27,7 @@ pub struct HomesParams {
     pub sensor: Sensor,
     /// Labels pictures by the truth with this accuracy, instead of by shape alone.
     pub picture_labels: Option<f64>,
-    /// Pairs every clip also with the map of the next seed's home, to which it does not belong.
+    /// Also pairs every clip with the map of the next seed's home, to which it does not belong.
     pub foreign: bool,
     /// Withholds the device's poses, so that the clips must be tracked. They last as long, with [`DENSER`]
     /// times as many frames.
@@ -183,7 +183,7 @@ impl Suite for HomeClips {
             map.target.iter().chain(others.iter().flatten()).map(Arc::as_ref).collect();
         let unit = self.params.rescale.then(|| super::suite::without_metres(&clip, seed * 1000 + number));
         let (clip, scale) = unit.map_or((clip, None), |(clip, metres)| (clip, Some(metres)));
-        let observation = align::observe_in(&targets, &clip, None, params, progress)
+        let observation = align::observe_any_scale(&targets, &clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         let first = observation.first_camera.as_ref().map_or(0, |camera| camera.index);
         let map_from_clip = (!foreign).then(|| recorded.map_from_frame(&mapped.survey, first));

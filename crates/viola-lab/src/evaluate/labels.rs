@@ -167,7 +167,7 @@ impl Timed {
 impl Segmenter for Timed {
     fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
         /// Maximum cached class maps, of one or two megabytes each.
-        const MOST: usize = 1000;
+        const MAX_CACHED: usize = 1000;
         let mut hasher = FxHasher::default();
         picture.as_raw().hash(&mut hasher);
         let key = hasher.finish();
@@ -179,7 +179,7 @@ impl Segmenter for Timed {
         let map = self.inner.segment(picture)?;
         self.nanoseconds.fetch_add(since.elapsed().as_nanos() as u64, Ordering::Relaxed);
         self.calls.fetch_add(1, Ordering::Relaxed);
-        if said().len() < MOST {
+        if said().len() < MAX_CACHED {
             said().insert(key, map.clone());
         }
         Ok(map)
@@ -318,7 +318,7 @@ pub fn markdown(rows: &[LabelRow]) -> String {
         names.join(" | ")
     );
     out += &format!("|{}\n", "---|".repeat(11 + names.len()));
-    let percent = |share: f64| format!("{:.1} %", share * 100.0);
+    let percent = |fraction: f64| format!("{:.1} %", fraction * 100.0);
     for row in rows {
         let classes: Vec<String> =
             names.iter().map(|n| row.iou.get(*n).map_or("-".into(), |iou| format!("{iou:.2}"))).collect();

@@ -42,7 +42,7 @@ const ABLATIONS: &[Ablation] = &[
     ("named-rooms", |params| params.score.weights.misplaced_m = 0.0),
     ("upper-walls", |params| params.hit_weights.upper_weight = 0.0),
     // A hit on unknown cells costs as much as one on free floor.
-    ("unknown-cells", |params| params.score.unknown_share = 1.0),
+    ("unknown-cells", |params| params.score.unknown_fraction = 1.0),
 ];
 
 /// A completion variant.
@@ -136,7 +136,7 @@ impl Method {
     /// themselves choose the best few.
     pub fn list_all(&mut self) {
         if let MethodKind::Viola(params) = &mut self.kind {
-            params.score.alternatives = params.search.first.modes.max(params.search.in_doubt.modes);
+            params.score.alternatives = params.search.first.modes.max(params.search.resumed.modes);
         }
     }
 

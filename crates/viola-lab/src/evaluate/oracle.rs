@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::simulate::{ClipParams, Home, HomeParams, Set};
 
-    /// Half of the patches are drawn anew, and those may get their own classes again.
+    /// Half of the patches are drawn again, and those may get their own classes again.
     #[test]
     fn at_least_the_named_share_of_the_classes_is_right() {
         let home = Home::generate(&HomeParams::new(Set::Normal, 6));

@@ -3,7 +3,7 @@
 
 mod chart;
 
-use super::{Calibration, ClipResult};
+use super::{Calibration, ClipResult, SUCCESS_DEG, SUCCESS_M};
 use chart::{Axis, Chart};
 
 /// Colours distinguishable with any colour vision (Okabe and Ito, 2008).
@@ -30,8 +30,8 @@ pub fn error_against_coverage(results: &[ClipResult]) -> String {
     let translation = Axis::logarithmic("translation error, m", 0.001, 100.0);
     let mut upper = Chart::new(coverage.clone(), rotation);
     let mut lower = Chart::new(coverage, translation);
-    upper.line(&[(0.0, 10.0), (most, 10.0)], "#d00000");
-    lower.line(&[(0.0, 0.3), (most, 0.3)], "#0000d0");
+    upper.line(&[(0.0, SUCCESS_DEG), (most, SUCCESS_DEG)], "#d00000");
+    lower.line(&[(0.0, SUCCESS_M), (most, SUCCESS_M)], "#0000d0");
     let names = methods(results);
     for (name, ink) in names.iter().zip(INKS.iter().cycle()) {
         let covered = results.iter().filter(|r| r.method == *name).filter_map(|r| Some((r, r.coverage?)));

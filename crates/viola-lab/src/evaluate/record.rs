@@ -1,6 +1,6 @@
 //! Record of one clip and one method.
 
-use super::{Case, Sample};
+use super::{Case, SUCCESS_DEG, SUCCESS_M, Sample};
 use crate::paper::Nearest;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -98,7 +98,7 @@ impl Placement {
 /// One of the answer's alternatives.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Listed {
-    /// On the true level, and under 10 degrees and 0.3 m from the truth.
+    /// On the true level, and the paper's success.
     pub right: bool,
     pub level: LevelName,
     pub map_from_clip: Pose2,
@@ -108,9 +108,10 @@ pub struct Listed {
 }
 
 impl ClipResult {
-    /// Returns whether it is the paper's success: under 10 degrees and 0.3 m.
+    /// Returns whether it is the paper's success.
     pub fn is_success(&self) -> bool {
-        self.rotation_error_deg.is_some_and(|e| e < 10.0) && self.translation_error_m.is_some_and(|e| e < 0.3)
+        self.rotation_error_deg.is_some_and(|e| e < SUCCESS_DEG)
+            && self.translation_error_m.is_some_and(|e| e < SUCCESS_M)
     }
 
     pub(super) fn new(

@@ -17,7 +17,7 @@ pub struct Run<'a> {
     pub methods: &'a [Method],
     /// Parameters of the observation; the same for all methods.
     pub observe: &'a AlignParams,
-    /// Concurrent clips. Each runs on one thread, so that times are comparable.
+    /// Concurrent clips. Each runs on one thread, so times are comparable.
     pub workers: usize,
     /// Journal of earlier and new results.
     pub journal: Option<&'a Journal>,

@@ -136,7 +136,7 @@ impl Suite for SceneClips {
         let (clip, scale) =
             unit.map_or((self.scene.clip.clone(), None), |(clip, metres)| (clip, Some(metres)));
         let targets: Vec<&Target> = self.scene.target.iter().map(Arc::as_ref).collect();
-        let observation = align::observe_in(&targets, &clip, Some(numbers.clone()), params, progress)
+        let observation = align::observe_any_scale(&targets, &clip, Some(numbers.clone()), params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         let first = observation.first_camera.as_ref().map_or(begin, |camera| camera.index);
         let Some(map_from_clip) = self.scene.map_from_clip(first) else { return Ok(None) };

@@ -125,9 +125,9 @@ fn meet(from: &Point2, toward: &Vector2, [a, b]: &[Point2; 2]) -> Option<f64> {
     }
     let offset = a - from;
     let range_m = offset.perp(&along) / turn;
-    let share = offset.perp(toward) / turn;
+    let fraction = offset.perp(toward) / turn;
     // Tolerance at the ends: rays must not pass between adjacent segments.
-    (range_m >= 0.0 && (-1e-9..=1.0 + 1e-9).contains(&share)).then_some(range_m)
+    (range_m >= 0.0 && (-1e-9..=1.0 + 1e-9).contains(&fraction)).then_some(range_m)
 }
 
 #[cfg(test)]

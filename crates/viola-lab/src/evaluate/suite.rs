@@ -1,6 +1,6 @@
 //! Sources of clips with ground truth.
 
-use super::RunError;
+use super::{RunError, SUCCESS_DEG, SUCCESS_M};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -49,10 +49,12 @@ impl Sample {
         self.target.iter().chain(&self.other_levels).map(Arc::as_ref).collect()
     }
 
-    /// Returns whether a pose on a level is the paper's success: under 10 degrees and 0.3 m.
+    /// Returns whether a pose on a level is the paper's success.
     pub fn is_right(&self, level: LevelName, pose: &Pose2) -> bool {
         let errors = self.errors(pose).filter(|_| level == self.level);
-        errors.is_some_and(|(rotation_deg, translation_m)| rotation_deg < 10.0 && translation_m < 0.3)
+        errors.is_some_and(|(rotation_deg, translation_m)| {
+            rotation_deg < SUCCESS_DEG && translation_m < SUCCESS_M
+        })
     }
 
     /// Returns whether an answer is the paper's success.

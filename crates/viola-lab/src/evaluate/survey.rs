@@ -41,7 +41,7 @@ impl Default for SurveyParams {
 /// A virtual vacuum's map.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// In the map's frame. The seed moves it against the world, so that no pose is the identity.
+    /// In the map's frame. The seed moves it against the world, so no pose is the identity.
     pub points_m: Vec<Point2>,
     pub map_from_world: Pose2,
     /// Height of the floor in the world.

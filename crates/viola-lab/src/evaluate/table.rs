@@ -55,7 +55,8 @@ pub struct TableRow {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Recall {
     pub within_m: f64,
-    pub share: f64,
+    #[serde(rename = "share")]
+    pub fraction: f64,
 }
 
 /// Errors of the scales of clips whose unit was withheld, as fractions of the true ones.
@@ -120,7 +121,7 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
     let translations: Vec<f64> = results.iter().filter_map(|r| r.translation_error_m).collect();
     let register: Vec<f64> = results.iter().map(|r| r.register_seconds).filter(|s| *s > 0.0).collect();
     let total: Vec<f64> = results.iter().map(|r| r.seconds).collect();
-    let share = |count: usize| count as f64 / results.len().max(1) as f64;
+    let fraction = |count: usize| count as f64 / results.len().max(1) as f64;
     let count = |is: &dyn Fn(&ClipResult) -> bool| results.iter().filter(|r| is(r)).count();
     let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
     let aligned = count(&|r| r.state == AlignmentState::Aligned);
@@ -129,7 +130,7 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
         |right: bool| count(&|r| r.state == AlignmentState::Aligned && r.right_level == Some(right));
     let unknowable = count(&|r| r.unknowable == Some(true));
     let is_foreign = results.iter().any(|r| r.foreign);
-    let share_of_right = |count: usize| if is_foreign { f64::NAN } else { share(count) };
+    let right_fraction = |count: usize| if is_foreign { f64::NAN } else { fraction(count) };
     let right = results.iter().filter(|r| r.is_success());
     let nees: Vec<f64> = right.filter_map(|r| r.placement.as_ref()).map(|p| p.nees() / 3.0).collect();
     let admitted = count(&|r| {
@@ -145,15 +146,15 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
         r_median_deg: median(&rotations),
         t_mean_m: mean(&translations),
         t_median_m: median(&translations),
-        success_rate: share_of_right(count(&ClipResult::is_success)),
+        success_rate: right_fraction(count(&ClipResult::is_success)),
         recall_at_m: [0.1, 0.3, 0.5, 1.0]
             .map(|within_m| {
                 let found = count(&|r| r.translation_error_m.is_some_and(|e| e < within_m));
-                Recall { within_m, share: share_of_right(found) }
+                Recall { within_m, fraction: right_fraction(found) }
             })
             .to_vec(),
         wrong_when_aligned: part(wrong, aligned),
-        aligned_rate: share(aligned),
+        aligned_rate: fraction(aligned),
         aligned_in_another_home: is_foreign.then_some(aligned),
         right_level_when_aligned: part(aligned_on(true), aligned_on(true) + aligned_on(false)),
         expected_calibration_error: Calibration::of(results.iter().copied())
@@ -236,7 +237,7 @@ mod tests {
         assert_eq!((row.clips, row.success_rate, row.aligned_rate), (4, 0.5, 0.5));
         assert_eq!(row.wrong_when_aligned, Some(0.5));
         assert!((row.r_mean_deg - 2.0).abs() < 1e-12 && (row.r_median_deg - 2.0).abs() < 1e-12);
-        let recalls: Vec<(f64, f64)> = row.recall_at_m.iter().map(|r| (r.within_m, r.share)).collect();
+        let recalls: Vec<(f64, f64)> = row.recall_at_m.iter().map(|r| (r.within_m, r.fraction)).collect();
         assert_eq!(recalls, [(0.1, 0.25), (0.3, 0.5), (0.5, 0.75), (1.0, 0.75)]);
         assert_eq!((row.unknowable_clips, row.unknowable_admitted), (Some(0), None));
     }

@@ -118,7 +118,7 @@ pub fn summary(rows: &[TrackRow]) -> String {
     for method in methods {
         let of: Vec<&TrackRow> = rows.iter().filter(|row| row.method == method).collect();
         let is_lost = |row: &TrackRow| {
-            row.tracked * 10 < row.frames * 9 || row.errors.as_ref().is_none_or(|e| e.share_of_path > 0.1)
+            row.tracked * 10 < row.frames * 9 || row.errors.as_ref().is_none_or(|e| e.fraction_of_path > 0.1)
         };
         let lost = of.iter().filter(|row| is_lost(row)).count();
         let silent = of.iter().filter(|row| is_lost(row) && row.lost.is_empty()).count();
@@ -128,7 +128,7 @@ pub fn summary(rows: &[TrackRow]) -> String {
             values
         };
         let median = |values: &[f64]| values.get(values.len() / 2).copied().unwrap_or(f64::NAN);
-        let (ate, share) = (sorted(&|e| e.ate_m), sorted(&|e| e.share_of_path));
+        let (ate, fraction) = (sorted(&|e| e.ate_m), sorted(&|e| e.fraction_of_path));
         let time = of.iter().map(|row| row.frame_ms).sum::<f64>() / of.len().max(1) as f64;
         // Writing to a string cannot fail.
         let _ = writeln!(
@@ -136,8 +136,8 @@ pub fn summary(rows: &[TrackRow]) -> String {
             "| {method} | {} | {:.2} cm | {:.2} % | {:.2} % | {lost} | {silent} | {time:.1} ms |",
             of.len(),
             100.0 * median(&ate),
-            100.0 * median(&share),
-            100.0 * share.last().copied().unwrap_or(f64::NAN),
+            100.0 * median(&fraction),
+            100.0 * fraction.last().copied().unwrap_or(f64::NAN),
         );
     }
     text
@@ -154,7 +154,7 @@ pub fn markdown(rows: &[TrackRow]) -> String {
             format!(
                 "{:.2} cm | {:.2} % | {:.2} deg | {:.2} cm | {:.4} deg",
                 100.0 * e.ate_m,
-                100.0 * e.share_of_path,
+                100.0 * e.fraction_of_path,
                 e.rotation_deg,
                 100.0 * e.rpe_m_per_m,
                 e.rpe_deg_per_deg

@@ -114,7 +114,7 @@ fn fit(
 }
 
 /// Returns the alternatives of a clip; none without a choice. The noise of a mean falls with the square root of
-/// the hits, so that the figures of long clips are scaled up.
+/// the hits, so the figures of long clips are scaled up.
 fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, bool)>> {
     let scale = (result.hits.max(1) as f64 / TYPICAL_HITS).sqrt();
     let of = |listed: &Listed| {
@@ -180,7 +180,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use viola_align::{AlignmentState, Evidence};
 
-    const MOST_MISPLACED: f64 = 0.15;
+    const MAX_MISPLACED: f64 = 0.15;
     const CLIPS: usize = 20_000;
     const TRUTH: LossWeights = LossWeights {
         blocked_m: 0.05,
@@ -188,7 +188,7 @@ mod tests {
         unseen_sides_m: 0.0,
         walls_on_floor_m: 0.2,
         misplaced_m: 0.15,
-        most_misplaced: MOST_MISPLACED,
+        most_misplaced: MAX_MISPLACED,
     };
     const TEMPERATURE_M: f64 = 0.02;
 
@@ -198,7 +198,7 @@ mod tests {
         let mut odds = Vec::new();
         for _ in 0..4 {
             let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor, misplaced]: [f64; 6] =
-                [0.1, 0.5, 0.5, 0.5, 0.5, MOST_MISPLACED].map(|most| rng.random::<f64>() * most);
+                [0.1, 0.5, 0.5, 0.5, 0.5, MAX_MISPLACED].map(|most| rng.random::<f64>() * most);
             let evidence = Evidence {
                 distance_m,
                 blocked_rays,

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use viola_align::AlignError;
 use viola_align::Candidate;
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{Point2, Pose2};
 
 /// Side of the square that a point fills, in cells.
 const DILATION: usize = 5;
@@ -63,10 +63,7 @@ fn keep_apart(sorted: Vec<Candidate>) -> Vec<Candidate> {
             break;
         }
         let pose = &candidate.map_from_clip;
-        let is_close = kept.iter().any(|k| {
-            k.map_from_clip.distance_m(pose) < APART_M
-                && angle_between(k.map_from_clip.yaw_rad, pose.yaw_rad) < APART_RAD
-        });
+        let is_close = kept.iter().any(|k| k.map_from_clip.is_within(pose, APART_M, APART_RAD));
         if !is_close {
             kept.push(candidate);
         }
@@ -249,6 +246,7 @@ fn bounds(points_m: &[Point2]) -> (Point2, Point2) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use viola_geometry::angle_between;
 
     /// Pseudo-random points with a fixed seed.
     fn scattered(count: usize, seed: u64, size_m: f64) -> Vec<Point2> {

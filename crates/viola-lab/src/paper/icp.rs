@@ -2,7 +2,7 @@
 
 use super::Descended;
 use super::nearest::Nearest;
-use viola_geometry::{Point2, Pose2, Vector2, angle_between};
+use viola_geometry::{Point2, Pose2, Vector2};
 
 /// Pairs every hit with its nearest map point and solves for the least-squares pose, until convergence.
 pub(super) fn iterate(start: &Pose2, hits_m: &[Point2], nearest: &Nearest, most: usize) -> Descended {
@@ -10,7 +10,7 @@ pub(super) fn iterate(start: &Pose2, hits_m: &[Point2], nearest: &Nearest, most:
     for _ in 0..most {
         let pairs = hits_m.iter().map(|hit| (*hit, nearest.nearest(&pose.apply(hit))));
         let moved = least_squares(pairs);
-        let rests = moved.distance_m(&pose) < 1e-5 && angle_between(moved.yaw_rad, pose.yaw_rad) < 1e-6;
+        let rests = moved.is_within(&pose, 1e-5, 1e-6);
         pose = moved;
         if rests {
             break;
@@ -49,6 +49,6 @@ mod tests {
         let pose = Pose2::new(0.4, -1.2, 2.5);
         let points = [(0.0, 0.0), (1.0, 0.2), (-0.7, 2.0), (3.0, -1.0)].map(|(x, y)| Point2::new(x, y));
         let found = least_squares(points.iter().map(|p| (*p, pose.apply(p))));
-        assert!(found.distance_m(&pose) < 1e-12 && angle_between(found.yaw_rad, pose.yaw_rad) < 1e-12);
+        assert!(found.is_within(&pose, 1e-12, 1e-12));
     }
 }

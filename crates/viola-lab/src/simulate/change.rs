@@ -7,19 +7,19 @@ use super::rng::Rng;
 use super::structure;
 
 /// Returns the furniture on another day: a fraction of the movable pieces changes, and new ones are added.
-pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
+pub(super) fn another_day(plan: &Plan, pieces: &[Piece], fraction: f64, rng: &Rng) -> Vec<Piece> {
     let mut out = vec![];
     for room in 0..plan.rooms.len() {
         let mut rng = rng.fork("room", room as u64);
         let here: Vec<&Piece> = pieces.iter().filter(|piece| piece.room == room).collect();
         let (touched, kept): (Vec<&Piece>, Vec<&Piece>) =
-            here.into_iter().partition(|piece| piece.movable && rng.chance(share));
+            here.into_iter().partition(|piece| piece.movable && rng.chance(fraction));
         let mut arranger =
             Arranger::new(plan, room, rng.fork("arrange", 0)).with_pieces(kept.into_iter().cloned());
         for piece in touched {
             change(&mut arranger, piece, &mut rng);
         }
-        let newcomers = (plan.rooms[room].inner.area_m2() / 6.0 * share * 2.0).round() as usize;
+        let newcomers = (plan.rooms[room].inner.area_m2() / 6.0 * fraction * 2.0).round() as usize;
         for _ in 0..rng.count(0, newcomers) {
             let item = standing_thing(plan.rooms[room].kind, &mut rng);
             arranger.free(item, 0.0);
@@ -57,11 +57,11 @@ fn nudged(pose: &viola_geometry::Pose2, rng: &mut Rng) -> viola_geometry::Pose2 
 }
 
 /// Returns the door leaves on another day; `leaves` are those of the plan's doors, in order.
-pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
+pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], fraction: f64, rng: &Rng) -> Vec<Piece> {
     let mut rng = rng.fork("doors", 0);
     let doors = plan.openings.iter().filter(|o| matches!(o.kind, OpeningKind::Door | OpeningKind::Entrance));
     let turned = doors.zip(leaves).map(|(opening, leaf)| {
-        if opening.kind == OpeningKind::Entrance || !rng.chance(share) {
+        if opening.kind == OpeningKind::Entrance || !rng.chance(fraction) {
             return leaf.clone();
         }
         let open_rad = rng.between(0.0, 95f64.to_radians());
@@ -72,8 +72,8 @@ pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, rng: &Rng) -
 
 /// Changes the furniture of some copies of the repeated unit, so that they can be distinguished.
 pub(super) fn break_symmetry(plan: &Plan, pieces: Vec<Piece>, rng: &mut Rng) -> Vec<Piece> {
-    let share = rng.pick([0.0, 0.25, 0.5]);
-    let odd: Vec<bool> = plan.units.iter().map(|_| rng.chance(share)).collect();
+    let fraction = rng.pick([0.0, 0.25, 0.5]);
+    let odd: Vec<bool> = plan.units.iter().map(|_| rng.chance(fraction)).collect();
     let is_odd = |piece: &Piece| plan.rooms[piece.room].unit.is_some_and(|(copy, _)| odd[copy]);
     let (changing, mut out): (Vec<Piece>, Vec<Piece>) = pieces.into_iter().partition(is_odd);
     out.extend(another_day(plan, &changing, 0.6, &rng.fork("odd", 0)).into_iter().filter(is_odd));

@@ -11,7 +11,7 @@ use viola_geometry::{DistanceField, Grid, GridFrame, Point3, Vector3};
 pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2]) -> DistanceField {
     let bounds = plan.bounds();
     let frame = GridFrame::covering(bounds.min, bounds.max, 0.3, cell_m);
-    // The outside is blocked, also behind windows that reach the floor.
+    // The outside is blocked, even behind windows that reach the floor.
     let mut solid = Grid::filled(frame, true);
     for room in &plan.rooms {
         for (index, cell) in solid.cells.iter_mut().enumerate() {

@@ -67,7 +67,7 @@ impl Pane {
     pub fn of(sensor: Sensor, pane: u32, clip_salt: u64) -> Pane {
         let draw = unit(hash(clip_salt ^ hash(u64::from(pane) ^ 0x9a3e)));
         match sensor {
-            // Sunlight drowns the pattern, so that windows are mostly holes.
+            // Sunlight drowns the pattern, so windows are mostly holes.
             Sensor::StructuredLight => match draw {
                 d if d < 0.40 => Pane::Missing,
                 d if d < 0.75 => Pane::Through,

@@ -82,14 +82,15 @@ pub struct HomeParams {
     pub set: Set,
     pub seed: u64,
     /// Fraction of the movable pieces and doors that change by another day; used by [`Set::Changed`].
-    pub changed_share: f64,
+    #[serde(rename = "changed_share")]
+    pub changed_fraction: f64,
     /// Counts from 0; used by [`Set::Storeys`].
     pub storey: u64,
 }
 
 impl HomeParams {
     pub fn new(set: Set, seed: u64) -> HomeParams {
-        HomeParams { set, seed, changed_share: 0.35, storey: 0 }
+        HomeParams { set, seed, changed_fraction: 0.35, storey: 0 }
     }
 }
 
@@ -171,8 +172,8 @@ impl Home {
         let mut later = None;
         if params.set == Set::Changed {
             let day = rng.fork("another day", 0);
-            let mut moved = change::another_day(&plan, &pieces, params.changed_share, &day);
-            moved.extend(change::turn_doors(&plan, &doors, params.changed_share, &day));
+            let mut moved = change::another_day(&plan, &pieces, params.changed_fraction, &day);
+            moved.extend(change::turn_doors(&plan, &doors, params.changed_fraction, &day));
             later = Some(moved);
         }
         pieces.extend(doors);

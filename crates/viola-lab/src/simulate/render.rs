@@ -168,8 +168,8 @@ fn screen_bounds(camera_from_unit: &Matrix3<f64>, centre: &Vector3, camera: &Pin
         for bit in 0..3 {
             let q = &corners[k ^ (1 << bit)];
             if q.z > NEAR_M {
-                let share = (NEAR_M - p.z) / (q.z - p.z);
-                let mut cut = p + (q - p) * share;
+                let fraction = (NEAR_M - p.z) / (q.z - p.z);
+                let mut cut = p + (q - p) * fraction;
                 cut.z = NEAR_M;
                 include(&cut);
                 seen = true;

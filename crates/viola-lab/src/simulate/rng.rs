@@ -4,7 +4,7 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A stream of random choices. Parts of a home have independent streams, so that a change in one part does
+/// A stream of random choices. Parts of a home have independent streams, so a change in one part does
 /// not affect the others.
 #[derive(Clone)]
 pub(super) struct Rng {

@@ -30,7 +30,7 @@ pub(super) const CELL_M: f64 = 0.05;
 const SCAN_STEP_M: f64 = 0.45;
 /// Minimum hits of a wall cell, and minimum fraction of hits among the rays that reach it.
 const WALL_HITS: u32 = 2;
-const WALL_SHARE: f64 = 0.2;
+const WALL_FRACTION: f64 = 0.2;
 
 /// A vacuum's map of a home. Its frame `robot` has the dock at its origin, with any heading.
 #[derive(Debug, Clone)]
@@ -110,7 +110,7 @@ struct Beam {
 }
 
 /// Returns the robot's believed poses: an error of about a centimetre and a quarter of a degree varies
-/// slowly, so that the map's walls are as thick as real ones. The map's `warp` is added.
+/// slowly, so the map's walls are as thick as real ones. The map's `warp` is added.
 fn believed_poses(scans: &[Pose2], warp: &Warp, rng: &mut Rng) -> Vec<Pose2> {
     let sigma = [0.008, 0.008, 0.2f64.to_radians()];
     let mut error = [0.0; 3];
@@ -256,7 +256,7 @@ impl Raster {
         let mut points = vec![];
         for (index, cell) in grid.cells.iter_mut().enumerate() {
             let (hits, passes) = (self.hits[index], self.passes[index]);
-            let wall = hits >= WALL_HITS && f64::from(hits) > WALL_SHARE * f64::from(hits + passes);
+            let wall = hits >= WALL_HITS && f64::from(hits) > WALL_FRACTION * f64::from(hits + passes);
             if wall && !self.driven[index] {
                 *cell = Cell::Occupied;
                 points.push(Point2::from(self.sums[index] / f64::from(hits)));

@@ -30,10 +30,7 @@ pub(super) fn look_alikes(
     for from in &home.plan.units {
         for to in home.plan.units.iter().filter(|to| to.mirrored == from.mirrored) {
             let motion = to.home_from_unit.compose(&from.home_from_unit.inverse());
-            let known = |m: &Pose2| {
-                m.distance_m(&motion) < 0.01
-                    && viola_geometry::angle_between(m.yaw_rad, motion.yaw_rad) < 0.01
-            };
+            let known = |m: &Pose2| m.is_within(&motion, 0.01, 0.01);
             if !motions.iter().any(known) {
                 motions.push(motion);
             }

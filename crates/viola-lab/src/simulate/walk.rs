@@ -269,9 +269,9 @@ fn targets(home: &Home, rooms: &[usize]) -> Vec<Point3> {
         .collect();
     for &room in rooms {
         let inner = home.plan.rooms[room].inner;
-        for share in [0.0, 0.2, 0.5, 0.8, 1.0] {
-            let x = inner.min[0] + share * inner.size(0);
-            let y = inner.min[1] + share * inner.size(1);
+        for fraction in [0.0, 0.2, 0.5, 0.8, 1.0] {
+            let x = inner.min[0] + fraction * inner.size(0);
+            let y = inner.min[1] + fraction * inner.size(1);
             for (x, y) in [(x, inner.min[1]), (x, inner.max[1]), (inner.min[0], y), (inner.max[0], y)] {
                 out.push(Point3::new(x, y, 1.1));
             }

@@ -11,7 +11,7 @@ const MAX_BEND_PER_M: f64 = 0.008;
 const MAX_SHIFT_M: f64 = 0.1;
 const MAX_TURN_RAD: f64 = 0.5f64.to_radians();
 /// Fraction of the rooms whose walls are doubled, and the distance of the copies.
-const DOUBLED_SHARE: f64 = 0.3;
+const DOUBLED_FRACTION: f64 = 0.3;
 const DOUBLED_M: [f64; 2] = [0.05, 0.12];
 
 /// The believed pose of a robot as a function of its true pose, in the frame `home`.
@@ -48,7 +48,7 @@ impl Warp {
                 yaw_rad: rng.between(-MAX_TURN_RAD, MAX_TURN_RAD),
                 ..offset(rng.between(0.0, MAX_SHIFT_M), rng)
             },
-            second_pass: rng.chance(DOUBLED_SHARE).then(|| {
+            second_pass: rng.chance(DOUBLED_FRACTION).then(|| {
                 let distance_m = rng.within(DOUBLED_M);
                 offset(distance_m, rng)
             }),

@@ -7,9 +7,9 @@ use viola_geometry::Pinhole;
 /// Side of the cells with at most one corner each, in pixels of their layer.
 const CELL: usize = 8;
 /// Corners kept of each layer, the finest first: coarser layers have fewer cells.
-const MOST: [usize; 3] = [160, 80, 40];
+const MAX_CORNERS: [usize; 3] = [160, 80, 40];
 /// Minimum change of grey around a corner, a pixel, in every direction.
-const LEAST_CHANGE: f32 = 0.006;
+const MIN_CHANGE: f32 = 0.006;
 /// Maximum depth: farther patches have fewer pixels than samples.
 const MAX_DEPTH_M: f32 = 5.0;
 
@@ -37,7 +37,7 @@ pub(super) struct Corner {
 /// Returns the corners of all layers.
 pub(super) fn corners(finest: &Layer, smooth: &[Smooth]) -> Vec<Corner> {
     let mut corners = Vec::new();
-    for (level, (layer, most)) in smooth.iter().zip(MOST).enumerate() {
+    for (level, (layer, most)) in smooth.iter().zip(MAX_CORNERS).enumerate() {
         let scale = f64::from(1 << level);
         let mut of_layer: Vec<Corner> = strongest(layer)
             .into_iter()
@@ -64,7 +64,7 @@ fn strongest(layer: &Smooth) -> Vec<(f32, usize, usize)> {
     let mut found = Vec::new();
     for top in (MARGIN..height.saturating_sub(MARGIN)).step_by(CELL) {
         for left in (MARGIN..width.saturating_sub(MARGIN)).step_by(CELL) {
-            let mut best = (LEAST_CHANGE * LEAST_CHANGE, 0, 0);
+            let mut best = (MIN_CHANGE * MIN_CHANGE, 0, 0);
             for y in top..(top + CELL).min(height - MARGIN) {
                 for x in left..(left + CELL).min(width - MARGIN) {
                     let strength = change(&layer.grey, width, x, y);

@@ -13,7 +13,7 @@ pub const DESCRIPTOR_BYTES: usize = CELLS * CELLS * DIRECTIONS;
 /// Length of a description as a vector of bytes.
 const LENGTH: f32 = 400.0;
 /// Minimum mean gradient between neighbouring samples: less is noise.
-const LEAST_GRADIENT: f32 = 0.004;
+const MIN_GRADIENT: f32 = 0.004;
 /// Side of the sampled square: one more sample at each edge, for the gradients.
 const WIDE: usize = SAMPLES + 2;
 
@@ -44,7 +44,7 @@ pub(super) fn describe(layers: &[Smooth], camera_from_clip: &Pose3, patch: &Patc
             add(&mut histogram, [column, row], size, dy.atan2(dx));
         }
     }
-    if total < 2.0 * LEAST_GRADIENT * (SAMPLES * SAMPLES) as f32 {
+    if total < 2.0 * MIN_GRADIENT * (SAMPLES * SAMPLES) as f32 {
         return None;
     }
     let sum: f32 = histogram.iter().sum();
@@ -59,17 +59,17 @@ fn add(histogram: &mut [f32; DESCRIPTOR_BYTES], sample: [usize; 2], size: f32, a
     let turn = (angle_rad / std::f32::consts::TAU).rem_euclid(1.0) * DIRECTIONS as f32;
     let place = sample.map(|c| (c as f32 + 0.5) * CELLS as f32 / SAMPLES as f32 - 0.5);
     let [left, top] = place.map(f32::floor);
-    for (row, share_y) in [(top, 1.0 - (place[1] - top)), (top + 1.0, place[1] - top)] {
-        for (column, share_x) in [(left, 1.0 - (place[0] - left)), (left + 1.0, place[0] - left)] {
+    for (row, fraction_y) in [(top, 1.0 - (place[1] - top)), (top + 1.0, place[1] - top)] {
+        for (column, fraction_x) in [(left, 1.0 - (place[0] - left)), (left + 1.0, place[0] - left)] {
             let inside = |c: f32| (0.0..CELLS as f32).contains(&c);
             if !inside(row) || !inside(column) {
                 continue;
             }
             let first = (row as usize * CELLS + column as usize) * DIRECTIONS;
-            let (low, share) = (turn.floor(), turn - turn.floor());
+            let (low, fraction) = (turn.floor(), turn - turn.floor());
             let low = low as usize % DIRECTIONS;
-            histogram[first + low] += size * share_x * share_y * (1.0 - share);
-            histogram[first + (low + 1) % DIRECTIONS] += size * share_x * share_y * share;
+            histogram[first + low] += size * fraction_x * fraction_y * (1.0 - fraction);
+            histogram[first + (low + 1) % DIRECTIONS] += size * fraction_x * fraction_y * fraction;
         }
     }
 }

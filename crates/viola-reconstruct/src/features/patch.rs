@@ -10,14 +10,14 @@ pub(super) const SIDE_M: f64 = 0.32;
 /// Depth readings across the patch for the fit of its plane.
 const READINGS: i32 = 9;
 /// Minimum fraction of them with a depth, and maximum RMS residual of a plane, relative to the depth.
-const LEAST_READ: f64 = 0.6;
+const MIN_READ_FRACTION: f64 = 0.6;
 const FLAT: f64 = 0.015;
 /// A plane is upright if its normal's z component is below this.
 const UPRIGHT: f64 = 0.5;
 /// Planes with a larger z component of the normal lie flat; they have no upright patch.
 const LEVEL: f64 = 0.8;
 /// Minimum cosine between the patch's direction and the ray to the camera.
-const LEAST_FACING: f64 = 0.35;
+const MIN_FACING: f64 = 0.35;
 
 /// A square patch that stands upright.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +42,7 @@ impl Patch {
             _ => to_camera,
         };
         let front = Vector3::new(front.x, front.y, 0.0).try_normalize(1e-6)?;
-        if front.dot(&to_camera) < LEAST_FACING * to_camera.norm() {
+        if front.dot(&to_camera) < MIN_FACING * to_camera.norm() {
             return None;
         }
         let right = Vector3::z().cross(&front);
@@ -70,7 +70,7 @@ fn normal(layer: &Layer, corner: &Corner) -> Option<Vector3> {
             }
         }
     }
-    if (readings.len() as f64) < LEAST_READ * f64::from(READINGS * READINGS) {
+    if (readings.len() as f64) < MIN_READ_FRACTION * f64::from(READINGS * READINGS) {
         return None;
     }
     let (mut squares, mut sums) = (Matrix3::zeros(), Vector3::zeros());

@@ -102,7 +102,7 @@ impl Scorer<'_> {
 
     /// Refits the plane to its inliers until it converges. The inlier distance starts wider, because a bent
     /// floor leaves the narrow band of the first plane.
-    pub fn settled(&self, plane: Plane) -> Plane {
+    pub fn refit_plane(&self, plane: Plane) -> Plane {
         const ROUNDS: i32 = 20;
         const WIDER: f64 = 1.7;
         const NARROWER: f64 = 0.8;
@@ -122,11 +122,11 @@ impl Scorer<'_> {
 
     /// Combines the fitted tilt and gravity by inverse covariance. The tilt's covariance comes from the
     /// unevenness and extent of the seen floor, and from the drift of recordings.
-    pub fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
+    pub fn combined_with_gravity(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
         /// Area over which the errors of a floor are correlated.
         const ALIKE_M2: f64 = 0.3;
         /// Lower bound of the measured unevenness.
-        const LEAST_UNEVEN_M: f64 = 0.002;
+        const MIN_UNEVENNESS_M: f64 = 0.002;
         /// Standard deviation of a recording's own tilt: poses drift, and parts of the real apartment's
         /// floors tilt by 1.9 degrees.
         const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
@@ -142,7 +142,7 @@ impl Scorer<'_> {
         let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
         let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
         let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
-        let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
+        let uneven_m2 = (squares_m2 / seen.len() as f64).max(MIN_UNEVENNESS_M * MIN_UNEVENNESS_M);
         let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
         // Inverse covariance of the fitted tilt.
         let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
@@ -150,8 +150,8 @@ impl Scorer<'_> {
         let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
         let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
         let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
-        let Some(share) = (known + level).try_inverse() else { return *plane };
-        let lean = share * known * lean;
+        let Some(covariance) = (known + level).try_inverse() else { return *plane };
+        let lean = covariance * known * lean;
         Plane::through(&Point3::from(middle), up + east * lean.x + north * lean.y)
     }
 }

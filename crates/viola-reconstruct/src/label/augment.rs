@@ -33,8 +33,8 @@ pub(super) fn segment(
             *sum += p;
         }
     }
-    let share = 1.0 / (used.len() + 1) as f32;
-    map.probabilities.iter_mut().for_each(|p| *p *= share);
+    let fraction = 1.0 / (used.len() + 1) as f32;
+    map.probabilities.iter_mut().for_each(|p| *p *= fraction);
     Ok(map)
 }
 

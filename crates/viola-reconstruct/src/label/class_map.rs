@@ -31,7 +31,7 @@ impl ClassMap {
         let (x0, x1, fx) = place(u, width, self.width);
         let (y0, y1, fy) = place(v, height, self.height);
         into.fill(0.0);
-        for (x, y, share) in [
+        for (x, y, fraction) in [
             (x0, y0, (1.0 - fx) * (1.0 - fy)),
             (x1, y0, fx * (1.0 - fy)),
             (x0, y1, (1.0 - fx) * fy),
@@ -39,7 +39,7 @@ impl ClassMap {
         ] {
             let from = (y * self.width + x) * CLASSES;
             for (sum, p) in into.iter_mut().zip(&self.probabilities[from..from + CLASSES]) {
-                *sum += share * p;
+                *sum += fraction * p;
             }
         }
     }

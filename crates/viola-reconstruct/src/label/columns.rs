@@ -29,7 +29,7 @@ const STRIDE: usize = 16;
 /// takes half a gigabyte on the largest grid; four times as many columns take 2 GB.
 const MAX_SIDE: usize = 512;
 
-/// How a surface is laid into the grid. A home that is mirrored or turned is as likely a home, and the grid's origin is
+/// Placement of a surface in the grid. A home that is mirrored or turned is as likely a home, and the grid's origin is
 /// nowhere in particular.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct View {

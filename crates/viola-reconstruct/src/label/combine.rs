@@ -10,7 +10,7 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 pub(super) type ByClass = [f32; CLASSES];
 
 /// Maximum number of pictures that count for a site's weight in its segment.
-const MOST_VIEWS: f32 = 20.0;
+const MAX_VIEWS: f32 = 20.0;
 
 /// Returns the labels by pictures alone.
 pub(super) fn voted(votes: &Votes) -> Vec<Label> {
@@ -88,7 +88,9 @@ impl Alone {
     fn factors(&self, site: usize) -> ByClass {
         let Alone::Voter(labels) = self else { return [1.0; CLASSES] };
         let mut said = [0f32; CLASSES];
-        labels[site].shares().for_each(|(class, share)| said[class as usize] += f32::from(share) / 255.0);
+        labels[site]
+            .fractions()
+            .for_each(|(class, fraction)| said[class as usize] += f32::from(fraction) / 255.0);
         said.map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
     }
 }
@@ -106,7 +108,7 @@ pub(super) fn combined(
     for (site, &segment) in segments.iter().enumerate() {
         let (sums, views) = votes(site);
         let Some(said) = weighed(sums, views, shapes[site]) else { continue };
-        let views = f32::from(views).min(MOST_VIEWS);
+        let views = f32::from(views).min(MAX_VIEWS);
         for (sum, p) in pieces[segment as usize].iter_mut().zip(said) {
             *sum += views * p;
         }

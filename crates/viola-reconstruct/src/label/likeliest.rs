@@ -42,7 +42,7 @@ fn next_best(sums: &[f32], best: Class, total: f32) -> [(Class, f32); OTHER_CLAS
     next.map(|(class, sum)| (class, sum / total))
 }
 
-/// Returns the family of a class. Networks split probability between similar classes, so that the sum of
+/// Returns the family of a class. Networks split probability between similar classes, so the sum of
 /// the family is compared first.
 fn family(class: Class) -> Class {
     match class {
@@ -81,19 +81,19 @@ mod tests {
     #[test]
     fn the_next_classes_are_kept() {
         let mut sums = [0f32; CLASSES];
-        let shares = [
+        let fractions = [
             (Class::Table, 0.1),
             (Class::Sofa, 0.3),
             (Class::Bed, 0.25),
             (Class::Chair, 0.2),
             (Class::Wall, 0.05),
         ];
-        shares.iter().for_each(|(class, share)| sums[*class as usize] = 2.0 * share);
-        let kept: Vec<Class> = likeliest_beside(&sums, 0.2, 1).shares().map(|(class, _)| class).collect();
+        fractions.iter().for_each(|(class, fraction)| sums[*class as usize] = 2.0 * fraction);
+        let kept: Vec<Class> = likeliest_beside(&sums, 0.2, 1).fractions().map(|(class, _)| class).collect();
         assert_eq!(kept, [Class::Sofa, Class::Bed, Class::Chair, Class::Table]);
-        // With the rest the sums are 2, so that the fractions are those above.
-        for ((_, share), want) in likeliest_beside(&sums, 0.2, 1).shares().zip([0.3, 0.25, 0.2, 0.1]) {
-            assert!((f64::from(share) / 255.0 - want).abs() < 0.003, "{share} {want}");
+        // With the rest the sums are 2, so the fractions are those above.
+        for ((_, fraction), want) in likeliest_beside(&sums, 0.2, 1).fractions().zip([0.3, 0.25, 0.2, 0.1]) {
+            assert!((f64::from(fraction) / 255.0 - want).abs() < 0.003, "{fraction} {want}");
         }
     }
 }

@@ -68,6 +68,6 @@ fn first_labels(map: &PointCloud, sites: &Sites) -> Vec<Label> {
 /// Returns the known probabilities of a label; `None` without any.
 fn by_class(label: &Label) -> Option<ByClass> {
     let mut out = [0f32; CLASSES];
-    label.shares().for_each(|(class, share)| out[class as usize] += f32::from(share) / 255.0);
+    label.fractions().for_each(|(class, fraction)| out[class as usize] += f32::from(fraction) / 255.0);
     (out.iter().sum::<f32>() > 0.0).then_some(out)
 }

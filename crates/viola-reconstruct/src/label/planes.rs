@@ -1,8 +1,8 @@
 //! Finds upright planes in a clip's surface by a Hough transform (Hough, 1962).
 
 use super::sites::Sites;
-use rustc_hash::{FxHashMap, FxHashSet};
-use viola_geometry::{Point2, Vector2};
+use rustc_hash::FxHashMap;
+use viola_geometry::Vector2;
 
 /// A connected upright patch.
 #[derive(Debug, Clone)]
@@ -54,12 +54,11 @@ pub(super) fn upright_patches(sites: &Sites) -> Vec<Upright> {
             break;
         }
         let (normal, offset_m) = votes.fit(direction(angle), peak_m);
-        let members = votes.near(&normal, offset_m, NEAR_M, FACING);
+        let members = votes.take(normal, offset_m);
         if members.is_empty() {
             votes.clear_peak(angle, peak_m);
             continue;
         }
-        votes.remove(&members);
         patches.extend(split(sites, normal, offset_m, &members));
     }
     patches
@@ -71,59 +70,70 @@ fn direction(angle: usize) -> Vector2 {
 }
 
 /// Counts of upright flat sites by direction and offset.
-struct Votes<'a> {
-    sites: &'a Sites,
-    /// The voting sites, in order.
-    voters: Vec<u32>,
+struct Votes {
+    /// The voting sites that belong to no plane yet, in order.
+    voters: Vec<Voter>,
+    directions: Vec<Vector2>,
     counts: Vec<u32>,
     bins: usize,
+    /// The bins that ever counted a vote.
+    used: std::ops::Range<usize>,
 }
 
-impl<'a> Votes<'a> {
-    fn new(sites: &'a Sites) -> Votes<'a> {
-        let votes = |&i: &u32| {
-            let i = i as usize;
+#[derive(Debug, Clone, Copy)]
+struct Voter {
+    site: u32,
+    at: Vector2,
+    normal: Vector2,
+}
+
+impl Votes {
+    fn new(sites: &Sites) -> Votes {
+        let votes = |&i: &usize| {
             sites.smooth_normals[i].z.abs() < 0.25
                 && sites.flatness[i] > 0.9
                 && sites.positions_m[i].coords.xy().norm() < REACH_M
         };
-        let voters: Vec<u32> = (0..sites.len() as u32).filter(votes).collect();
+        let voter = |i: usize| Voter {
+            site: i as u32,
+            at: sites.positions_m[i].coords.xy(),
+            normal: sites.smooth_normals[i].xy(),
+        };
+        let voters: Vec<Voter> = (0..sites.len()).filter(votes).map(voter).collect();
         let bins = (2.0 * REACH_M / OFFSET_M) as usize + 2;
-        let mut this = Votes { sites, voters: Vec::new(), counts: vec![0; ANGLES * bins], bins };
-        for &voter in &voters {
+        let directions = (0..ANGLES).map(direction).collect();
+        let mut this =
+            Votes { voters: Vec::new(), directions, counts: vec![0; ANGLES * bins], bins, used: bins..0 };
+        for voter in &voters {
             this.count(voter, |count| *count += 1);
         }
         this.voters = voters;
         this
     }
 
-    fn count(&mut self, voter: u32, change: impl Fn(&mut u32)) {
-        let (normal, at) = (self.normal(voter), self.place(voter));
-        let turn = normal.y.atan2(normal.x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
-        let own = (turn * ANGLES as f64).round() as usize;
+    fn count(&mut self, voter: &Voter, change: impl Fn(&mut u32)) {
+        let turn = voter.normal.y.atan2(voter.normal.x).rem_euclid(std::f64::consts::TAU);
+        let own = (turn / std::f64::consts::TAU * ANGLES as f64).round() as usize;
         for step in 0..=2 * SPREAD {
             let angle = (own + ANGLES + step - SPREAD) % ANGLES;
-            let bin = ((direction(angle).dot(&at.coords) + REACH_M) / OFFSET_M) as usize;
-            change(&mut self.counts[angle * self.bins + bin.min(self.bins - 1)]);
+            let bin = ((self.directions[angle].dot(&voter.at) + REACH_M) / OFFSET_M) as usize;
+            let bin = bin.min(self.bins - 1);
+            self.used = self.used.start.min(bin)..self.used.end.max(bin + 1);
+            change(&mut self.counts[angle * self.bins + bin]);
         }
-    }
-
-    fn normal(&self, site: u32) -> Vector2 {
-        self.sites.smooth_normals[site as usize].xy()
-    }
-
-    fn place(&self, site: u32) -> Point2 {
-        self.sites.positions_m[site as usize].xy()
     }
 
     /// Returns the fullest pair of neighbouring offsets: direction, the offset between them, and count.
     fn peak(&self) -> Option<(usize, f64, u32)> {
         let mut best = (0, 0, 0);
+        // A pair with one bin that ever counted.
+        let first = self.used.start.saturating_sub(1);
+        let end = (self.used.end + 1).min(self.bins);
         for angle in 0..ANGLES {
-            let row = &self.counts[angle * self.bins..][..self.bins];
+            let row = &self.counts[angle * self.bins..][first..end.max(first)];
             for (bin, pair) in row.windows(2).enumerate() {
                 if pair[0] + pair[1] > best.2 {
-                    best = (angle, bin, pair[0] + pair[1]);
+                    best = (angle, first + bin, pair[0] + pair[1]);
                 }
             }
         }
@@ -134,15 +144,14 @@ impl<'a> Votes<'a> {
     fn fit(&self, normal: Vector2, offset_m: f64) -> (Vector2, f64) {
         let (mut normal, mut offset_m) = (normal, offset_m);
         for _ in 0..3 {
-            let near = self.near(&normal, offset_m, NEAR_M, 0.9);
+            let near: Vec<Vector2> = self.near(normal, offset_m, 0.9).map(|voter| voter.at).collect();
             if near.len() < 20 {
                 break;
             }
-            let count = near.len() as f64;
-            let mean = near.iter().map(|&i| self.place(i).coords).sum::<Vector2>() / count;
+            let mean = near.iter().sum::<Vector2>() / near.len() as f64;
             let mut spread = nalgebra::Matrix2::zeros();
-            for &i in &near {
-                let off = self.place(i).coords - mean;
+            for at in &near {
+                let off = at - mean;
                 spread += off * off.transpose();
             }
             let eigen = spread.symmetric_eigen();
@@ -153,22 +162,25 @@ impl<'a> Votes<'a> {
         (normal, offset_m)
     }
 
-    fn near(&self, normal: &Vector2, offset_m: f64, near_m: f64, facing: f64) -> Vec<u32> {
-        let is_near = |&i: &u32| {
-            (self.place(i).coords.dot(normal) - offset_m).abs() < near_m
-                && self.normal(i).dot(normal) > facing
+    /// Returns the voters within [`NEAR_M`] of a plane whose normals are within an angle, by its cosine, of the plane's.
+    fn near(&self, normal: Vector2, offset_m: f64, facing: f64) -> impl Iterator<Item = &Voter> {
+        let is_near = move |voter: &&Voter| {
+            (voter.at.dot(&normal) - offset_m).abs() < NEAR_M && voter.normal.dot(&normal) > facing
         };
-        self.voters.iter().copied().filter(is_near).collect()
+        self.voters.iter().filter(is_near)
     }
 
-    /// Removes the votes of sites.
-    fn remove(&mut self, members: &[u32]) {
-        for &member in members {
+    /// Takes the voters of a plane out, with their votes; returns their sites, in order.
+    fn take(&mut self, normal: Vector2, offset_m: f64) -> Vec<u32> {
+        let members: Vec<Voter> = self.near(normal, offset_m, FACING).copied().collect();
+        for member in &members {
             // A cleared peak has lost its votes already.
             self.count(member, |count| *count = count.saturating_sub(1));
         }
-        let gone: FxHashSet<u32> = members.iter().copied().collect();
-        self.voters.retain(|voter| !gone.contains(voter));
+        // Both are in the order of the sites.
+        let mut gone = members.iter().peekable();
+        self.voters.retain(|voter| gone.next_if(|member| member.site == voter.site).is_none());
+        members.iter().map(|member| member.site).collect()
     }
 
     /// Clears a peak without members.

@@ -10,23 +10,19 @@ const MIN_SITES: u32 = 40;
 
 /// Returns the segment of each site, numbered from 0 in the order of their first sites.
 pub(super) fn segments(sites: &Sites) -> Vec<u32> {
-    let bend = |&[a, b]: &[u32; 2]| {
-        let dot = sites.smooth_normals[a as usize].dot(&sites.smooth_normals[b as usize]);
-        (1.0 - dot).max(0.0) as f32
-    };
-    let mut edges: Vec<(f32, [u32; 2])> = sites.neighbours.iter().map(|pair| (bend(pair), *pair)).collect();
-    edges.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut edges: Vec<Edge> = sites.neighbours.iter().map(|pair| Edge::new(*pair, sites)).collect();
+    edges.sort_unstable();
     let mut forest = Forest::new(sites.len());
-    for &(weight, [a, b]) in &edges {
-        let (a, b) = (forest.root(a), forest.root(b));
+    for edge in &edges {
+        let ([a, b], weight) = (edge.sites().map(|site| forest.root(site)), edge.weight());
         if a != b && f64::from(weight) <= forest.bound(a).min(forest.bound(b)) {
             forest.join(a, b, weight);
         }
     }
-    for &(weight, [a, b]) in &edges {
-        let (a, b) = (forest.root(a), forest.root(b));
+    for edge in &edges {
+        let [a, b] = edge.sites().map(|site| forest.root(site));
         if a != b && forest.size[a as usize].min(forest.size[b as usize]) < MIN_SITES {
-            forest.join(a, b, weight);
+            forest.join(a, b, edge.weight());
         }
     }
     let mut number = vec![u32::MAX; sites.len()];
@@ -41,6 +37,27 @@ pub(super) fn segments(sites: &Sites) -> Vec<u32> {
             *own
         })
         .collect()
+}
+
+/// A pair of neighbours and the bend between them. One number, which is sorted fast: the bits of the bend, then those of the
+/// sites. Floats that are not negative have the order of their bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Edge(u128);
+
+impl Edge {
+    fn new([a, b]: [u32; 2], sites: &Sites) -> Edge {
+        let dot = sites.smooth_normals[a as usize].dot(&sites.smooth_normals[b as usize]);
+        let bend = (1.0 - dot).max(0.0) as f32;
+        Edge(u128::from(bend.to_bits()) << 64 | u128::from(a) << 32 | u128::from(b))
+    }
+
+    fn weight(self) -> f32 {
+        f32::from_bits((self.0 >> 64) as u32)
+    }
+
+    fn sites(self) -> [u32; 2] {
+        [(self.0 >> 32) as u32, self.0 as u32]
+    }
 }
 
 struct Forest {

@@ -46,7 +46,8 @@ impl Sites {
         let positions_m = sums.iter().map(|(sum, _, count)| Point3::from(sum / *count)).collect();
         let normals: Vec<Vector3> =
             sums.iter().map(|(_, sum, _)| sum.try_normalize(1e-9).unwrap_or(Vector3::z())).collect();
-        let neighbours = touching(&keys, &index);
+        drop(index);
+        let neighbours = touching(&keys);
         let (smooth_normals, flatness) = smooth(&normals, &neighbours);
         Sites { positions_m, normals, smooth_normals, flatness, neighbours, of_point, voxel_m }
     }
@@ -70,18 +71,40 @@ impl Sites {
     }
 }
 
-/// Returns all pairs of touching voxels, each once.
-fn touching(keys: &[[i32; 3]], index: &FxHashMap<[i32; 3], u32>) -> Vec<[u32; 2]> {
-    let mut pairs = Vec::with_capacity(keys.len() * 5);
-    for (site, [x, y, z]) in keys.iter().enumerate() {
-        for step in 14..27 {
-            // Half of the 26 voxels around: the other half finds this one.
-            let [dx, dy, dz] = [step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1];
-            if let Some(&other) = index.get(&[x + dx, y + dy, z + dz]) {
-                let site = site as u32;
-                pairs.push([site.min(other), site.max(other)]);
+/// Half of the 26 voxels around, the other half finds this one: the next of its row, and of four rows those beside it.
+const HALF: usize = 13;
+/// Steps along y and z to the four rows.
+const ROWS: [[i32; 2]; 4] = [[1, 0], [-1, 1], [0, 1], [1, 1]];
+
+/// Returns all pairs of touching voxels, each once, by sites and then by z, y and x of the steps.
+fn touching(keys: &[[i32; 3]]) -> Vec<[u32; 2]> {
+    let mut sorted: Vec<([i32; 3], u32)> =
+        keys.iter().zip(0..).map(|([x, y, z], site)| ([*z, *y, *x], site)).collect();
+    sorted.sort_unstable();
+    let mut found = vec![[u32::MAX; HALF]; keys.len()];
+    for (at, (place, site)) in sorted.iter().enumerate() {
+        let next = [place[0], place[1], place[2] + 1];
+        if let Some((_, other)) = sorted.get(at + 1).filter(|(place, _)| *place == next) {
+            found[*site as usize][0] = *other;
+        }
+    }
+    for (row, [dy, dz]) in ROWS.into_iter().enumerate() {
+        // Both sides are in the same order, so the start moves forward only.
+        let mut from = 0;
+        for ([z, y, x], site) in &sorted {
+            let first = [z + dz, y + dy, x - 1];
+            from += sorted[from..].iter().take_while(|(place, _)| *place < first).count();
+            for ([other_z, other_y, other_x], other) in sorted[from..].iter().take(3) {
+                if [*other_z, *other_y] == first[..2] && *other_x <= x + 1 {
+                    found[*site as usize][1 + 3 * row + (other_x - first[2]) as usize] = *other;
+                }
             }
         }
+    }
+    let mut pairs = Vec::with_capacity(keys.len() * 5);
+    for (site, others) in (0..).zip(found) {
+        let others = others.into_iter().filter(|other| *other != u32::MAX);
+        pairs.extend(others.map(|other: u32| [other.min(site), other.max(site)]));
     }
     pairs
 }
@@ -108,4 +131,26 @@ fn smooth(normals: &[Vector3], neighbours: &[[u32; 2]]) -> (Vec<Vector3>, Vec<f6
         *mean = mean.try_normalize(1e-6).unwrap_or(*normal);
     }
     (means, flatness)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn all_touching_voxels_are_pairs(keys in prop::collection::hash_set(prop::array::uniform3(-3..3i32), 0..80)) {
+            let keys: Vec<[i32; 3]> = keys.into_iter().collect();
+            let mut want = Vec::new();
+            for (site, [x, y, z]) in (0..).zip(&keys) {
+                for step in 14..27 {
+                    let place = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
+                    let other = keys.iter().position(|key| *key == place);
+                    want.extend(other.map(|other| [site.min(other as u32), site.max(other as u32)]));
+                }
+            }
+            prop_assert_eq!(touching(&keys), want);
+        }
+    }
 }

@@ -74,10 +74,11 @@ impl Wall {
 /// Returns the shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
 pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     let patches = planes::upright_patches(sites);
+    let level: Vec<usize> = (0..sites.len()).filter(|&i| sites.smooth_normals[i].z >= 0.7).collect();
     let mut shapes = vec![Shape::Loose; sites.len()];
     let mut walls = Vec::new();
     for patch in patches.iter().filter(|patch| patch.area_m2 >= MIN_AREA_M2) {
-        let shape = shape_of(patch, &patches, sites);
+        let shape = shape_of(patch, &patches, &level, sites);
         for &member in &patch.members {
             shapes[member as usize] = shape;
         }
@@ -100,12 +101,13 @@ pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     (shapes, walls.into_iter().map(|patch| Wall::of(patch, sites)).collect())
 }
 
-fn shape_of(patch: &Upright, all: &[Upright], sites: &Sites) -> Shape {
+/// `level` are the sites that face up.
+fn shape_of(patch: &Upright, all: &[Upright], level: &[usize], sites: &Sites) -> Shape {
     let height_m = patch.high_m - patch.low_m;
     if height_m < 0.3 {
         return Shape::Upright;
     }
-    if wall_behind(patch, all, sites) > 0.5 || has_top(patch, sites) {
+    if wall_behind(patch, all, sites) > 0.5 || has_top(patch, level, sites) {
         Shape::Front
     } else if patch.high_m >= TALL_M || height_m >= EXTENT_M {
         Shape::Wall
@@ -120,7 +122,7 @@ fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     const SECTION_M: f64 = 0.25;
     const CLOSE_M: f64 = 0.1;
     /// Minimum area of wall behind a section and the two beside it.
-    const LEAST_M2: f64 = 0.01;
+    const MIN_WALL_BEHIND_M2: f64 = 0.01;
     let along = patch.along();
     let is_wall = |other: &&Upright| {
         other.area_m2 >= MIN_AREA_M2
@@ -139,20 +141,22 @@ fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     let own: FxHashSet<i32> = patch.members.iter().map(|&i| section(&place(i))).collect();
     let has_wall = |own: &&i32| {
         let near = (-1..=1).map(|step| behind.get(&(**own + step)).copied().unwrap_or(0));
-        sites.area_m2(near.sum()) > LEAST_M2
+        sites.area_m2(near.sum()) > MIN_WALL_BEHIND_M2
     };
     own.iter().filter(has_wall).count() as f64 / own.len().max(1) as f64
 }
 
-/// Returns whether a level surface begins at the upper edge of a patch and extends back from it.
-fn has_top(patch: &Upright, sites: &Sites) -> bool {
+/// Returns whether a level surface begins at the upper edge of a patch and extends back from it. `level` are the sites that
+/// face up.
+fn has_top(patch: &Upright, level: &[usize], sites: &Sites) -> bool {
     /// Minimum square metres of top for each metre of front: a strip of 10 cm.
     const DEEP_M: f64 = 0.1;
     let along = patch.along();
-    let count = (0..sites.len())
-        .filter(|&i| {
+    let count = level
+        .iter()
+        .filter(|&&i| {
             let at = sites.positions_m[i];
-            if sites.smooth_normals[i].z < 0.7 || (at.z - patch.high_m).abs() > 0.12 {
+            if (at.z - patch.high_m).abs() > 0.12 {
                 return false;
             }
             let behind_m = patch.offset_m - at.coords.xy().dot(&patch.normal);
@@ -220,8 +224,8 @@ mod tests {
     fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
         let mut sites = Sites::default();
         let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
-        let share = wall_behind(&all[0], &all, &sites);
-        assert!(want.contains(&share), "{behind_m} m behind, {seen_m:?}: {share}");
+        let fraction = wall_behind(&all[0], &all, &sites);
+        assert!(want.contains(&fraction), "{behind_m} m behind, {seen_m:?}: {fraction}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub(super) struct Votes {
     pub(super) views: Vec<u16>,
 }
 
-/// Sites processed together. They lie side by side, so that most sites out of view are skipped as a chunk.
+/// Sites processed together. They lie side by side, so most sites out of view are skipped as a chunk.
 const CHUNK: usize = 1024;
 /// Frames decoded at a time.
 const BATCH: usize = 4;
@@ -62,7 +62,7 @@ pub(super) fn vote(
             progress.advance((done * BATCH + i) as f64 / chosen.len() as f64);
             let frame = match frame {
                 Ok(frame) => frame,
-                Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
+                Err(error) if error.is_service_fault() => return Err(ReconstructError::Clip(error)),
                 // It was decoded before; if that fails now, the other frames are enough.
                 Err(_) => continue,
             };

@@ -2,7 +2,7 @@
 //!
 //! Two key frames that see the same surface read it in the same place, to the accuracy of the sensor. If the
 //! disagreement grows with the camera's way between the two, the poses drift: drift accumulates, the errors
-//! of single poses do not. A fused clip has its readings in memory, so that the measurement takes
+//! of single poses do not. A fused clip has its readings in memory, so the measurement takes
 //! milliseconds and decodes no picture.
 
 use crate::key_frame::KeyFrame;
@@ -11,21 +11,21 @@ use viola_geometry::Pose3;
 /// Number of key frames that are compared with each other, evenly over the clip.
 const COMPARED: usize = 60;
 /// Maximum angle and distance between the cameras of a pair; beyond, they see surfaces too differently.
-const MOST_TURN_RAD: f64 = 0.6;
-const MOST_APART_M: f64 = 1.0;
+const MAX_TURN_RAD: f64 = 0.6;
+const MAX_APART_M: f64 = 1.0;
 /// Maximum distance between readings of one surface, and maximum depth at which the sensor is accurate.
 const SAME_SURFACE_M: f64 = 0.15;
-const MOST_DEPTH_M: f64 = 4.0;
+const MAX_DEPTH_M: f64 = 4.0;
 /// Stride of a key frame's compared readings; minimum fraction and number of them on the same surface.
 const EVERY: usize = 3;
-const LEAST_SHARE: f64 = 1.0 / 3.0;
-const LEAST_READINGS: usize = 100;
+const MIN_READINGS_FRACTION: f64 = 1.0 / 3.0;
+const MIN_READINGS: usize = 100;
 /// Maximum way between the frames of a pair that measures the sensor's accuracy, and minimum way of a pair
 /// that measures drift.
 const NEAR_M: f64 = 0.3;
 const FAR_M: f64 = 0.6;
 /// Minimum number of pairs of either kind.
-const LEAST_PAIRS: usize = 6;
+const MIN_PAIRS: usize = 6;
 
 /// Two key frames that see the same surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,8 +56,8 @@ impl Agreement {
         for a in (0..keys.len()).step_by(stride) {
             for b in (a + 1..keys.len()).filter(|b| *b == a + 1 || (b - a).is_multiple_of(stride)) {
                 let b_from_a = keys[b].world_from_camera.inverse() * keys[a].world_from_camera;
-                let is_near = b_from_a.rotation.angle() < MOST_TURN_RAD
-                    && b_from_a.translation.vector.norm() < MOST_APART_M;
+                let is_near = b_from_a.rotation.angle() < MAX_TURN_RAD
+                    && b_from_a.translation.vector.norm() < MAX_APART_M;
                 let off_m = if is_near { off_m(&keys[a], &keys[b], &b_from_a) } else { None };
                 pairs.extend(off_m.map(|off_m| Pair { a, b, way_m: way_m[b] - way_m[a], off_m }));
             }
@@ -70,7 +70,7 @@ impl Agreement {
         let near: Vec<f64> =
             self.pairs.iter().filter(|p| p.way_m < NEAR_M).map(|p| p.off_m.powi(2)).collect();
         let far: Vec<&Pair> = self.pairs.iter().filter(|p| p.way_m > FAR_M).collect();
-        if near.len() < LEAST_PAIRS || far.len() < LEAST_PAIRS {
+        if near.len() < MIN_PAIRS || far.len() < MIN_PAIRS {
             return None;
         }
         let at_once = median(near);
@@ -80,9 +80,9 @@ impl Agreement {
 
     /// Returns the disagreement with other poses as a fraction of that with the own poses, median over the
     /// pairs; `None` if too few pairs overlap with other poses.
-    pub fn share_left(&self, keys: &[KeyFrame], world_from_camera: &[Option<Pose3>]) -> Option<f64> {
+    pub fn fraction_left(&self, keys: &[KeyFrame], world_from_camera: &[Option<Pose3>]) -> Option<f64> {
         let pose = |place: usize| world_from_camera.get(keys[place].index).copied().flatten();
-        let shares: Vec<f64> = self
+        let fractions: Vec<f64> = self
             .pairs
             .iter()
             .filter_map(|pair| {
@@ -90,7 +90,7 @@ impl Agreement {
                 Some(off_m(&keys[pair.a], &keys[pair.b], &b_from_a)? / pair.off_m.max(f64::MIN_POSITIVE))
             })
             .collect();
-        (2 * shares.len() > self.pairs.len()).then(|| median(shares))
+        (2 * fractions.len() > self.pairs.len()).then(|| median(fractions))
     }
 }
 
@@ -104,11 +104,12 @@ fn off_m(a: &KeyFrame, b: &KeyFrame, b_from_a: &Pose3) -> Option<f64> {
         let Some(pixel) = camera.project(&point) else { continue };
         let Some(depth_m) = b.readings.depth_at(pixel.x, pixel.y) else { continue };
         let off = (point.z - depth_m).abs();
-        if depth_m < MOST_DEPTH_M && off < SAME_SURFACE_M {
+        if depth_m < MAX_DEPTH_M && off < SAME_SURFACE_M {
             off_m.push(off);
         }
     }
-    let is_enough = off_m.len() >= LEAST_READINGS && off_m.len() as f64 >= LEAST_SHARE * f64::from(looked_up);
+    let is_enough =
+        off_m.len() >= MIN_READINGS && off_m.len() as f64 >= MIN_READINGS_FRACTION * f64::from(looked_up);
     is_enough.then(|| median(off_m))
 }
 

@@ -12,7 +12,7 @@ use viola_geometry::progress::{self, Progress, Stage};
 /// Maximum drift after one metre, in metres, of poses that are not refined ...
 const TOLERATED_M: f64 = 0.013;
 /// ... and maximum fraction of the disagreement that refined poses may leave.
-const MOST_LEFT: f64 = 0.95;
+const MAX_FRACTION_LEFT: f64 = 0.95;
 
 /// Reason code of answers whose frames are too sparse for reliable tracking.
 const SPARSE: &str = "sparse_frames";
@@ -80,7 +80,7 @@ fn follow(
                     tracker.add(&frame);
                     followed.push(*index);
                 }
-                Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
+                Err(error) if error.is_service_fault() => return Err(ReconstructError::Clip(error)),
                 Err(error) => {
                     broken.get_or_insert(error);
                 }
@@ -124,8 +124,8 @@ pub fn refine(
     let indices: Vec<usize> = keys.iter().map(|key| key.index).collect();
     let tracker = Tracker::refining(&with_shutter(clip, params));
     let refined = follow(clip, &indices, tracker, progress)?;
-    let left = agreement.share_left(keys, &refined.world_from_camera);
-    let Some(left) = left.filter(|left| *left <= MOST_LEFT) else { return Ok(None) };
+    let left = agreement.fraction_left(keys, &refined.world_from_camera);
+    let Some(left) = left.filter(|left| *left <= MAX_FRACTION_LEFT) else { return Ok(None) };
     let detail = format!(
         "the device's poses drift: what is seen again after one metre of way lies {:.0} mm off; they were refined by what \
          the pictures show, which leaves {:.0} % of the disagreement",
@@ -155,7 +155,7 @@ fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<R
     let turn_rad = track.wide_turn_rad(longest);
     if turn_rad > WIDE_TURN_RAD {
         let detail = format!(
-            "the camera turned by {:.0} degrees from frame to frame, so that tracking may have gone wrong unnoticed; \
+            "the camera turned by {:.0} degrees from frame to frame, so tracking may have gone wrong unnoticed; \
              record at 10 frames a second or more",
             turn_rad.to_degrees()
         );
@@ -165,7 +165,7 @@ fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<R
         let Some(why) = &segment.ended else { continue };
         let used = if place == longest { "the part that is used" } else { "a part that is left out" };
         let detail = format!(
-            "{used}, from frame {} on for {} frames, ended: {why}",
+            "{used}, from frame {} for {} frames, ended: {why}",
             number(segment.first),
             segment.frames
         );

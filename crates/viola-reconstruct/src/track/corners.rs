@@ -7,9 +7,9 @@ use viola_geometry::Point3;
 
 /// Side of the cells with at most one corner each, in pixels, so that corners spread over the picture.
 const CELL: usize = 9;
-const MOST: usize = 400;
+const MAX_CORNERS: usize = 400;
 /// Approximate minimum change of grey around a corner, a pixel, in every direction.
-const LEAST_CHANGE: f32 = 0.004;
+const MIN_CHANGE: f32 = 0.004;
 /// Half the side of the described patch.
 const REACH: i32 = 12;
 const BITS: usize = 256;
@@ -55,11 +55,11 @@ impl Describer {
                 let strongest = known
                     .map(|(x, y)| (change(&smooth, width, x, y), x, y))
                     .max_by(|a, b| a.0.total_cmp(&b.0).then((b.2, b.1).cmp(&(a.2, a.1))));
-                found.extend(strongest.filter(|(change, ..)| *change > LEAST_CHANGE * LEAST_CHANGE));
+                found.extend(strongest.filter(|(change, ..)| *change > MIN_CHANGE * MIN_CHANGE));
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.2, a.1).cmp(&(b.2, b.1))));
-        found.truncate(MOST);
+        found.truncate(MAX_CORNERS);
         let corner = |&(_, x, y): &(f32, usize, usize)| Corner {
             point_m: layer.camera.unproject(x as f64, y as f64, f64::from(layer.depth_m[y * width + x])),
             bits: self.describe(&smooth, width, x as i32, y as i32),

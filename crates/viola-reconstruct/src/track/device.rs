@@ -10,23 +10,23 @@ use nalgebra::Matrix6;
 use viola_geometry::Pose3;
 
 /// Standard deviations of a device's step of zero length, ...
-const LEAST_M: f64 = 0.002;
-const LEAST_RAD: f64 = 0.001;
+const MIN_DEVIATION_M: f64 = 0.002;
+const MIN_DEVIATION_RAD: f64 = 0.001;
 /// ... and of its random-walk drift after one metre.
 const DRIFT_M: f64 = 0.01;
 const DRIFT_RAD: f64 = 0.003;
 /// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved
 /// with the camera, or everything looks alike. The shares are fractions of the device's step and turn.
-const MOST_M: f64 = 0.04;
-const MOST_SHARE: f64 = 0.2;
-const MOST_RAD: f64 = 2f64.to_radians();
-const MOST_TURN_SHARE: f64 = 0.1;
+const MAX_OFF_M: f64 = 0.04;
+const MAX_OFF_FRACTION: f64 = 0.2;
+const MAX_OFF_RAD: f64 = 2f64.to_radians();
+const MAX_OFF_TURN_FRACTION: f64 = 0.1;
 
 /// Returns the edge between two key frames by the device's poses.
 fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     let way_m = b_from_a.translation.vector.norm();
     let precision = |least: f64, drift: f64| 1.0 / (least * least + drift * drift * way_m);
-    let (place, turn) = (precision(LEAST_M, DRIFT_M), precision(LEAST_RAD, DRIFT_RAD));
+    let (place, turn) = (precision(MIN_DEVIATION_M, DRIFT_M), precision(MIN_DEVIATION_RAD, DRIFT_RAD));
     let information = Matrix6::from_fn(|row, column| match (row == column, row < 3) {
         (false, _) => 0.0,
         (true, true) => place,
@@ -38,8 +38,8 @@ fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
 /// Returns whether a step contradicts the device's poses.
 fn contradicts(expected: &Pose3, found: &Pose3) -> bool {
     let off = expected.inverse() * found;
-    off.translation.vector.norm() > MOST_M + MOST_SHARE * expected.translation.vector.norm()
-        || off.rotation.angle() > MOST_RAD + MOST_TURN_SHARE * expected.rotation.angle()
+    off.translation.vector.norm() > MAX_OFF_M + MAX_OFF_FRACTION * expected.translation.vector.norm()
+        || off.rotation.angle() > MAX_OFF_RAD + MAX_OFF_TURN_FRACTION * expected.rotation.angle()
 }
 
 impl Tracker {

@@ -14,13 +14,13 @@ const APART: usize = 3;
 const TRIES: usize = 4;
 /// Maximum number of key frames near by pose tried for each.
 const NEIGHBOURS: usize = 4;
-const LEAST_OVERLAP: f64 = 0.4;
-const LEAST_SCORE: f64 = 0.6;
+const MIN_OVERLAP: f64 = 0.4;
+const MIN_SCORE: f64 = 0.6;
 /// Maximum drift of odometry: constants, and fractions of the way and of the turns.
 const DRIFT_M: f64 = 0.08;
-const DRIFT_SHARE: f64 = 0.05;
+const DRIFT_FRACTION: f64 = 0.05;
 const DRIFT_RAD: f64 = 4f64.to_radians();
-const DRIFT_TURN_SHARE: f64 = 0.05;
+const DRIFT_TURN_FRACTION: f64 = 0.05;
 /// Corners that must agree for two segments to be joined.
 pub(super) const JOINING_PAIRS: usize = 24;
 
@@ -49,8 +49,8 @@ impl Way {
         let off = b_from_a.inverse() * keys[b].world_from_key.inverse() * keys[a].world_from_key;
         let way_m = (self.moved_m[b] - self.moved_m[a]).abs();
         let turn_rad = (self.turned_rad[b] - self.turned_rad[a]).abs();
-        let turn_limit = DRIFT_RAD + DRIFT_TURN_SHARE * turn_rad;
-        off.translation.vector.norm() <= DRIFT_M + DRIFT_SHARE * way_m + 0.5 * way_m.min(1.0) * turn_limit
+        let turn_limit = DRIFT_RAD + DRIFT_TURN_FRACTION * turn_rad;
+        off.translation.vector.norm() <= DRIFT_M + DRIFT_FRACTION * way_m + 0.5 * way_m.min(1.0) * turn_limit
             && off.rotation.angle() <= turn_limit
     }
 }
@@ -75,7 +75,7 @@ pub(super) fn check(a: &KeyFrame, b: &KeyFrame, start: &Pose3) -> Option<Step> {
     let found = align(&a.reference(), &b.pyramid(), start, (1.0, 0.0), 0)?;
     let off = start.inverse() * found.camera_from_key;
     let is_near = off.translation.vector.norm() < 0.15 && off.rotation.angle() < 0.12;
-    (found.overlap >= LEAST_OVERLAP && found.score() >= LEAST_SCORE && is_near).then_some(found)
+    (found.overlap >= MIN_OVERLAP && found.score() >= MIN_SCORE && is_near).then_some(found)
 }
 
 /// Returns the motion between two key frames of the same place, by their corners and then by alignment.

@@ -20,7 +20,7 @@ pub enum Lost {
 }
 
 /// Minimum fraction of the picture with depth.
-const LEAST_DEPTH: f64 = 0.08;
+const MIN_DEPTH_FRACTION: f64 = 0.08;
 /// Mean grey below which a picture is dark.
 const DARK: f32 = 0.02;
 
@@ -31,7 +31,7 @@ impl Lost {
             return Some(Lost::NoDepth);
         };
         let known = layer.depth_m.iter().filter(|depth| **depth > 0.0).count();
-        if (known as f64) < LEAST_DEPTH * layer.depth_m.len() as f64 {
+        if (known as f64) < MIN_DEPTH_FRACTION * layer.depth_m.len() as f64 {
             return Some(Lost::NoDepth);
         }
         let seen = layer.grey.iter().filter(|grey| grey.is_finite());

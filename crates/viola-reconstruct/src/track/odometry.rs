@@ -23,7 +23,7 @@ const LOST_OVERLAP: f64 = 0.3;
 /// Maximum standard deviation of a known position in the worst direction ...
 const UNSURE_M: f64 = 0.02;
 /// ... and maximum number of frames in a row with an unknown position.
-const MOST_UNSURE: usize = 12;
+const MAX_UNSURE_FRAMES: usize = 12;
 
 /// The latest key frame and the motion of the camera.
 pub(super) struct Odometry {
@@ -99,7 +99,7 @@ impl Odometry {
         }
         let worst_m = step.worst_m();
         key.unsure = if worst_m > UNSURE_M { key.unsure + 1 } else { 0 };
-        if key.unsure > MOST_UNSURE {
+        if key.unsure > MAX_UNSURE_FRAMES {
             return Err(Lost::Unconstrained);
         }
         key.motion = step.camera_from_key * key.camera_from_key.inverse();

@@ -8,16 +8,16 @@ use rand_chacha::ChaCha8Rng;
 use viola_geometry::{Point3, Pose3, Vector3};
 
 /// Maximum Hamming distance of a pair's descriptors, of 256 bits.
-const MOST_BITS: u32 = 60;
+const MAX_BITS: u32 = 60;
 /// Minimum ratio of the second best match's distance to the best one's.
 const NEXT_BEST: f64 = 1.2;
 const TRIES: usize = 300;
 /// Maximum distance of an inlier: this, plus this fraction of its depth.
 const NEAR_M: f64 = 0.02;
-const NEAR_SHARE: f64 = 0.02;
+const NEAR_FRACTION: f64 = 0.02;
 /// Minimum number and fraction of inliers.
-const LEAST_PAIRS: usize = 14;
-const LEAST_SHARE: f64 = 0.3;
+const MIN_INLIERS: usize = 14;
+const MIN_INLIER_FRACTION: f64 = 0.3;
 
 /// A motion with its inliers among the pairs of corners.
 #[derive(Debug, Clone)]
@@ -29,7 +29,7 @@ pub(super) struct Place {
 /// Returns the motion between two frames by their corners; `None` if they do not show the same place.
 pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64) -> Option<Place> {
     let pairs = matches(a, b);
-    if pairs.len() < LEAST_PAIRS {
+    if pairs.len() < MIN_INLIERS {
         return None;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -55,7 +55,7 @@ pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64) -> Option<Place> 
         b_from_a = motion(&near)?;
     }
     let count = agreeing(&pairs, &b_from_a).count();
-    let is_enough = count >= LEAST_PAIRS && count as f64 >= LEAST_SHARE * pairs.len() as f64;
+    let is_enough = count >= MIN_INLIERS && count as f64 >= MIN_INLIER_FRACTION * pairs.len() as f64;
     is_enough.then_some(Place { b_from_a, pairs: count })
 }
 
@@ -64,8 +64,8 @@ fn agreeing<'a>(
     b_from_a: &Pose3,
 ) -> impl Iterator<Item = &'a (Point3, Point3)> {
     let b_from_a = *b_from_a;
-    let (near_m, near_share) = (NEAR_M, NEAR_SHARE);
-    pairs.iter().filter(move |(a, b)| (b_from_a * a - b).norm() < near_m + near_share * b.z)
+    let (near_m, near_fraction) = (NEAR_M, NEAR_FRACTION);
+    pairs.iter().filter(move |(a, b)| (b_from_a * a - b).norm() < near_m + near_fraction * b.z)
 }
 
 /// Returns the pairs of corners that are each other's best match.
@@ -82,7 +82,7 @@ fn matches(a: &[Corner], b: &[Corner]) -> Vec<(Point3, Point3)> {
             }
         }
         let is_alone = f64::from(second) >= NEXT_BEST * f64::from(best.0);
-        (best.0 <= MOST_BITS && is_alone).then_some(best.1)
+        (best.0 <= MAX_BITS && is_alone).then_some(best.1)
     };
     let back: Vec<Option<usize>> = b.iter().map(|corner| nearest(corner, a)).collect();
     let pair = |(i, corner): (usize, &Corner)| {

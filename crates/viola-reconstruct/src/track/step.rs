@@ -2,7 +2,7 @@
 //! Cremers, 2011; Kerl, Sturm and Cremers, 2013, for the weights; Chen and Medioni, 1992, for the distances
 //! to planes).
 //!
-//! The slopes are the key frame's and are the same at every step (Baker and Matthews, 2004), so that a step
+//! The slopes are the key frame's and are the same at every step (Baker and Matthews, 2004), so a step
 //! only samples the frame's grey and depth. A gain and an offset for changes of exposure are solved for, too.
 
 mod look;
@@ -30,8 +30,8 @@ const ENOUGH_RAD: f64 = 1e-4;
 
 /// Number of points whose errors are correlated.
 const TOGETHER: f64 = 100.0;
-const LEAST_M: f64 = 0.002;
-const LEAST_RAD: f64 = 0.0015;
+const MIN_DEVIATION_M: f64 = 0.002;
+const MIN_DEVIATION_RAD: f64 = 0.0015;
 
 /// Pose of a frame against its key frame.
 #[derive(Debug, Clone)]
@@ -63,8 +63,8 @@ impl Step {
         let spread = self.information / TOGETHER + Matrix6::identity() * 1e-3;
         let mut covariance = spread.try_inverse().unwrap_or_else(|| Matrix6::identity() * 1e3);
         for i in 0..3 {
-            covariance[(i, i)] += LEAST_M * LEAST_M;
-            covariance[(i + 3, i + 3)] += LEAST_RAD * LEAST_RAD;
+            covariance[(i, i)] += MIN_DEVIATION_M * MIN_DEVIATION_M;
+            covariance[(i + 3, i + 3)] += MIN_DEVIATION_RAD * MIN_DEVIATION_RAD;
         }
         covariance
     }

@@ -175,7 +175,7 @@ async fn a_file_whose_parts_fail_is_told_and_aborted() {
         // An upload begins with POST, and is aborted with DELETE.
         bench.server().fail(faults(When::Method("PUT"), &[fault]));
         let begun = Instant::now();
-        // The upload's beginning and its end succeed, also on a busy machine.
+        // The upload's beginning and its end succeed, even on a busy machine.
         let limits =
             Limits { operation: Duration::from_secs(2), removal: Duration::from_secs(8), ..IMPATIENT };
         let failed = bench.within(limits).keep(file, "clips/large/file").await;

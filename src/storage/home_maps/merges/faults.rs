@@ -32,7 +32,7 @@ impl Storage {
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
-        .bind(claim.fence)
+        .bind(claim.fencing_token)
         .bind(due.as_millisecond())
         .bind(claim.home_created_at.as_millisecond())
         .execute(&mut transaction)

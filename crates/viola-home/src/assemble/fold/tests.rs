@@ -10,14 +10,14 @@ use viola_reconstruct::Label;
 fn clip(number: usize, recorded_at_ms: Option<i64>) -> PlacedClip {
     PlacedClip {
         clip: Uuid::from_u128(number as u128),
-        share: format!("share of {number}"),
+        contribution: format!("contribution of {number}"),
         recorded_at_ms,
         by: PlacedBy::Alignment,
         probability: None,
-        level_name: LevelName::MAIN,
+        level: LevelName::MAIN,
         alone: Pose2::IDENTITY,
         map_from_clip: Pose2::new(0.125 * number as f64, 0.0, 0.0),
-        level: Level::default(),
+        floor_correction: FloorCorrection::default(),
         with: Vec::new(),
         extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
         tiles: Vec::new(),
@@ -117,9 +117,9 @@ fn sums_of_other_clips_are_refused() {
     assert!(Fold::read(&bytes, &listed(&clips[..3])).is_err());
     assert!(Fold::read(&bytes, &listed(&clips[1..])).is_err());
     for change in [
-        |clip: &mut PlacedClip| clip.share.push('x'),
+        |clip: &mut PlacedClip| clip.contribution.push('x'),
         |clip: &mut PlacedClip| clip.map_from_clip.x_m += 0.001,
-        |clip: &mut PlacedClip| clip.level.tilt_rad[1] = 1e-3,
+        |clip: &mut PlacedClip| clip.floor_correction.tilt_rad[1] = 1e-3,
         |clip: &mut PlacedClip| clip.recorded_at_ms = Some(7),
     ] {
         let mut others = self::clips();

@@ -9,7 +9,13 @@ const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
 
 pub(in crate::assemble) fn member(number: u128, verdict: Verdict) -> Member {
     let name = number.to_string();
-    Member { clip: Uuid::from_u128(number), recorded_at_ms: None, sha256: name.clone(), share: name, verdict }
+    Member {
+        clip: Uuid::from_u128(number),
+        recorded_at_ms: None,
+        sha256: name.clone(),
+        contribution: name,
+        verdict,
+    }
 }
 
 pub(in crate::assemble) fn aligned(number: u128, x_m: f64) -> Member {
@@ -92,7 +98,7 @@ fn all_clips_decide_together() {
         let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
         let marginals = marginals(&candidates, &comparisons, &Forest::default());
         let last = marginals[marginals.len() - 1].unwrap();
-        let room = (last.probability >= super::super::poses::SURE).then_some(last.mode);
+        let room = (last.probability >= super::super::poses::MIN_PLACED_PROBABILITY).then_some(last.mode);
         // A contradicted pair leaves the small chance that the sure clip is wrong.
         let likely = (last.probability > 0.85).then_some(last.mode);
         assert_eq!(expected.and(likely), expected, "{name}: {last:?}");

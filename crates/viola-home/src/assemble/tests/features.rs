@@ -1,35 +1,36 @@
 use super::*;
-use crate::assemble::ties;
+use crate::assemble::clip_matches;
 
 /// The clips of [`clips`], of which "c" has no pose of its own, and their features on the walls.
 struct WithFeatures(Vec<Clip>);
 
 impl LoadClips<Infallible> for WithFeatures {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, Infallible> {
-        Ok(self.0.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+        let of = |member: &&Member| self.0.iter().find(|clip| clip.member == **member).unwrap();
+        Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
     }
 
-    fn features(&mut self, member: &Member) -> Result<Vec<viola_reconstruct::Feature>, Infallible> {
-        let truth = match &*member.sha256 {
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Infallible> {
+        let truth = |member: &Member| match &*member.sha256 {
             "d" | "e" => Pose2::new(0.5, 0.5, 0.3),
             "a" | "f" => Pose2::new(3.0, 1.0, 2.0),
             "c" => Pose2::new(2.0, 2.0, -1.0),
             _ => Pose2::new(0.7, 2.5, -2.9),
         };
-        Ok(ties::room_of_features(&truth))
+        Ok(members.iter().map(|member| clip_matches::room_of_features(&truth(member))).collect())
     }
 }
 
-/// Ties place a clip that the map does not know, in any order of the clips, and leave nothing of a deleted one.
+/// Matches place a clip that the map does not know, in any order of the clips, and leave nothing of a deleted one.
 #[test]
 fn a_clip_without_a_pose_is_placed_by_its_features() {
     let mut all = WithFeatures(clips());
     all.0[2].member.verdict = Verdict::Unplaced;
-    // More clips that are aligned by themselves show that ties can be trusted in this home.
+    // More clips that are aligned by themselves show that matches can be trusted in this home.
     for (again, name) in [(0, "e"), (1, "f"), (3, "g")] {
         let Verdict::Aligned { map_from_clip, .. } = all.0[again].member.verdict else { unreachable!() };
-        let share = all.0[again].share.clone();
-        all.0.push(Clip { member: member(name, map_from_clip), share });
+        let contribution = all.0[again].contribution.clone();
+        all.0.push(Clip { member: member(name, map_from_clip), contribution });
     }
     let members: Vec<Member> = all.0.iter().map(|clip| clip.member.clone()).collect();
     let mut made =
@@ -37,7 +38,7 @@ fn a_clip_without_a_pose_is_placed_by_its_features() {
     let at_once = made(&Manifest::default(), &members);
     let placed = at_once.clips.iter().find(|placed| placed.by == PlacedBy::Neighbours).unwrap();
     assert!(placed.map_from_clip.distance_m(&Pose2::new(2.0, 2.0, 0.0)) < 0.03, "{placed:?}");
-    assert_eq!(at_once.ties.len(), 21);
+    assert_eq!(at_once.clip_matches.len(), 21);
     for order in [[2, 0, 6, 1, 3, 5, 4], [6, 4, 3, 1, 5, 2, 0]] {
         let (mut last, mut there) = (Manifest::default(), Vec::new());
         for place in order {

@@ -25,7 +25,7 @@ fn corner(map_from_clip: &Pose2) -> ClipContribution {
             add([0.6, 0.6 + s, z], -Vector3::x(), Class::Box);
         }
     }
-    let clip_from_map = level::in_space(map_from_clip, &Level::default()).inverse();
+    let clip_from_map = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default()).inverse();
     let cloud_in_map = PointCloud { points, voxel_m: MAP_VOXEL_M };
     ClipContribution::new(cloud_in_map.transformed(&clip_from_map), Vec::new())
 }
@@ -36,15 +36,15 @@ fn many(count: usize) -> Vec<Clip> {
         let off = |salt: f64| 0.02 * (2.0 * ((number as f64 + 1.0) * salt).fract() - 1.0);
         let truth = Pose2::new(0.4 + 0.02 * number as f64, 0.3, 0.2 * number as f64);
         let own = Pose2::new(truth.x_m + off(0.618), truth.y_m + off(0.755), truth.yaw_rad + 0.2 * off(0.57));
-        let mut share = corner(&truth);
+        let mut contribution = corner(&truth);
         if number % 5 == 4 {
-            share.views = [0.0, 0.1].map(|x| view(&truth, [0.7 + x, -1.2], 1.5)).to_vec();
+            contribution.views = [0.0, 0.1].map(|x| view(&truth, [0.7 + x, -1.2], 1.5)).to_vec();
         }
         let minute = if number == 7 { 6 } else { number };
         let name = format!("{number:02}");
         let clip = Uuid::from_u128(number as u128);
         let recorded_at_ms = Some(60_000 * minute as i64);
-        Clip { member: Member { recorded_at_ms, clip, ..member(&name, own) }, share }
+        Clip { member: Member { recorded_at_ms, clip, ..member(&name, own) }, contribution }
     };
     (0..count).map(clip).collect()
 }
@@ -57,17 +57,18 @@ struct WithSums<'a> {
 }
 
 impl LoadClips<Infallible> for WithSums<'_> {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, Infallible> {
-        self.read.insert(member.sha256.clone());
-        Ok(self.clips.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+        self.read.extend(members.iter().map(|member| member.sha256.clone()));
+        let of = |member: &&Member| self.clips.iter().find(|clip| clip.member == **member).unwrap();
+        Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
     }
 
-    fn features(&mut self, _: &Member) -> Result<Vec<viola_reconstruct::Feature>, Infallible> {
-        Ok(Vec::new())
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Infallible> {
+        Ok(vec![Vec::new(); members.len()])
     }
 
-    fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, Infallible> {
-        Ok(self.sums.get(tile).cloned())
+    fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, Infallible> {
+        Ok(tiles.iter().map(|tile| self.sums.get(tile).cloned()).collect())
     }
 }
 

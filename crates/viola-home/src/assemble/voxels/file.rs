@@ -2,7 +2,7 @@
 
 use super::super::varint::{Reader, put, put_signed};
 use super::{NOBODY, Voxel, Voxels};
-use crate::ply::NotOurs;
+use crate::ply::UnknownFileFormat;
 use viola_geometry::taxonomy::Class;
 
 impl Voxels {
@@ -17,14 +17,22 @@ impl Voxels {
         }
     }
 
-    pub(in super::super) fn read(reader: &mut Reader, side_m: f64) -> Result<Voxels, NotOurs> {
+    pub(in super::super) fn read(
+        reader: &mut Reader,
+        side_m: f64,
+        clips: usize,
+    ) -> Result<Voxels, UnknownFileFormat> {
         let mut voxels = Voxels::new(side_m);
         for _ in 0..reader.count()? {
             let mut key = [0; 3];
             for c in &mut key {
-                *c = i32::try_from(reader.signed()?).map_err(|_| NotOurs)?;
+                *c = i32::try_from(reader.signed()?).map_err(|_| UnknownFileFormat)?;
             }
-            *voxels.at(key) = Voxel::read(reader)?;
+            let voxel = Voxel::read(reader)?;
+            if usize::from(voxel.most.0) >= clips {
+                return Err(UnknownFileFormat);
+            }
+            *voxels.at(key) = voxel;
         }
         Ok(voxels)
     }
@@ -49,7 +57,7 @@ impl Voxel {
         }
     }
 
-    fn read(reader: &mut Reader) -> Result<Voxel, NotOurs> {
+    fn read(reader: &mut Reader) -> Result<Voxel, UnknownFileFormat> {
         let mut voxel = Voxel { now: NOBODY, ..Voxel::default() };
         let Voxel { weight, points, color_weight, views, most, .. } = &mut voxel;
         for value in [weight, points, color_weight, views, &mut most.1] {
@@ -64,7 +72,7 @@ impl Voxel {
         for classes in [&mut voxel.seen, &mut voxel.blind] {
             classes.total = reader.narrow()?;
             for _ in 0..reader.count()? {
-                let class = Class::from_id(reader.narrow()?).ok_or(NotOurs)?;
+                let class = Class::from_id(reader.narrow()?).ok_or(UnknownFileFormat)?;
                 classes.sums.push((class, reader.narrow()?));
             }
         }

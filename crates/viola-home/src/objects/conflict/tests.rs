@@ -78,7 +78,7 @@ fn a_box_that_is_too_large_is_trimmed() {
     let kept = both_resolved(bed, stand);
     assert_eq!(kept.len(), 2);
     let [bed, stand] = [0, 1].map(|i| kept[i].object.bounds());
-    assert!(shared(&bed, &stand) <= MOST_SHARED);
+    assert!(shared(&bed, &stand) <= MAX_SHARED_FRACTION);
     let [top, long_m] = [stand.centre_m[1] + stand.size_m[1] / 2.0, stand.size_m[0]];
     assert!(long_m >= stand.size_m[1] && (0.4..=0.8).contains(&long_m) && top > 0.9, "{stand:?}");
 }

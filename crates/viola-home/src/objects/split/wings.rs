@@ -12,9 +12,9 @@ const BIN_M: f64 = 0.12;
 /// Squares without a cell inside a run: a sink, or things that hide a worktop. The legs of a U are further apart.
 const GAP: i32 = 5;
 /// Largest area of the boxes of all runs, as a fraction of that of the box around all.
-const MOST: f64 = 0.75;
+const MAX_AREA_FRACTION: f64 = 0.75;
 /// Minimum fraction of the cells in a run.
-const LEAST: f64 = 0.12;
+const MIN_CELL_FRACTION: f64 = 0.12;
 /// A run that is less deep is a row of fronts, and looks at the others. The front and the side of one wardrobe look away
 /// from each other.
 const THIN_M: f64 = 0.25;
@@ -38,7 +38,7 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
     let count = run_of.iter().copied().max()? + 1;
     let mut members = vec![Vec::new(); count];
     run_of.iter().enumerate().for_each(|(i, run)| members[*run].push(i));
-    let least = (LEAST * places.len() as f64) as usize;
+    let least = (MIN_CELL_FRACTION * places.len() as f64) as usize;
     let is_large = |run: &usize| members[*run].len() > least;
     let large: Vec<usize> = (0..count).filter(is_large).collect();
     if large.len() < 2 {
@@ -49,7 +49,7 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
         |sides: &[[f64; 2]; 2]| sides.iter().map(|[low, high]| high - low + cells.side_m).product::<f64>();
     let boxes: Vec<[[f64; 2]; 2]> =
         large.iter().map(|run| sides(&mut members[*run].iter().map(|i| &places[*i]))).collect();
-    if boxes.iter().map(area_m2).sum::<f64>() > MOST * area_m2(&whole) {
+    if boxes.iter().map(area_m2).sum::<f64>() > MAX_AREA_FRACTION * area_m2(&whole) {
         return None;
     }
     let middle = |sides: &[[f64; 2]; 2]| sides.map(|[low, high]| (low + high) / 2.0);

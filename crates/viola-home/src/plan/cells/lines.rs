@@ -122,7 +122,7 @@ fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
     /// Rooms this near each other have a common border.
     const REACH: i64 = 4;
     /// Minimum length of a border, in steps.
-    const LEAST: usize = 10;
+    const MIN_STEPS: usize = 10;
     let mut places: std::collections::BTreeMap<(u32, u32), Vec<f64>> = std::collections::BTreeMap::new();
     if rooms.len() < 2 {
         return Vec::new();
@@ -151,7 +151,7 @@ fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
         places.sort_by(f64::total_cmp);
         places[places.len() / 2]
     };
-    places.into_values().filter(|places| places.len() >= LEAST).map(median).collect()
+    places.into_values().filter(|places| places.len() >= MIN_STEPS).map(median).collect()
 }
 
 #[cfg(test)]

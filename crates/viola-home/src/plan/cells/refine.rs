@@ -17,27 +17,27 @@ impl Cells {
             return;
         }
         let parts = [metres - lines[after - 1], lines[after] - metres];
-        let shares = parts.map(|part| part / (parts[0] + parts[1]));
+        let fractions = parts.map(|part| part / (parts[0] + parts[1]));
         let count = [self.count(0), self.count(1)];
         let mut new_count = count;
         new_count[axis] += 1;
-        // Index of the old cell and its share of it.
+        // Index of the old cell and its fraction of it.
         let old = |at: usize| {
             let mut place = [at % new_count[0], at / new_count[0]];
-            let share = if place[axis] + 1 == after || place[axis] == after {
-                shares[place[axis] + 1 - after]
+            let fraction = if place[axis] + 1 == after || place[axis] == after {
+                fractions[place[axis] + 1 - after]
             } else {
                 1.0
             };
             place[axis] -= usize::from(place[axis] >= after);
-            (place[1] * count[0] + place[0], share)
+            (place[1] * count[0] + place[0], fraction)
         };
         let cells = 0..new_count[0] * new_count[1];
         let inside = cells.clone().map(|at| self.inside[old(at).0]).collect();
         let pillars = cells.clone().map(|at| self.pillars[old(at).0]).collect();
         let owners = cells.map(|at| {
-            let (at, share) = old(at);
-            self.owners[at].iter().map(|(owner, area)| (*owner, area * share)).collect()
+            let (at, fraction) = old(at);
+            self.owners[at].iter().map(|(owner, area)| (*owner, area * fraction)).collect()
         });
         self.owners = owners.collect();
         (self.inside, self.pillars) = (inside, pillars);

@@ -42,7 +42,7 @@ fn of_wall(cells: &Cells, face: &Oblique, back: &Oblique) -> Vec<Gap> {
     let along = |step: usize| low_m + (step as f64 + 0.5) * STEP_M;
     let is_wall = |step: usize| {
         let behind = back.within(&face.at(along(step)))[0];
-        face.share(along(step)) >= WALL || back.share(behind) >= WALL
+        face.fraction(along(step)) >= WALL || back.fraction(behind) >= WALL
     };
     let mut gaps = Vec::new();
     let mut last: Option<usize> = None;

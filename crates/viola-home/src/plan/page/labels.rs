@@ -116,7 +116,7 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
         })
     };
     let covered = |p: [f64; 2]| {
-        let shares = plan.furniture.iter().map(|piece| {
+        let covered_m2 = plan.furniture.iter().map(|piece| {
             let corners = piece.corners_m();
             let overlap = |axis: usize| {
                 let along = corners.map(|corner| corner[axis]);
@@ -126,7 +126,7 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
             };
             overlap(0) * overlap(1)
         });
-        shares.sum::<f64>() / (4.0 * half_m[0] * half_m[1])
+        covered_m2.sum::<f64>() / (4.0 * half_m[0] * half_m[1])
     };
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..PLACES * PLACES {

@@ -1,4 +1,4 @@
-//! A plan as PDF: the elements of its SVG page, one to one, in true scale. Text is outlines, so that the file
+//! A plan as PDF: the elements of its SVG page, one to one, in true scale. Text is outlines, so the file
 //! needs no font. It shows the names that the fonts in the binary can show, as the picture does.
 
 use super::svg::drawn_svg;

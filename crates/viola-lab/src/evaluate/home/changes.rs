@@ -10,7 +10,7 @@ mod truth;
 
 use super::clips::{AlignedClip, ClipsError, Recorder};
 use super::matching::Thing;
-use super::member::{Shares, member};
+use super::member::{FilesOfClips, member};
 use crate::evaluate::HomesParams;
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use kept::{Ids, Kept};
@@ -136,7 +136,7 @@ impl Map {
             let recorded_at_ms = Some(visit_ms + CLIP_MS * number as i64);
             Some(Member { recorded_at_ms, ..member(number, Verdict::of(&clip.answer.alignment)?) })
         });
-        let mut load = Shares(clips.iter().map(|clip| &clip.share).collect());
+        let mut load = FilesOfClips(clips.iter().map(|clip| &clip.files).collect());
         let Ok(assembly) = assemble(&self.manifest, members.collect(), &mut load);
         let kept = std::mem::take(&mut self.tiles);
         let map = assembly.label(kept, surface);

@@ -1,7 +1,7 @@
 //! The aligned clips of a simulated home, kept in a folder: they take most of the time.
 
-use super::member::Share;
-use crate::evaluate::{HomesParams, Oracle};
+use super::member::ClipFiles;
+use crate::evaluate::{HomesParams, Oracle, SUCCESS_DEG, SUCCESS_M};
 use crate::simulate::{ClipParams, Home, Survey, clip_in_memory};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use viola_align::{AlignError, AlignParams, Alignment, align};
 use viola_formats::lidar::{LidarError, LidarMap};
+use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
-use viola_geometry::{Pose2, angle_between};
 use viola_home::{ClipContribution, cloud_ply, features_bytes, read_features, views_bytes};
 use viola_reconstruct::LabelParams;
 
@@ -23,14 +23,14 @@ pub enum ClipsError {
     Lidar(#[from] LidarError),
     #[error("{path}: {source}")]
     File { path: PathBuf, source: std::io::Error },
-    #[error("{path} is not a clip of this evaluation; delete the folder to begin anew")]
+    #[error("{path} is not a clip of this evaluation; delete the folder to start again")]
     Damaged { path: PathBuf },
 }
 
 /// A clip aligned by itself, with the truth.
 pub(super) struct AlignedClip {
     pub answer: Answer,
-    pub share: Share,
+    pub files: ClipFiles,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -40,10 +40,9 @@ pub(super) struct Answer {
 }
 
 impl AlignedClip {
-    /// Returns whether a pose is under 10 degrees and 0.3 m from the truth.
+    /// Returns whether a pose is the paper's success.
     pub fn is_right(&self, pose: &Pose2) -> bool {
-        let truth = &self.answer.map_from_clip;
-        pose.distance_m(truth) < 0.3 && angle_between(pose.yaw_rad, truth.yaw_rad) < 10f64.to_radians()
+        pose.is_within(&self.answer.map_from_clip, SUCCESS_M, SUCCESS_DEG.to_radians())
     }
 }
 
@@ -111,7 +110,7 @@ impl Recorder<'_> {
         let map_from_clip = recorded.map_from_frame(survey, first);
         Ok(AlignedClip {
             answer: Answer { alignment: aligned.alignment, map_from_clip },
-            share: Share {
+            files: ClipFiles {
                 contribution: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
                 features: aligned.features,
             },
@@ -137,14 +136,14 @@ fn read(path: &Path) -> Result<Option<AlignedClip>, ClipsError> {
     let damaged = || ClipsError::Damaged { path: answer.clone() };
     let contribution = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
     let features = read_features(&file(FEATURES)?).map_err(|_| damaged())?;
-    let share = Share { contribution, features };
+    let files = ClipFiles { contribution, features };
     let answer = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
-    Ok(Some(AlignedClip { answer, share }))
+    Ok(Some(AlignedClip { answer, files }))
 }
 
 fn write(path: &Path, clip: &AlignedClip) -> Result<(), ClipsError> {
     let answer = serde_json::to_vec(&clip.answer).unwrap_or_default();
-    let Share { contribution, features } = &clip.share;
+    let ClipFiles { contribution, features } = &clip.files;
     let files = [
         (CLOUD, cloud_ply(&contribution.cloud_in_clip, None)),
         (VIEWS, views_bytes(&contribution.cloud_in_clip, &contribution.views)),

@@ -1,7 +1,7 @@
 //! Fuses the aligned excerpts of a scene into one map.
 
-use super::member::{Share, Shares, member};
-use crate::evaluate::Scene;
+use super::member::{ClipFiles, FilesOfClips, member};
+use crate::evaluate::{SUCCESS_DEG, SUCCESS_M, Scene};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub struct Excerpt {
     /// Error against the truth, if it has a pose.
     pub error_m: Option<f64>,
     pub error_deg: Option<f64>,
-    /// How it came into the map; none if it is not there.
+    /// Source of its pose in the map; none if it is not there.
     pub placed_by: Option<PlacedBy>,
     /// Error after joint refinement.
     pub together_m: Option<f64>,
@@ -33,9 +33,10 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// Returns whether it is in the map at a wrong pose: the paper's success is under 10 degrees and 0.3 m.
+    /// Returns whether it is in the map at a pose that is not the paper's success.
     pub fn is_wrong(&self) -> bool {
-        self.together_m.is_some_and(|m| m >= 0.3) || self.together_deg.is_some_and(|deg| deg >= 10.0)
+        self.together_m.is_some_and(|m| m >= SUCCESS_M)
+            || self.together_deg.is_some_and(|deg| deg >= SUCCESS_DEG)
     }
 }
 
@@ -77,7 +78,7 @@ pub fn fuse(
     progress: &dyn Fn(String) -> Box<dyn Progress>,
 ) -> Result<Fused, AlignError> {
     let headers = scene.clip.frames();
-    let (mut members, mut shares, mut excerpts) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut members, mut files, mut excerpts) = (Vec::new(), Vec::new(), Vec::new());
     let mut truths = Vec::new();
     for (number, range) in ranges.iter().enumerate() {
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
@@ -101,11 +102,11 @@ pub fn fuse(
         });
         members.extend(Verdict::of(answer).map(|verdict| member(number, verdict)));
         let contribution = ClipContribution::new(aligned.cloud_in_clip, aligned.views);
-        shares.push(Share { contribution, features: aligned.features });
+        files.push(ClipFiles { contribution, features: aligned.features });
     }
-    let mut load = Shares(shares.iter().collect());
+    let mut load = FilesOfClips(files.iter().collect());
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
-    let share_of = |name: &str| load.of(name).map(|share| &share.contribution);
+    let contribution_of = |name: &str| load.of(name).map(|files| &files.contribution);
     let map = assembly.label(BTreeMap::new(), params.label.surface.as_deref());
     let placed = &map.manifest.clips;
     for clip in placed {
@@ -119,8 +120,11 @@ pub fn fuse(
     let numbers = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
     let tiles: Vec<Tile> = map.tiles.values().cloned().collect();
     let points = tiles.iter().flat_map(|tile| numbers.in_map(tile)).collect();
-    let agreement = agreement(placed, &map.manifest.pairs, |name| share_of(name));
-    let cloud = |clip: &PlacedClip| Some((share_of(&clip.share)?.cloud_in_clip.clone(), clip.in_space()));
+    let agreement = agreement(placed, &map.manifest.pairs, |name| contribution_of(name));
+    let cloud = |clip: &PlacedClip| {
+        let contribution = contribution_of(&clip.contribution)?;
+        Some((contribution.cloud_in_clip.clone(), clip.pose_in_space()))
+    };
     let clips = placed.iter().filter_map(cloud).collect();
     Ok(Fused { points, tiles, excerpts, agreement, clips })
 }
@@ -132,17 +136,19 @@ fn errors(pose: &Pose2, truth: &Pose2) -> (f64, f64) {
 fn agreement<'a>(
     placed: &[PlacedClip],
     pairs: &[Pair],
-    share_of: impl Fn(&str) -> Option<&'a ClipContribution>,
+    contribution_of: impl Fn(&str) -> Option<&'a ClipContribution>,
 ) -> Agreement {
     const NEAR_M: f64 = 0.1;
     let (mut squares, mut counts, mut count) = ([0.0; 2], [0usize; 2], 0);
     for pair in pairs.iter().filter(|pair| pair.overlap.is_some()) {
-        let find = |name: &str| placed.iter().find(|clip| clip.share == name);
+        let find = |name: &str| placed.iter().find(|clip| clip.contribution == name);
         let (Some(a), Some(b)) = (find(&pair.a), find(&pair.b)) else { continue };
-        let (Some(of_a), Some(of_b)) = (share_of(&pair.a), share_of(&pair.b)) else { continue };
+        let (Some(of_a), Some(of_b)) = (contribution_of(&pair.a), contribution_of(&pair.b)) else {
+            continue;
+        };
         count += 1;
         let alone = b.alone_in_space().inverse() * a.alone_in_space();
-        let together = b.in_space().inverse() * a.in_space();
+        let together = b.pose_in_space().inverse() * a.pose_in_space();
         for (which, b_from_a) in [alone, together].iter().enumerate() {
             let (rms_m, found) = disagreement(&of_a.cloud_in_clip, &of_b.cloud_in_clip, b_from_a, NEAR_M);
             squares[which] += rms_m * rms_m * found as f64;

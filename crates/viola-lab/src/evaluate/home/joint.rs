@@ -4,7 +4,7 @@
 mod table;
 
 use super::clips::{AlignedClip, ClipsError, Recorder};
-use super::member::{Shares, member};
+use super::member::{FilesOfClips, member};
 use crate::evaluate::HomesParams;
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use serde::Serialize;
@@ -13,7 +13,9 @@ use viola_align::{AlignParams, AlignmentState};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{Comparison, Manifest, Member, Mode, PlacedBy, Tie, Verdict, assemble, compare, likeliest};
+use viola_home::{
+    ClipMatch, Comparison, Manifest, Member, Mode, PlacedBy, Verdict, assemble, compare, likeliest,
+};
 
 pub use table::JointRow;
 
@@ -31,24 +33,26 @@ pub struct JointHome {
     /// The same with all clips at their true poses, which come first of the poses of each.
     pub at_truth: Vec<Comparison>,
     /// By the clips' numbers.
-    pub ties: Vec<JointTie>,
+    #[serde(rename = "ties")]
+    pub clip_matches: Vec<JointMatch>,
 }
 
-/// A tie and the truth about it.
+/// A match and the truth about it.
 #[derive(Debug, Clone, Serialize)]
-pub struct JointTie {
-    pub tie: Tie,
+pub struct JointMatch {
+    #[serde(rename = "tie")]
+    pub clip_match: ClipMatch,
     pub is_right: bool,
 }
 
-impl JointTie {
-    fn new(tie: Tie, clips: &[AlignedClip]) -> JointTie {
+impl JointMatch {
+    fn new(clip_match: ClipMatch, clips: &[AlignedClip]) -> JointMatch {
         let truth = |name: &str| name.parse::<usize>().ok().and_then(|n| clips.get(n));
-        let is_right = truth(&tie.a).zip(truth(&tie.b)).is_some_and(|(a, b)| {
-            let map_from_b = a.answer.map_from_clip.compose(&tie.b_from_a().inverse());
+        let is_right = truth(&clip_match.a).zip(truth(&clip_match.b)).is_some_and(|(a, b)| {
+            let map_from_b = a.answer.map_from_clip.compose(&clip_match.b_from_a().inverse());
             b.is_right(&map_from_b)
         });
-        JointTie { tie, is_right }
+        JointMatch { clip_match, is_right }
     }
 }
 
@@ -64,7 +68,7 @@ pub struct JointClip {
     /// Probability of the likeliest pose by all clips, and whether it is right; none for failed clips.
     pub probability: Option<f64>,
     pub is_right: Option<bool>,
-    /// How the clip came into the map; none if it is not there.
+    /// Source of the clip's pose in the map; none if it is not there.
     pub placed_by: Option<PlacedBy>,
 }
 
@@ -91,7 +95,7 @@ pub fn joint(
     let recorder = Recorder { homes, params, folder, progress };
     let name = format!("{}_{seed}", set.name());
     let clips = recorder.clips(&home, &survey, &lidar, &name, 0..homes.clips_per_home)?;
-    let mut load = Shares(clips.iter().map(|clip| &clip.share).collect());
+    let mut load = FilesOfClips(clips.iter().map(|clip| &clip.files).collect());
     let own =
         |(number, clip): (usize, &AlignedClip)| Some(member(number, Verdict::of(&clip.answer.alignment)?));
     let members: Vec<Member> = clips.iter().enumerate().filter_map(own).collect();
@@ -101,13 +105,14 @@ pub fn joint(
         Some(member(number, Verdict::Ambiguous { alternatives: true_then_wrong(clip) }))
     };
     let Ok(at_truth) = compare(clips.iter().enumerate().filter_map(with_truth).collect(), &mut load);
-    let Manifest { clips: placed, known, comparisons, ties, .. } = assembly.manifest;
-    let ties = ties.into_iter().map(|tie| JointTie::new(tie, &clips)).collect();
+    let Manifest { clips: placed, known, comparisons, clip_matches, .. } = assembly.manifest;
+    let clip_matches =
+        clip_matches.into_iter().map(|clip_match| JointMatch::new(clip_match, &clips)).collect();
     let decidable: Vec<bool> =
         (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load)).collect();
     let result = |(number, clip): (usize, &AlignedClip)| {
-        let share = number.to_string();
-        let known = known.iter().find(|known| known.share == share);
+        let contribution = number.to_string();
+        let known = known.iter().find(|known| known.contribution == contribution);
         let marginal = known.and_then(|known| known.marginal);
         let pose = known.zip(marginal).and_then(|(known, marginal)| known.modes.get(marginal.mode));
         JointClip {
@@ -116,11 +121,14 @@ pub fn joint(
             decidable: decidable[number],
             probability: marginal.map(|marginal| marginal.probability),
             is_right: pose.map(|pose| clip.is_right(pose)),
-            placed_by: placed.iter().find(|placed| placed.share == share).map(|placed| placed.by),
+            placed_by: placed
+                .iter()
+                .find(|placed| placed.contribution == contribution)
+                .map(|placed| placed.by),
         }
     };
     let clips = clips.iter().enumerate().map(result).collect();
-    Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth, ties })
+    Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth, clip_matches })
 }
 
 fn modes(clip: &AlignedClip) -> Vec<JointMode> {
@@ -147,7 +155,7 @@ fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
 }
 
 /// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
-fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Shares) -> bool {
+fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut FilesOfClips) -> bool {
     let clip = &clips[number];
     if clip.answer.alignment.state != AlignmentState::Ambiguous {
         return false;
@@ -161,7 +169,7 @@ fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Shares) -> bool
     };
     let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
     let Ok(known) = likeliest(members, load);
-    let known = known.iter().find(|known| known.share == number.to_string());
+    let known = known.iter().find(|known| known.contribution == number.to_string());
     known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
         marginal.probability >= DECIDED && clip.is_right(&known.modes[marginal.mode])
     })

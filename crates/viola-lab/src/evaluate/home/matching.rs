@@ -43,8 +43,8 @@ impl ClassRow {
     }
 }
 
-/// Matches objects of the same class greedily by IoU, each at most once. What was found of `small` true objects does not
-/// count, nor do unmatched objects not longer than `least_m` along any axis.
+/// Matches objects of the same class greedily by IoU, each at most once. Found objects that match `small` true objects do
+/// not count, nor do unmatched objects not longer than `least_m` along any axis.
 pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) -> Matches {
     let mut pairs = Vec::new();
     for (t, thing) in truth.iter().chain(small).enumerate() {
@@ -57,7 +57,7 @@ pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) 
     }
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let mut of_true: Vec<Option<(usize, f64)>> = vec![None; truth.len() + small.len()];
-    // Whether the true object that a found one matches counts.
+    // True if the true object that a found one matches counts.
     let mut counts: Vec<Option<bool>> = vec![None; found.len()];
     for (iou, t, f) in pairs {
         if of_true[t].is_none() && counts[f].is_none() {
@@ -101,7 +101,7 @@ impl Matches {
     pub fn markdown(&self) -> String {
         let mut out = "| class | truth | found | matched | recall | precision |\n|---|---|---|---|---|---|\n"
             .to_owned();
-        let share =
+        let fraction =
             |value: f64| if value.is_finite() { format!("{:.0} %", value * 100.0) } else { "-".into() };
         let rows = self.classes.iter().map(|(name, row)| (name.as_str(), row));
         for (name, row) in rows.chain([("all", &self.total)]) {
@@ -112,8 +112,8 @@ impl Matches {
                 row.truth,
                 row.found,
                 row.matched,
-                share(row.recall()),
-                share(row.precision())
+                fraction(row.recall()),
+                fraction(row.precision())
             );
         }
         out

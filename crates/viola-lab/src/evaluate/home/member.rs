@@ -11,32 +11,35 @@ pub(super) fn member(number: usize, verdict: Verdict) -> Member {
         clip: Uuid::from_u128(number as u128),
         recorded_at_ms: None,
         sha256: format!("{number:06}"),
-        share: number.to_string(),
+        contribution: number.to_string(),
         verdict,
     }
 }
 
 /// The files of a clip that a map is fused from.
-pub(super) struct Share {
+pub(super) struct ClipFiles {
     pub contribution: ClipContribution,
     pub features: Vec<Feature>,
 }
 
 /// The files of all clips, by their numbers.
-pub(super) struct Shares<'a>(pub Vec<&'a Share>);
+pub(super) struct FilesOfClips<'a>(pub Vec<&'a ClipFiles>);
 
-impl Shares<'_> {
-    pub fn of(&self, name: &str) -> Option<&Share> {
+impl FilesOfClips<'_> {
+    pub fn of(&self, name: &str) -> Option<&ClipFiles> {
         self.0.get(name.parse::<usize>().ok()?).copied()
     }
 }
 
-impl LoadClips<Infallible> for Shares<'_> {
-    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, Infallible> {
-        Ok(self.of(&member.share).map_or_else(ClipContribution::default, |share| share.contribution.clone()))
+impl LoadClips<Infallible> for FilesOfClips<'_> {
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+        let files = members.iter().map(|member| self.of(&member.contribution));
+        let contribution = |files: &ClipFiles| files.contribution.clone();
+        Ok(files.map(|files| files.map_or_else(ClipContribution::default, contribution)).collect())
     }
 
-    fn features(&mut self, member: &Member) -> Result<Vec<Feature>, Infallible> {
-        Ok(self.of(&member.share).map_or_else(Vec::new, |share| share.features.clone()))
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, Infallible> {
+        let files = members.iter().map(|member| self.of(&member.contribution));
+        Ok(files.map(|files| files.map_or_else(Vec::new, |files| files.features.clone())).collect())
     }
 }

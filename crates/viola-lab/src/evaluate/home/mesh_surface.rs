@@ -36,14 +36,14 @@ pub fn score_mesh(mesh: &Mesh, truth: &LabelledMesh, seen: &[bool], map_from_wor
     MeshScore {
         triangles: mesh.triangles(),
         glb_bytes: mesh.glb().len(),
-        accuracy: share_near(&ours, vertices, &truth.mesh.triangles),
+        accuracy: fraction_near(&ours, vertices, &truth.mesh.triangles),
         seen_vertices: wanted.len(),
-        completeness: share_near(&wanted, ours.clone(), mesh.corners()),
+        completeness: fraction_near(&wanted, ours.clone(), mesh.corners()),
     }
 }
 
 /// Returns the fraction of points within [`NEAR_M`] of a surface; 0 without a surface.
-fn share_near(points: &[Vector], vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> f64 {
+fn fraction_near(points: &[Vector], vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> f64 {
     let Ok(surface) = TriMesh::new(vertices, triangles.to_vec()) else { return 0.0 };
     let near = points
         .par_iter()

@@ -11,7 +11,7 @@ use viola_home::Plan;
 const NEAR_M: f64 = 0.1;
 /// Distance of the points on drawn faces, and side of the cells of the mesh's walls.
 const STEP_M: f64 = 0.05;
-/// Vertices from this height on count; walls above cupboards do.
+/// Vertices of at least this height count; walls above cupboards do.
 const LOWEST_M: f64 = 0.15;
 /// Minimum vertices of a cell; a wall's cell has up to a hundred.
 const MIN_VERTICES: usize = 3;

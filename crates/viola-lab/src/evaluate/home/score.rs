@@ -65,7 +65,8 @@ pub fn score_objects(
     for found in found.iter().filter(|found| is_furniture(found.object.class)) {
         let world_box = world_box(found, map, &world_from_map);
         let said = named.said(found, map);
-        let unlabelled = said.iter().find(|(name, _)| name == UNLABELLED).map_or(0.0, |(_, share)| *share);
+        let unlabelled =
+            said.iter().find(|(name, _)| name == UNLABELLED).map_or(0.0, |(_, fraction)| *fraction);
         let id = found.object.id.clone();
         if !is_known(found.object.class) && unlabelled > 0.5 {
             unjudged.push(id);
@@ -88,8 +89,8 @@ pub fn score_objects(
         rows[*f].right = true;
     }
     let truth_rows = truth.iter().zip(&oriented.of_truth).map(|(instance, matched)| {
-        let shares = found_in_map.iter().enumerate().map(|(f, o)| (f, instance.map_box.iou(&o.bounds)));
-        let nearest = shares.filter(|(_, iou)| *iou > 0.0).max_by(|a, b| a.1.total_cmp(&b.1));
+        let ious = found_in_map.iter().enumerate().map(|(f, o)| (f, instance.map_box.iou(&o.bounds)));
+        let nearest = ious.filter(|(_, iou)| *iou > 0.0).max_by(|a, b| a.1.total_cmp(&b.1));
         let id = |f: usize| rows[f].id.clone();
         TruthRow {
             class: instance.class,
@@ -156,8 +157,8 @@ impl Named<'_> {
             *counts.entry(class.map_or(UNLABELLED, Class::name).to_owned()).or_default() += 1;
         }
         let all = found.members.len().max(1) as f64;
-        let share = |count: usize| (count as f64 / all * 1e3).round() / 1e3;
-        let mut said: Vec<(String, f64)> = counts.into_iter().map(|(name, n)| (name, share(n))).collect();
+        let fraction = |count: usize| (count as f64 / all * 1e3).round() / 1e3;
+        let mut said: Vec<(String, f64)> = counts.into_iter().map(|(name, n)| (name, fraction(n))).collect();
         said.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         said
     }

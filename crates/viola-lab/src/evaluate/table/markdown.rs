@@ -4,7 +4,7 @@ use super::TableRow;
 use std::fmt::Write;
 
 /// Note below the tables.
-const CONDITIONS: &str = "\nR and T are of the clips with a pose on the true level, also of ambiguous ones. NEES/3 is of the right poses; 1 is expected.\n";
+const CONDITIONS: &str = "\nR and T are of the clips with a pose on the true level, even ambiguous ones. NEES/3 is of the right poses; 1 is expected.\n";
 
 /// Returns two tables, accuracy and confidence of the methods, and one of the scales if a clip has one.
 pub fn markdown(rows: &[TableRow]) -> String {
@@ -31,8 +31,8 @@ fn number(value: f64, decimals: usize, unit: &str) -> String {
     if value.is_nan() { "-".to_owned() } else { format!("{value:.decimals$}{unit}") }
 }
 
-fn percent(share: f64) -> String {
-    number(100.0 * share, 1, " %")
+fn percent(fraction: f64) -> String {
+    number(100.0 * fraction, 1, " %")
 }
 
 fn optional(value: Option<impl ToString>) -> String {
@@ -62,7 +62,7 @@ fn accuracy_markdown(rows: &[TableRow]) -> String {
             number(r.t_median_m, 3, " m"),
         );
         for recall in &r.recall_at_m {
-            let _ = write!(out, " {} |", percent(recall.share));
+            let _ = write!(out, " {} |", percent(recall.fraction));
         }
         let [register, total] =
             [(r.seconds_median, 3), (r.seconds_total_median, 2)].map(|(s, d)| number(s, d, " s"));

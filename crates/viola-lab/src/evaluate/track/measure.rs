@@ -10,7 +10,8 @@ pub struct TrajectoryErrors {
     /// RMS distance of the cameras after rigid alignment of the whole trajectory.
     pub ate_m: f64,
     /// The same as a fraction of the true path.
-    pub share_of_path: f64,
+    #[serde(rename = "share_of_path")]
+    pub fraction_of_path: f64,
     /// RMS angle of the orientations after their own alignment.
     pub rotation_deg: f64,
     /// RMS error of the motion over one metre of path, per metre; over the whole path if it is shorter.
@@ -44,7 +45,7 @@ pub fn measure(found: &[Option<Pose3>], truth: &[Option<Pose3>]) -> Option<Traje
         (way(&|step| step.translation.vector.norm()), way(&|step| step.rotation.angle()));
     Some(TrajectoryErrors {
         ate_m,
-        share_of_path: ate_m / moved_m[moved_m.len() - 1].max(1e-9),
+        fraction_of_path: ate_m / moved_m[moved_m.len() - 1].max(1e-9),
         rotation_deg: rotation_rad(&pairs)?.to_degrees(),
         rpe_m_per_m: relative(&pairs, &moved_m, STRETCH_M, |off| off.translation.vector.norm()),
         rpe_deg_per_deg: relative(&pairs, &turned_rad, STRETCH_RAD, |off| off.rotation.angle()),

@@ -110,10 +110,10 @@ impl<'a> Arranger<'a> {
         let inner = self.room().inner;
         let axis = if pose.yaw_rad.sin().abs() > 0.5 { 1 } else { 0 };
         let at = [pose.x_m, pose.y_m][axis];
-        let share =
+        let fraction =
             (at - inner.min[axis] - piece.size[0] / 2.0) / (inner.size(axis) - piece.size[0]).max(0.01);
-        let share = share.clamp(0.0, 1.0);
-        self.against(piece, front_m, move |yaw| angle_between(yaw, facing) < 0.1, Some(share))
+        let fraction = fraction.clamp(0.0, 1.0);
+        self.against(piece, front_m, move |yaw| angle_between(yaw, facing) < 0.1, Some(fraction))
     }
 
     fn against(
@@ -121,7 +121,7 @@ impl<'a> Arranger<'a> {
         mut piece: Piece,
         front_m: f64,
         allowed: impl Fn(f64) -> bool,
-        share: Option<f64>,
+        fraction: Option<f64>,
     ) -> Option<usize> {
         let inner = self.room().inner;
         let [width, depth, _] = piece.size;
@@ -138,8 +138,8 @@ impl<'a> Arranger<'a> {
                 continue;
             }
             let gap = self.rng.between(0.002, 0.02);
-            let offset = match share {
-                Some(share) => share * (slack - 0.02).max(0.0) + 0.01,
+            let offset = match fraction {
+                Some(fraction) => fraction * (slack - 0.02).max(0.0) + 0.01,
                 None => self.rng.between(0.0, slack),
             };
             let along = inner.min[axis] + width / 2.0 + offset.min(slack);

@@ -8,8 +8,8 @@ use viola_geometry::{Pose2, Vector3};
 
 /// Tries to find a free place for one thing.
 const TRIES: usize = 4;
-/// Most things on one place.
-const MOST: usize = 7;
+/// Maximum things on one place.
+const MAX_THINGS: usize = 7;
 
 /// Puts things on all level places of the room's pieces, under its tables, and on its floor.
 pub(super) fn spread(room: &mut Arranger) {
@@ -48,7 +48,7 @@ fn cover(piece: &mut Piece, top: &Top, mess: f64, rng: &mut Rng) {
     let [tidy, added] = density(top.kind);
     let mean = (tidy + added * mess) * top.size[0] * top.size[1];
     let wanted = (mean * rng.between(0.2, 1.8) + rng.between(0.0, 1.0)) as usize;
-    for _ in 0..wanted.min(MOST) {
+    for _ in 0..wanted.min(MAX_THINGS) {
         let thing = goods::thing_for(top.kind, rng);
         let [width, depth, height] = thing.size;
         if height > top.above_m || width > top.size[0] || depth > top.size[1] {

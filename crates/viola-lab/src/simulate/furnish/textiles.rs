@@ -55,8 +55,8 @@ pub fn curtains(pane: Pane, to_floor: bool, rng: &mut Rng) -> Piece {
         _ => (rng.between(0.1, 0.3), rng.between(0.1, 0.3)),
     };
     let folded = rng.chance(0.6);
-    for (side, share) in [(-1.0, left), (1.0, right)] {
-        let drawn = share * width;
+    for (side, fraction) in [(-1.0, left), (1.0, right)] {
+        let drawn = fraction * width;
         let middle = side * (width - drawn) / 2.0;
         let size = [drawn, top - 0.02 - bottom];
         if folded {

@@ -165,9 +165,9 @@ mod tests {
             let survey = home.survey();
             let mut free = 0;
             for k in 0..100 {
-                let share = |k: usize| (k as f64 + 0.5) / 10.0 * 2.0 - 1.0;
+                let fraction = |k: usize| (k as f64 + 0.5) / 10.0 * 2.0 - 1.0;
                 let spot = stairs.footprint;
-                let (x, y) = (share(k % 10) * spot.half[0], share(k / 10) * spot.half[1]);
+                let (x, y) = (fraction(k % 10) * spot.half[0], fraction(k / 10) * spot.half[1]);
                 let at = viola_geometry::Pose2::new(spot.centre.x, spot.centre.y, spot.yaw_rad)
                     .apply(&Point2::new(x, y));
                 let cell = survey.cells.at(&survey.robot_from_home.apply(&at));

@@ -93,7 +93,7 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
     // Leaves open into the room, never into the corridor.
     let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && rng.chance(0.5)) { 1.0 } else { -1.0 };
     // Most doors are open; some of the others leave too narrow a gap for the vacuum. A closed door hides its
-    // room from the vacuum, so that only rooms at the end of the ways have one.
+    // room from the vacuum, so only rooms at the end of the ways have one.
     let is_end = kinds.iter().any(|kind| matches!(kind, Storage | Bathroom | Child | Study));
     let open_deg = match rng.between(0.0, 1.0) {
         draw if is_end && draw < 0.04 => 0.0,
@@ -187,16 +187,16 @@ pub(super) fn open_windows(plan: &mut Plan, glazed: bool, rng: &mut Rng) {
             continue;
         }
         let count = if length > 3.4 && rng.chance(0.6) { 2 } else { 1 };
-        let share = length / count as f64;
+        let part_m = length / count as f64;
         for index in 0..count {
             let widest = if kind == RoomKind::Bathroom { 0.9 } else { 2.2 };
-            let drawn_m = rng.between(0.7, widest).min(share - 0.2).max(0.5);
+            let drawn_m = rng.between(0.7, widest).min(part_m - 0.2).max(0.5);
             let is_front = glazed && kind != RoomKind::Bathroom;
-            let width_m = if is_front { (share - 0.2).max(0.5) } else { drawn_m };
-            let slack = share - width_m;
+            let width_m = if is_front { (part_m - 0.2).max(0.5) } else { drawn_m };
+            let slack = part_m - width_m;
             let at = wall.from
                 + 0.3
-                + share * (index as f64 + 0.5)
+                + part_m * (index as f64 + 0.5)
                 + rng.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
             // French windows reach the floor: the vacuum's LiDAR sees through them.
             let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);

@@ -37,8 +37,8 @@ impl Slope {
     /// the ceiling.
     pub fn height_at(&self, point: &Point2) -> f64 {
         let across = if self.along_x { point.y } else { point.x };
-        let share = (across - self.face) * self.inward / self.run_m;
-        self.heights_m[0] + share * (self.heights_m[1] - self.heights_m[0])
+        let fraction = (across - self.face) * self.inward / self.run_m;
+        self.heights_m[0] + fraction * (self.heights_m[1] - self.heights_m[0])
     }
 
     pub fn length_m(&self) -> f64 {
@@ -140,9 +140,9 @@ mod tests {
             for slope in &home.plan.slopes {
                 sloped += 1;
                 for k in 1..20 {
-                    for share in [0.1, 0.5, 0.9] {
+                    for fraction in [0.1, 0.5, 0.9] {
                         let along = slope.along[0] + f64::from(k) / 20.0 * (slope.along[1] - slope.along[0]);
-                        let across = slope.face + slope.inward * share * slope.run_m;
+                        let across = slope.face + slope.inward * fraction * slope.run_m;
                         let at = if slope.along_x { [along, across] } else { [across, along] };
                         let eye = Point3::new(at[0], at[1], 0.75 * slope.heights_m[0]);
                         let hit = home.scene().cast(&eye, &Vector3::z(), 9.0);

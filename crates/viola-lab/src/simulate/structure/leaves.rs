@@ -86,7 +86,7 @@ fn leaf(opening: &Opening, make: Make, finish: Finish) -> Piece {
             }
         }
     }
-    // A sliding leaf goes into its wall, so that it has only a shell.
+    // A sliding leaf goes into its wall, so it has only a shell.
     let knob = if opening.leaf == Leaf::Hinged { 1.0 } else { 0.2 };
     for side in [-1.0, 1.0] {
         leaf.block(

@@ -8,7 +8,7 @@ use crate::simulate::solid::Solid;
 use viola_geometry::taxonomy::Class;
 
 /// Adds balconies before some French windows, and facades before some windows. Copies of a unit look alike,
-/// so that only homes without units have them.
+/// so only homes without units have them.
 pub(super) fn around(plan: &Plan, rng: &mut Rng, out: &mut Vec<Solid>) {
     if !plan.units.is_empty() {
         return;

@@ -45,7 +45,7 @@ impl Trim {
 
 /// Adds beams below the level ceilings of some rooms.
 pub(super) fn beams(plan: &Plan, rng: &mut Rng, out: &mut Vec<Solid>) {
-    // Copies of a unit look alike, so that only homes without units have beams.
+    // Copies of a unit look alike, so only homes without units have beams.
     if !plan.units.is_empty() || plan.ceiling_m < 2.35 || !rng.chance(0.12) {
         return;
     }

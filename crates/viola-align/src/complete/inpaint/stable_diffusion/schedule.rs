@@ -121,8 +121,8 @@ fn euler(timesteps: &[f64], kept: &[f64], spacing: Spacing, prediction: Predicti
     let sigma = |timestep: f64| {
         let below = timestep.floor() as usize;
         let above = (below + 1).min(kept.len() - 1);
-        let share = timestep - timestep.floor();
-        sigma_at(below) + share * (sigma_at(above) - sigma_at(below))
+        let fraction = timestep - timestep.floor();
+        sigma_at(below) + fraction * (sigma_at(above) - sigma_at(below))
     };
     let sigmas: Vec<f64> = timesteps.iter().map(|t| sigma(*t)).chain([0.0]).collect();
     let steps = timesteps.iter().zip(sigmas.windows(2)).map(|(timestep, pair)| {

@@ -59,8 +59,8 @@ impl ChangesRow {
                 let _ = writeln!(
                     out,
                     "| {kind} | {truth} | {told} | {right} | {right_class} | {} | {} |",
-                    share(right, truth),
-                    share(right, told)
+                    fraction(right, truth),
+                    fraction(right, told)
                 );
             }
             out.push('\n');
@@ -69,6 +69,6 @@ impl ChangesRow {
     }
 }
 
-fn share(part: usize, of: usize) -> String {
+fn fraction(part: usize, of: usize) -> String {
     if of == 0 { "-".to_owned() } else { format!("{:.0} %", 100.0 * part as f64 / of as f64) }
 }

@@ -62,7 +62,7 @@ impl JointRow {
              of these placed | placed by others | of these wrong | calibration error |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         );
         for row in rows {
-            let share = row.decidable_placed as f64 / row.decidable.max(1) as f64;
+            let fraction = row.decidable_placed as f64 / row.decidable.max(1) as f64;
             // Writing into a string cannot fail.
             let _ = writeln!(
                 out,
@@ -76,7 +76,7 @@ impl JointRow {
                 row.listed,
                 row.decidable,
                 row.decidable_placed,
-                100.0 * share,
+                100.0 * fraction,
                 row.placed,
                 row.placed_wrong,
                 row.calibration

@@ -1,0 +1,37 @@
+//! Numbers of the command line with bounds.
+
+/// Frames of a clip: the readers take no more.
+const MAX_FRAMES: usize = 100_000;
+/// Error of poses after a metre, in metres: more is no pose.
+const MAX_DRIFT_M: f64 = 1.0;
+
+/// Parses the number of a clip's frames.
+pub fn frames(text: &str) -> Result<usize, String> {
+    let frames = text.parse().ok().filter(|frames| (1..=MAX_FRAMES).contains(frames));
+    frames.ok_or_else(|| format!("a clip has 1 to {MAX_FRAMES} frames"))
+}
+
+/// Parses the error of poses after a metre of path.
+pub fn drift_m(text: &str) -> Result<f64, String> {
+    let drift_m = text.parse().ok().filter(|drift_m| (0.0..=MAX_DRIFT_M).contains(drift_m));
+    drift_m.ok_or_else(|| format!("a drift is 0 to {MAX_DRIFT_M} m"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_bounds() {
+        for (text, expected) in
+            [("0", None), ("1", Some(1)), ("100000", Some(100_000)), ("100001", None), ("x", None)]
+        {
+            assert_eq!(frames(text).ok(), expected, "{text}");
+        }
+        for (text, expected) in
+            [("0", Some(0.0)), ("0.01", Some(0.01)), ("-1", None), ("nan", None), ("1e308", None)]
+        {
+            assert_eq!(drift_m(text).ok(), expected, "{text}");
+        }
+    }
+}
