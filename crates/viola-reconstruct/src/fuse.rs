@@ -188,11 +188,7 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// Returns the posed frames far enough from the one chosen before, with their indices in the clip.
-pub fn choose(
-    clip: &Clip,
-    frames: Option<&Range<u32>>,
-    poses: Option<Poses>,
-) -> Vec<(usize, Pose3)> {
+pub fn choose(clip: &Clip, frames: Option<&Range<u32>>, poses: Option<Poses>) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
