@@ -23,6 +23,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tracing::{Span, error, info, warn};
+use uuid::Uuid;
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::{LevelName, Pose2};
@@ -139,8 +140,10 @@ pub(super) enum MergeError {
     Panicked,
     #[error("no thread could be started for the merge: {0}")]
     NoThread(std::io::Error),
-    #[error("a stored file of the clip or of the map is damaged: {0}")]
+    #[error("a stored file of the map is damaged: {0}")]
     Damaged(#[from] UnknownFileFormat),
+    #[error("the stored files of clip {clip} are damaged ({damage}); align the clip again")]
+    DamagedClip { clip: Uuid, damage: UnknownFileFormat },
     #[error("the LiDAR map cannot be read any more: {0}")]
     Lidar(#[from] LidarError),
     #[error("a clip was removed or aligned again meanwhile")]
@@ -155,7 +158,8 @@ async fn try_merge(
     surface: SurfaceLabels,
 ) -> Result<Merged, MergeError> {
     let manifest = storage.last_manifest(claim).await?;
-    let assembly = assemble(storage, claim, &manifest).await?;
+    let (claim, assembly) = assemble_readable(storage, claim, &manifest).await?;
+    let claim = &claim;
     let scenes = storage.last_scenes(claim).await?;
     let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
     let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
@@ -175,6 +179,26 @@ async fn try_merge(
     let tiles = new.tiles.len();
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
+}
+
+/// Assembles the map without damaged clips, if they are few: one of them must not keep the others from a map. The next merge
+/// reads them again. The claim has the clips of the map.
+async fn assemble_readable(
+    storage: &Storage,
+    claim: &MergeClaim,
+    last: &Manifest,
+) -> Result<(MergeClaim, Assembly), MergeError> {
+    let mut claim = claim.clone();
+    let min_clips = (claim.members.len() - claim.members.len().div_ceil(10)).max(1);
+    loop {
+        match assemble(storage, &claim, last).await {
+            Err(damage @ MergeError::DamagedClip { clip, .. }) if claim.members.len() > min_clips => {
+                error!(home = %claim.home, %damage, "a clip is left out of the map");
+                claim.members.retain(|member| member.clip != clip);
+            }
+            assembly => return Ok((claim, assembly?)),
+        }
+    }
 }
 
 /// Returns the tiles of the last revision that the next one keeps, without those of levels that stay as they were.
@@ -309,7 +333,6 @@ fn coverage(level: LevelName, of_level: &Coverage) -> LevelCoverage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use uuid::Uuid;
     use viola_home::{Extent, PlacedBy};
 
     fn clip(recorded_at_ms: Option<i64>) -> PlacedClip {

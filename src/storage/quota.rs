@@ -38,8 +38,8 @@ pub(super) async fn check(
     let row = row.bind(tenant).fetch_optional(transaction).await?;
     let own = row.map(|row| row.count("max_bytes")).transpose()?;
     let Some(limit) = own.or(max_bytes) else { return Ok(()) };
-    // The transactions of a tenant take turns after this statement, so that two cannot pass the check together. Those of SQLite do
-    // anyway.
+    // The transactions of a tenant take turns after this statement, so that two cannot pass the check together.
+    // Those of SQLite do anyway.
     let turn = transaction.either(None, Some("SELECT pg_advisory_xact_lock(hashtextextended($1, 0))"));
     if let Some(turn) = turn {
         query(turn).bind(tenant).execute(transaction).await?;

@@ -39,6 +39,7 @@ document.body.append(
 );
 
 let page = new AbortController();
+let lastTenant: string | null = null;
 
 async function show(): Promise<void> {
   page.abort();
@@ -50,8 +51,11 @@ async function show(): Promise<void> {
   const route = parse(location.hash);
   const place = { main, crumbs, signal, again: () => void show() };
   try {
-    const { role, with_key } = await readSession(signal);
+    const { role, tenant, with_key } = await readSession(signal);
     leave.hidden = !with_key;
+    // Waiting files of one tenant are not sent with a key of another.
+    if (lastTenant !== null && lastTenant !== tenant) stopUploads();
+    lastTenant = tenant;
     if (role === "uploader") showUploader(place);
     else if (route.page === "homes") await showHomes(place, route.asked);
     else if (route.page === "home") await showHome(place, route.home, route.view);

@@ -11,9 +11,10 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
-use tracing::error;
 use viola_home as home;
-use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
+use viola_home::{
+    Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, UnknownFileFormat, read_features,
+};
 use viola_reconstruct::Feature;
 
 /// The files that the thread needs.
@@ -50,20 +51,17 @@ impl LoadClips<MergeError> for Loader {
         let files = self.files(members, names)?;
         let read = |(member, files): (&&Member, &[Option<Bytes>])| {
             let [Some(cloud), Some(views)] = files else { return Err(MergeError::Gone) };
-            // One damaged clip must not keep the others from a map.
-            Ok(ClipContribution::read(cloud, views).unwrap_or_else(|damage| {
-                error!(clip = %member.clip, %damage, "a clip is left out of the map: align it again to repair its files");
-                ClipContribution::default()
-            }))
+            ClipContribution::read(cloud, views).map_err(|damage| damaged(member, damage))
         };
         members.par_iter().zip(files.par_chunks(names.len())).map(read).collect()
     }
 
     fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, MergeError> {
-        let read = |file: &Option<Bytes>| {
-            file.as_ref().and_then(|features| read_features(features).ok()).unwrap_or_default()
+        let read = |(member, file): (&&Member, &Option<Bytes>)| match file {
+            Some(features) => read_features(features).map_err(|damage| damaged(member, damage)),
+            None => Ok(Vec::new()),
         };
-        Ok(self.files(members, &[result_file::FEATURES])?.par_iter().map(read).collect())
+        members.par_iter().zip(&self.files(members, &[result_file::FEATURES])?).map(read).collect()
     }
 
     fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, MergeError> {
@@ -108,6 +106,10 @@ pub(super) async fn assemble(
         let _ = answer.send(files.map_err(MergeError::from));
     }
     end.await.unwrap_or(Err(MergeError::Panicked))
+}
+
+fn damaged(member: &Member, damage: UnknownFileFormat) -> MergeError {
+    MergeError::DamagedClip { clip: member.clip, damage }
 }
 
 async fn files(storage: &Storage, members: &[Member], names: &[&str]) -> Result<Files, StorageError> {

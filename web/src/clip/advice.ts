@@ -8,7 +8,7 @@ const NOT_THE_CLIP = "The clip is not at fault. Align it again later.";
 const SLOWER = "Film again and move more slowly.";
 const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
 const SEVERAL_CLIPS = "Split the recording into several clips, one for each room.";
-const MORE_OF_ROOM = "Film more of the walls and corners of this room, or choose its place on the page of the clip.";
+const MORE_OF_ROOM = "Film more of the walls and corners of this room, or choose one of the clip's places.";
 
 /** Advice by the code of a reason; earlier rows come first. tests/house/reasons.rs compares them with docs/api.md. */
 const ADVICE: Record<string, string> = {

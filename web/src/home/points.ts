@@ -99,6 +99,7 @@ export class HomePoints {
         onStatus("");
         // The next change of the home tries again.
         this.wanted = "";
+        if (!this.isComplete) this.show(null);
         onFailed(`The points: ${message}`);
       },
     }, this.loading.signal);

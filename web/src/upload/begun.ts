@@ -10,6 +10,13 @@ export interface Begun {
   path: string | null;
 }
 
+/** The service removes an upload that is not finished after a day. */
+const KEPT_MS = 24 * 3600 * 1000;
+
+interface Kept extends Begun {
+  at_ms: number;
+}
+
 interface Sent extends Begun {
   home: string;
   file: File;
@@ -21,7 +28,9 @@ export function begunOf(home: string, file: File): Begun | null {
 }
 
 export function keepBegun({ home, file, key, path }: Sent): void {
-  write({ ...read(), [nameOf(home, file)]: { key, path } });
+  const at_ms = Date.now();
+  const fresh = Object.entries(read()).filter(([, kept]) => at_ms - kept.at_ms < KEPT_MS);
+  write({ ...Object.fromEntries(fresh), [nameOf(home, file)]: { key, path, at_ms } });
 }
 
 /** Drops an upload, unless the same file has a newer one. */
@@ -38,15 +47,15 @@ function nameOf(home: string, { name, size, lastModified }: File): string {
   return JSON.stringify([home, name, size, lastModified]);
 }
 
-function read(): Record<string, Begun> {
+function read(): Record<string, Kept> {
   try {
-    return JSON.parse(localStorage.getItem(ITEM) ?? "{}") as Record<string, Begun>;
+    return JSON.parse(localStorage.getItem(ITEM) ?? "{}") as Record<string, Kept>;
   } catch {
     return {};
   }
 }
 
-function write(all: Record<string, Begun>): void {
+function write(all: Record<string, Kept>): void {
   try {
     if (Object.keys(all).length > 0) localStorage.setItem(ITEM, JSON.stringify(all));
     else localStorage.removeItem(ITEM);

@@ -60,6 +60,8 @@ export class UploadQueue {
   private waiting: Upload[] = [];
   /** Clips whose bytes are all sent, and that the service still reads. */
   private readonly arrived = new Set<Upload>();
+  /** Files that a person may try again. */
+  private readonly failed = new Set<Upload>();
   private isSending = false;
   /** The browser asks before a tab with unsent files is closed. */
   private readonly askBeforeLeaving = (event: BeforeUnloadEvent) => event.preventDefault();
@@ -92,7 +94,9 @@ export class UploadQueue {
     for (const { stop } of [...this.waiting, ...this.arrived]) stop.abort();
     this.waiting = [];
     this.arrived.clear();
+    this.failed.clear();
     this.list.replaceChildren();
+    this.letLeave();
   }
 
   private add(file: File, kind: string, target: Target | null): void {
@@ -106,19 +110,26 @@ export class UploadQueue {
   /** The upload of a file that was begun before a reload; null if there is none, or if this queue sends it already. */
   private resumable(file: File): Begun | null {
     const begun = begunOf(this.home, file);
-    return [...this.waiting, ...this.arrived].some(({ key }) => key === begun?.key) ? null : begun;
+    return [...this.waiting, ...this.arrived, ...this.failed].some(({ key }) => key === begun?.key) ? null : begun;
   }
 
   private cancel(upload: Upload): void {
     upload.stop.abort();
     this.waiting = this.waiting.filter((other) => other !== upload);
     this.arrived.delete(upload);
+    this.failed.delete(upload);
     upload.row.element.remove();
     dropBegun(upload);
     forgetClip(upload);
+    this.letLeave();
+  }
+
+  private letLeave(): void {
+    if (this.waiting.length === 0) removeEventListener("beforeunload", this.askBeforeLeaving);
   }
 
   private enter(upload: Upload): void {
+    this.failed.delete(upload);
     upload.row.wait("waits");
     // Clips wait for a map anyway, so maps go first; a file that is being sent stays first.
     const at = upload.target ? Number(this.isSending) : this.waiting.length;
@@ -134,7 +145,7 @@ export class UploadQueue {
     for (let next = this.waiting[0]; next && (await this.sendOne(next)); next = this.waiting[0]) {
       this.waiting = this.waiting.filter((other) => other !== next);
     }
-    if (this.waiting.length === 0) removeEventListener("beforeunload", this.askBeforeLeaving);
+    this.letLeave();
     this.isSending = false;
   }
 
@@ -211,6 +222,7 @@ export class UploadQueue {
     }
     const reason = messageOf(error);
     if (!row.element.isConnected) alarm(`${file.name} is not stored: ${reason}`);
+    if (mayTryAgain(error)) this.failed.add(upload);
     row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null);
     if (error instanceof Refusal && !mayTryAgain(error)) dropBegun(upload);
     return true;

@@ -55,10 +55,13 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     if headers.len() < frames {
         let dropped = frames - headers.len();
         layout.notes.push(format!(
-            "{dropped} frames of another size than the first one do not fit their intrinsics, and were left out"
+            "{dropped} frames of another size than the first one could not be used, and were left out"
         ));
     }
-    layout.notes.extend(drop_placeholders(&mut headers));
+    // Without colour nothing could be tracked.
+    if sizes.color.is_some() {
+        layout.notes.extend(drop_placeholders(&mut headers));
+    }
     let info = info(&layout, &headers, &sizes);
     let tools = tools.clone();
     let files = Files {

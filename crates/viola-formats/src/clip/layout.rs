@@ -195,8 +195,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
 
 /// Refuses a zip archive that is the only file of a container.
 fn check_nested(container: &dyn Container) -> Result<(), ClipError> {
-    if let [name] = container.names() {
-        let region = container.region(name, MAX_NESTED_BYTES)?;
+    // Only likely names: a compressed file is unpacked for its first bytes.
+    let is_zip = |name: &String| [".zip", ".r3d"].iter().any(|ending| name.to_lowercase().ends_with(ending));
+    if let [name] = container.names()
+        && is_zip(name)
+        && let Ok(region) = container.region(name, MAX_NESTED_BYTES)
+    {
         let mut head = [0; 4];
         if region.read_exact_at(0, &mut head).is_ok() && head == *b"PK\x03\x04" {
             return Err(ContainerError::ArchiveInside { name: name.clone() }.into());

@@ -81,7 +81,9 @@ impl<'a, E> Cache<'a, E> {
             .filter(|(_, known)| known.is_none())
             .map(|(member, _)| *member)
             .collect();
-        let mut loaded = self.load.contributions(&missing)?.into_iter();
+        let loaded = self.load.contributions(&missing)?;
+        debug_assert_eq!(loaded.len(), missing.len());
+        let mut loaded = loaded.into_iter();
         let mut all = Vec::with_capacity(members.len());
         for (member, known) in members.iter().zip(known) {
             let next = || Some(Arc::new(Loaded { contribution: loaded.next()?, surface: OnceLock::new() }));

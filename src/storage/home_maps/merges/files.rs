@@ -4,10 +4,9 @@ use super::rows::Written;
 use super::{NewRevision, map_file};
 use crate::storage::columns::to_json;
 use crate::storage::{Storage, StorageError};
-use futures::stream::{self, StreamExt, TryStreamExt};
+use futures::stream::{self, StreamExt};
 use uuid::Uuid;
 use viola_geometry::LevelName;
-use viola_home::TileKey;
 
 /// Blobs that are written at a time: a store far away, or a disk that flushes each file, waits more than it works.
 const AT_A_TIME: usize = 8;
@@ -19,38 +18,32 @@ impl Storage {
         new: &NewRevision,
         keys: &mut Vec<String>,
     ) -> Result<Vec<Written>, StorageError> {
-        let tile = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
-            (key.level, map_file::TILE, Some(*key), bytes.clone())
-        };
-        let sums = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
-            (key.level, map_file::SUMS, Some(*key), bytes.clone())
-        };
-        let file = |(level, name, bytes): &(LevelName, &'static str, Vec<u8>)| {
-            (*level, *name, None, Some(bytes.clone()))
-        };
         let manifest = to_json(&new.manifest).into_bytes();
-        let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
+        let tiles =
+            new.tiles.iter().map(|(key, bytes)| (key.level, map_file::TILE, Some(*key), bytes.as_deref()));
+        let sums =
+            new.sums.iter().map(|(key, bytes)| (key.level, map_file::SUMS, Some(*key), bytes.as_deref()));
+        let files =
+            new.files.iter().map(|(level, name, bytes)| (*level, *name, None, Some(bytes.as_slice())));
+        let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest.as_slice()));
         // The mesh of a level that changed is made later.
-        let is_scene = |(_, name, _): &&(LevelName, &'static str, Vec<u8>)| *name == map_file::SCENE;
-        let meshes =
-            new.files.iter().filter(is_scene).map(|(level, ..)| (*level, map_file::MESH, None, None));
-        let tiles = new.tiles.iter().map(tile).chain(new.sums.iter().map(sums));
-        let all = tiles.chain(new.files.iter().map(file)).chain([manifest]).chain(meshes);
+        let scenes = new.files.iter().filter(|(_, name, _)| *name == map_file::SCENE);
+        let meshes = scenes.map(|(level, ..)| (*level, map_file::MESH, None, None));
         let (mut written, mut puts) = (Vec::new(), Vec::new());
-        for (level, name, tile, bytes) in all {
-            let size_bytes = bytes.as_ref().map_or(0, Vec::len) as u64;
-            let key = bytes.map(|bytes| {
-                // Every attempt has its own keys, as with the results of clips.
-                let key = format!("home-maps/{}", Uuid::now_v7());
-                puts.push((key.clone(), bytes));
-                key
-            });
+        for (level, name, tile, bytes) in tiles.chain(sums).chain(files).chain([manifest]).chain(meshes) {
+            // Every attempt has its own keys, as with the results of clips.
+            let key = bytes.map(|_| format!("home-maps/{}", Uuid::now_v7()));
+            if let (Some(key), Some(bytes)) = (key.clone(), bytes) {
+                keys.push(key.clone());
+                puts.push(async move { self.blobs.put(&key, bytes.to_vec()).await });
+            }
+            let size_bytes = bytes.map_or(0, <[u8]>::len) as u64;
             written.push(Written { level, name, tile, key, size_bytes });
         }
-        keys.extend(puts.iter().map(|(key, _)| key.clone()));
-        let put = |(key, bytes): (String, Vec<u8>)| async move { self.blobs.put(&key, bytes).await };
-        let puts: Vec<_> = puts.into_iter().map(put).collect();
-        stream::iter(puts).buffer_unordered(AT_A_TIME).try_collect::<()>().await?;
+        // All of them end before a failure is told: what is still being written could not be removed.
+        let ended: Vec<Result<(), StorageError>> =
+            stream::iter(puts).buffer_unordered(AT_A_TIME).collect().await;
+        ended.into_iter().collect::<Result<(), StorageError>>()?;
         Ok(written)
     }
 }

@@ -106,7 +106,7 @@ impl Chain {
         self.overlaps.iter().enumerate().map(|(i, overlap)| Edge { a: i, b: i + 1, overlap }).collect()
     }
 
-    /// Returns the largest disagreement of the poses with a edge.
+    /// Returns the largest disagreement of the poses with an edge.
     fn worst_edge_m(&self, poses: &[Pose3]) -> f64 {
         let left =
             |edge: &Edge| distance_m(&(poses[edge.b].inverse() * poses[edge.a]), &edge.overlap.b_from_a);
@@ -135,7 +135,7 @@ fn a_chain_of_clips_agrees_with_its_edges() {
     assert!(error_m(&refined) < 0.6 * error_m(&before), "{} {}", error_m(&refined), error_m(&before));
 }
 
-/// The kernel ends narrow: a edge that contradicts the others by 25 cm is given up. It moves them by less than a
+/// The kernel ends narrow: an edge that contradicts the others by 25 cm is given up. It moves them by less than a
 /// tenth of that.
 #[test]
 fn a_wrong_edge_is_outvoted() {
