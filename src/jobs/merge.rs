@@ -8,15 +8,15 @@ pub use describing::{Described, Earlier, LeftMap, describe};
 use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
 use crate::storage::{
-    LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage, StorageError,
-    map_file,
+    HomeId, LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage,
+    StorageError, map_file,
 };
 use assembling::assemble;
 use bytes::Bytes;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use jiff::Timestamp;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -77,7 +77,7 @@ pub(super) async fn merge(
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
             // Waiting would not bring back a clip that was removed meanwhile.
-            let may_have_passed = matches!(cause, MergeError::Gone);
+            let may_have_passed = matches!(cause, MergeError::DamagedClip { .. });
             let released = queue.storage.fail_merge(claim, may_have_passed, Timestamp::now()).await;
             log_failed_release(claim, released);
         }
@@ -140,42 +140,69 @@ pub(super) enum MergeError {
     Panicked,
     #[error("no thread could be started for the merge: {0}")]
     NoThread(std::io::Error),
-    #[error("a stored file of the map is damaged: {0}")]
-    Damaged(#[from] UnknownFileFormat),
-    #[error("the stored files of clip {clip} are damaged ({damage}); align the clip again")]
-    DamagedClip { clip: Uuid, damage: UnknownFileFormat },
+    #[error("a stored file of the last map is missing or damaged")]
+    DamagedMap,
+    #[error("the stored files of clip {clip} are missing or damaged; align the clip again")]
+    DamagedClip { clip: Uuid },
     #[error("the LiDAR map cannot be read any more: {0}")]
     Lidar(#[from] LidarError),
-    #[error("a clip was removed or aligned again meanwhile")]
-    Gone,
     #[error("nobody waits for the merge any more")]
     Abandoned,
 }
 
+/// Merges from the last map; from the clips alone if its files are damaged.
 async fn try_merge(
     storage: &Arc<Storage>,
     claim: &MergeClaim,
     surface: SurfaceLabels,
 ) -> Result<Merged, MergeError> {
-    let manifest = storage.last_manifest(claim).await?;
-    let (claim, assembly) = assemble_readable(storage, claim, &manifest).await?;
+    let last = readable(&claim.home, storage.last_manifest(claim).await)?;
+    match merge_from(&last, storage, claim, surface.clone()).await {
+        Err(damage @ MergeError::DamagedMap) => {
+            error!(home = %claim.home, %damage, "the map is made again from its clips");
+            merge_from(&Manifest::default(), storage, claim, surface).await
+        }
+        merged => merged,
+    }
+}
+
+/// Returns nothing instead of a file of the last map that is damaged: the map can be made without it.
+fn readable<T: Default>(home: &HomeId, file: Result<T, StorageError>) -> Result<T, StorageError> {
+    match file {
+        Err(damage @ StorageError::Column { .. }) => {
+            error!(%home, %damage, "a file of the last map is left out");
+            Ok(T::default())
+        }
+        file => file,
+    }
+}
+
+async fn merge_from(
+    manifest: &Manifest,
+    storage: &Arc<Storage>,
+    claim: &MergeClaim,
+    surface: SurfaceLabels,
+) -> Result<Merged, MergeError> {
+    let (claim, assembly) = assemble_readable(storage, claim, manifest).await?;
     let claim = &claim;
-    let scenes = storage.last_scenes(claim).await?;
+    let scenes = readable(&claim.home, storage.last_scenes(claim).await)?;
     let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
-    let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
+    let is_same = assembly.manifest == *manifest && corrections == claim.corrections.version;
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
-    let mut levels = levels(storage, claim, &manifest, scenes).await?;
+    let mut levels = levels(storage, claim, manifest, scenes).await?;
     let is_labelled = assembly.is_labelled_by(surface.as_deref());
     for level in &mut levels {
         level.is_same = is_labelled && level.last.is_described() && !assembly.touches(level.file.level);
     }
-    let kept = kept_tiles(storage, claim, &assembly, &levels).await?;
+    let last_tiles = storage.last_tiles(claim).await?;
+    let kept = kept_tiles(storage, &last_tiles, &assembly, &levels).await?;
     let label = move || label(assembly, kept, surface.as_deref());
-    let new =
+    let mut new =
         on_own_thread(move || revision(label()?, &levels))?.await.unwrap_or(Err(MergeError::Panicked))?;
+    remove_others(&mut new, &last_tiles);
     let tiles = new.tiles.len();
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
@@ -192,8 +219,8 @@ async fn assemble_readable(
     let min_clips = (claim.members.len() - claim.members.len().div_ceil(10)).max(1);
     loop {
         match assemble(storage, &claim, last).await {
-            Err(damage @ MergeError::DamagedClip { clip, .. }) if claim.members.len() > min_clips => {
-                error!(home = %claim.home, %damage, "a clip is left out of the map");
+            Err(damage @ MergeError::DamagedClip { clip }) if claim.members.len() > min_clips => {
+                warn!(home = %claim.home, %damage, "a clip is left out of the map");
                 claim.members.retain(|member| member.clip != clip);
             }
             assembly => return Ok((claim, assembly?)),
@@ -204,7 +231,7 @@ async fn assemble_readable(
 /// Returns the tiles of the last revision that the next one keeps, without those of levels that stay as they were.
 async fn kept_tiles(
     storage: &Storage,
-    claim: &MergeClaim,
+    last_tiles: &[MapFile],
     assembly: &Assembly,
     levels: &[Level],
 ) -> Result<Vec<(TileKey, Bytes)>, MergeError> {
@@ -212,13 +239,23 @@ async fn kept_tiles(
         let stays = levels.iter().any(|level| level.is_same && level.file.level == key.level);
         !stays && !assembly.changed.contains_key(key)
     };
-    let files = storage.last_tiles(claim).await?.into_iter();
-    let needed = files.filter_map(|file| Some((file.tile.filter(is_needed)?, file)));
-    let read = |(key, file): (TileKey, MapFile)| async move {
-        Ok((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::Gone)?))
+    let needed = last_tiles.iter().filter_map(|file| Some((file.tile.filter(is_needed)?, file)));
+    let read = |(key, file): (TileKey, &MapFile)| {
+        let file = file.clone();
+        async move { Ok((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::DamagedMap)?)) }
     };
     let reads: Vec<_> = needed.map(read).collect();
     stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
+}
+
+/// Removes the tiles of the last revision that are not in the new one: a map that is made from the clips alone does not
+/// know them.
+fn remove_others(new: &mut NewRevision, last_tiles: &[MapFile]) {
+    let there: BTreeSet<TileKey> = new.manifest.tiles.iter().map(|(key, _)| *key).collect();
+    let told: BTreeSet<TileKey> = new.tiles.iter().map(|(key, _)| *key).collect();
+    let others = last_tiles.iter().filter_map(|file| file.tile);
+    let others = others.filter(|key| !there.contains(key) && !told.contains(key));
+    new.tiles.extend(others.map(|key| (key, None)));
 }
 
 /// A level of the home, as the description needs it.
@@ -276,7 +313,8 @@ fn label(
     surface: Option<&SurfaceNetwork>,
 ) -> Result<LabelledMap, MergeError> {
     let read = |(key, bytes): (TileKey, Bytes)| Ok((key, Tile::read(&bytes)?));
-    let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>()?;
+    let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>();
+    let kept = kept.map_err(|_| MergeError::DamagedMap)?;
     let map = assembly.label(kept, surface);
     if let Some(failure) = &map.failure {
         warn!(%failure, "the surface network failed: parts of the map have the labels of the clips and of the shapes");

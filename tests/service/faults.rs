@@ -1,10 +1,12 @@
 //! Faults of the machine that a restart does not cure: what the operator is told, and what is served meanwhile.
 
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::fs::{self, OpenOptions};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use tempfile::TempDir;
+use viola_testing::client::Client;
 use viola_testing::disk::{Disk, SmallDisk};
 use viola_testing::process::{Process, prepared, program, viola};
 use viola_testing::{eventually, room, zips};
@@ -22,19 +24,40 @@ fn cut(file: &Path, bytes: u64) {
     OpenOptions::new().write(true).open(file).unwrap().set_len(bytes).unwrap();
 }
 
-fn file_below(folder: &Path, is_wanted: impl Fn(&Path) -> bool) -> PathBuf {
-    let mut folders = vec![folder.to_owned()];
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            match path.is_dir() {
-                true => folders.push(path),
-                false if is_wanted(&path) => return path,
-                false => {}
-            }
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
     }
-    panic!("there is no such file")
+    files
+}
+
+fn file_below(folder: &Path, is_wanted: impl Fn(&Path) -> bool) -> PathBuf {
+    files_below(folder).into_iter().find(|path| is_wanted(path)).expect("there is no such file")
+}
+
+/// Adds a clip of the room with so many frames; returns its id once it is aligned.
+async fn aligned(client: &Client, home: &str, frames: u32) -> String {
+    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
+    let path = answer.header("location").to_owned();
+    answer.ok(201);
+    assert_eq!(client.settled(&path).await["state"], "aligned");
+    path.rsplit('/').next().unwrap().to_owned()
+}
+
+/// Waits until the home's map has these clips.
+async fn mapped(client: &Client, home: &str, clips: &[&String]) {
+    let wanted: BTreeSet<&str> = clips.iter().map(|clip| clip.as_str()).collect();
+    eventually("the map has the clips", || async {
+        let map = client.get(&format!("{home}/map")).await;
+        let map = (map.status == 200).then(|| map.json())?;
+        let there = map["clips"].as_array()?.iter().filter_map(|clip| clip["clip"].as_str());
+        (there.collect::<BTreeSet<_>>() == wanted).then_some(())
+    })
+    .await;
 }
 
 #[tokio::test]
@@ -79,6 +102,39 @@ async fn a_truncated_recording_is_a_fault_of_the_service_and_others_are_aligned(
     assert_eq!((&waiting["state"], &waiting["job"]["state"]), (&json!("queued"), &json!("queued")));
     fs::write(&file, &bytes).unwrap();
     assert_eq!(server.client.settled(&bad).await["state"], "aligned");
+}
+
+/// A damaged clip is left out of its home's map until it is whole again, and damaged files of the map are made again.
+#[tokio::test]
+async fn a_map_is_made_without_damaged_files() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &["--retry-seconds", "0.1"]);
+    let client = &server.client;
+    let home = &client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let [a, b] = [aligned(client, home, 12).await, aligned(client, home, 13).await];
+    mapped(client, home, &[&a, &b]).await;
+
+    let blobs = data.path().join("blobs");
+    let cloud = file_below(&blobs, |path| path.to_string_lossy().contains(&a) && path.ends_with("cloud.ply"));
+    let whole = fs::read(&cloud).unwrap();
+    cut(&cloud, whole.len() as u64 / 2);
+    let c = &aligned(client, home, 14).await;
+    mapped(client, home, &[&b, c]).await;
+    fs::remove_file(&cloud).unwrap();
+    let d = &aligned(client, home, 15).await;
+    mapped(client, home, &[&b, c, d]).await;
+    fs::write(&cloud, &whole).unwrap();
+    let e = &aligned(client, home, 16).await;
+    mapped(client, home, &[&a, &b, c, d, e]).await;
+
+    for file in files_below(&blobs.join("home-maps")) {
+        cut(&file, fs::metadata(&file).unwrap().len() / 2);
+    }
+    let f = &aligned(client, home, 17).await;
+    mapped(client, home, &[&a, &b, c, d, e, f]).await;
+    let points = client.get(&format!("{home}/map/points")).await;
+    assert!(points.status == 200 && points.bytes.len() > 10_000, "{} {}", points.status, points.bytes.len());
 }
 
 #[tokio::test]

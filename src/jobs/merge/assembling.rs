@@ -12,9 +12,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
 use viola_home as home;
-use viola_home::{
-    Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, UnknownFileFormat, read_features,
-};
+use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
 use viola_reconstruct::Feature;
 
 /// The files that the thread needs.
@@ -50,15 +48,15 @@ impl LoadClips<MergeError> for Loader {
         let names = &[result_file::CLOUD, result_file::VIEWS];
         let files = self.files(members, names)?;
         let read = |(member, files): (&&Member, &[Option<Bytes>])| {
-            let [Some(cloud), Some(views)] = files else { return Err(MergeError::Gone) };
-            ClipContribution::read(cloud, views).map_err(|damage| damaged(member, damage))
+            let [Some(cloud), Some(views)] = files else { return Err(damaged(member)) };
+            ClipContribution::read(cloud, views).map_err(|_| damaged(member))
         };
         members.par_iter().zip(files.par_chunks(names.len())).map(read).collect()
     }
 
     fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, MergeError> {
         let read = |(member, file): (&&Member, &Option<Bytes>)| match file {
-            Some(features) => read_features(features).map_err(|damage| damaged(member, damage)),
+            Some(features) => read_features(features).map_err(|_| damaged(member)),
             None => Ok(Vec::new()),
         };
         members.par_iter().zip(&self.files(members, &[result_file::FEATURES])?).map(read).collect()
@@ -108,8 +106,10 @@ pub(super) async fn assemble(
     end.await.unwrap_or(Err(MergeError::Panicked))
 }
 
-fn damaged(member: &Member, damage: UnknownFileFormat) -> MergeError {
-    MergeError::DamagedClip { clip: member.clip, damage }
+/// The error of a clip with a missing or damaged file. If the clip was removed or aligned again meanwhile, the home is due
+/// again.
+fn damaged(member: &Member) -> MergeError {
+    MergeError::DamagedClip { clip: member.clip }
 }
 
 async fn files(storage: &Storage, members: &[Member], names: &[&str]) -> Result<Files, StorageError> {
