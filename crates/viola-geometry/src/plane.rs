@@ -16,6 +16,7 @@ impl Plane {
     }
 
     /// Returns the signed distance, positive on the side that the normal points to.
+    #[inline]
     pub fn height_m(&self, point: &Point3) -> f64 {
         self.normal.dot(&point.coords) - self.offset_m
     }
@@ -25,17 +26,15 @@ impl Plane {
     }
 
     /// Returns the plane of least squared distance to the points, or `None` if they do not span one.
-    pub fn fit<'a>(points: impl Iterator<Item = &'a Point3> + Clone) -> Option<Plane> {
-        let mut count = 0usize;
-        let mut sum = Vector3::zeros();
-        for point in points.clone() {
-            sum += point.coords;
-            count += 1;
-        }
-        if count < 3 {
+    pub fn fit(points: &[&Point3]) -> Option<Plane> {
+        if points.len() < 3 {
             return None;
         }
-        let mean = sum / count as f64;
+        let mut sum = Vector3::zeros();
+        for point in points {
+            sum += point.coords;
+        }
+        let mean = sum / points.len() as f64;
         let mut scatter = nalgebra::Matrix3::zeros();
         for point in points {
             let d = point.coords - mean;
@@ -66,7 +65,7 @@ mod tests {
                 Point3::new(x, y, z)
             })
             .collect();
-        let mut plane = Plane::fit(points.iter()).unwrap();
+        let mut plane = Plane::fit(&points.iter().collect::<Vec<_>>()).unwrap();
         if plane.normal.z < 0.0 {
             plane = plane.flipped();
         }
@@ -78,7 +77,8 @@ mod tests {
     #[test]
     fn a_line_is_no_plane() {
         let line: Vec<Point3> = (0..10).map(|i| Point3::new(f64::from(i), 0.0, 0.0)).collect();
-        assert_eq!(Plane::fit(line.iter()), None);
-        assert_eq!(Plane::fit(line[..2].iter()), None);
+        let line: Vec<&Point3> = line.iter().collect();
+        assert_eq!(Plane::fit(&line), None);
+        assert_eq!(Plane::fit(&line[..2]), None);
     }
 }

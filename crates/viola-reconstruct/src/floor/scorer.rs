@@ -49,14 +49,18 @@ impl Scorer<'_> {
     pub fn grow(&self, pick: usize) -> Option<Candidate> {
         let Scored { position_m: point, normal, .. } = self.scored[pick];
         let mut plane = Plane::through(&point, normal);
+        let mut near: Vec<&Point3> = Vec::new();
         for (distance_m, radius_m, angle) in [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (INLIER_M, 1e3, 0.25)] {
-            let near = self.scored.iter().filter(|s| {
+            let min_cosine = f64::cos(angle);
+            let is_near = |s: &&Scored| {
                 s.may_be_floor
                     && plane.height_m(&s.position_m).abs() < distance_m
-                    && s.normal.dot(&plane.normal) > f64::cos(angle)
+                    && s.normal.dot(&plane.normal) > min_cosine
                     && (s.position_m - point).norm_squared() < radius_m * radius_m
-            });
-            let fitted = Plane::fit(near.map(|s| &s.position_m))?;
+            };
+            near.clear();
+            near.extend(self.scored.iter().filter(is_near).map(|s| &s.position_m));
+            let fitted = Plane::fit(&near)?;
             plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
         }
         self.candidate(plane)
@@ -84,20 +88,20 @@ impl Scorer<'_> {
     }
 
     /// Returns the floor points within a distance of a plane.
-    fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
-        let is_on = move |s: &&Scored| {
+    fn on(&self, plane: &Plane, within_m: f64) -> Vec<&Point3> {
+        let is_on = |s: &&Scored| {
             s.may_be_floor
                 && plane.height_m(&s.position_m).abs() < within_m
                 && s.normal.dot(&plane.normal) > 0.9
         };
-        self.scored.iter().filter(is_on).map(|s| &s.position_m)
+        self.scored.iter().filter(is_on).map(|s| &s.position_m).collect()
     }
 
     /// Returns the middle of the floor points on a plane.
     pub fn middle_on(&self, plane: &Plane) -> Option<Point3> {
         let points = self.on(plane, INLIER_M);
-        let count = points.clone().count();
-        (count > 0).then(|| Point3::from(points.map(|p| p.coords).sum::<Vector3>() / count as f64))
+        let sum = || points.iter().map(|p| p.coords).sum::<Vector3>();
+        (!points.is_empty()).then(|| Point3::from(sum() / points.len() as f64))
     }
 
     /// Refits the plane to its inliers until it converges. The inlier distance starts wider, because a bent
@@ -109,7 +113,7 @@ impl Scorer<'_> {
         let mut plane = plane;
         for round in 0..ROUNDS {
             let within_m = INLIER_M * (WIDER * NARROWER.powi(round)).max(1.0);
-            let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
+            let Some(fitted) = Plane::fit(&self.on(&plane, within_m)) else { return plane };
             let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
             let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
             plane = fitted;
@@ -131,7 +135,7 @@ impl Scorer<'_> {
         /// floors tilt by 1.9 degrees.
         const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
         let up = &known_up.direction;
-        let seen: Vec<&Point3> = self.on(plane, INLIER_M).collect();
+        let seen = self.on(plane, INLIER_M);
         if seen.is_empty() {
             return *plane;
         }

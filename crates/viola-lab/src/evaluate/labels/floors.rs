@@ -215,8 +215,9 @@ fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3
     let mut plane = Plane::through(&Point3::from(up * median_m), *up);
     for round in 0..ROUNDS {
         let near_m = FOOT_M.max(0.1 * 0.8f64.powi(round));
-        let near = points.iter().copied().filter(|p| plane.height_m(p).abs() < near_m);
-        let fitted = Plane::fit(near)?;
+        let near: Vec<&Point3> =
+            points.iter().copied().filter(|p| plane.height_m(p).abs() < near_m).collect();
+        let fitted = Plane::fit(&near)?;
         plane = if fitted.normal.dot(up) < 0.0 { fitted.flipped() } else { fitted };
     }
     Some(plane)
@@ -272,7 +273,7 @@ mod tests {
             let above = (0..feet * 200).map(|i| at(i) + up * (0.04 + 0.0004 * (i % 400) as f64));
             let all: Vec<Point3> = floor.iter().copied().chain(above).collect();
             let plane = plane_without_feet(all.iter(), &up).unwrap();
-            let error = FloorError::between(&plane, &Plane::fit(floor.iter()).unwrap(), &floor[820]);
+            let error = FloorError::between(&plane, &Plane::fit(&floor.iter().collect::<Vec<_>>()).unwrap(), &floor[820]);
             prop_assert!(error.deg < 0.1 && error.m < 0.001, "{error:?}");
         }
     }
