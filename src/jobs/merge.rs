@@ -2,6 +2,7 @@
 
 mod assembling;
 mod describing;
+mod error;
 
 pub use describing::{Described, Earlier, LeftMap, describe};
 
@@ -13,6 +14,7 @@ use crate::storage::{
 };
 use assembling::assemble;
 use bytes::Bytes;
+pub(super) use error::MergeError;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use jiff::Timestamp;
 use rayon::prelude::*;
@@ -23,9 +25,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tracing::{Span, error, info, warn};
-use uuid::Uuid;
 use viola_align::LevelMap;
-use viola_formats::lidar::{LidarError, LidarMap};
+use viola_formats::lidar::LidarMap;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
     Assembly, Coverage, LabelledMap, LookedThrough, Manifest, PlacedClip, Tile, TileKey, UnknownFileFormat,
@@ -85,7 +86,7 @@ pub(super) async fn merge(
     is_new
 }
 
-/// Logs that a claim could not be given back: its lease expires, and the home is merged again.
+/// Logs that a claim could not be given back; its lease expires.
 fn log_failed_release(claim: &MergeClaim, released: Result<(), StorageError>) {
     if let Err(error) = released {
         error!(home = %claim.home, %error, "a merge could not be given back");
@@ -131,25 +132,6 @@ enum Merged {
     Stopped,
 }
 
-/// Reason why a map could not be merged.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum MergeError {
-    #[error(transparent)]
-    Storage(#[from] StorageError),
-    #[error("the merge panicked")]
-    Panicked,
-    #[error("no thread could be started for the merge: {0}")]
-    NoThread(std::io::Error),
-    #[error("a stored file of the last map is missing or damaged")]
-    DamagedMap,
-    #[error("the stored files of clip {clip} are missing or damaged; align the clip again")]
-    DamagedClip { clip: Uuid },
-    #[error("the LiDAR map cannot be read any more: {0}")]
-    Lidar(#[from] LidarError),
-    #[error("nobody waits for the merge any more")]
-    Abandoned,
-}
-
 /// Merges from the last map; from the clips alone if its files are damaged.
 async fn try_merge(
     storage: &Arc<Storage>,
@@ -187,7 +169,11 @@ async fn merge_from(
     let claim = &claim;
     let scenes = readable(&claim.home, storage.last_scenes(claim).await)?;
     let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
-    let is_same = assembly.manifest == *manifest && corrections == claim.corrections.version;
+    let last_tiles = storage.last_tiles(claim).await?;
+    // A map whose manifest was left out has more tiles than that.
+    let is_same = assembly.manifest == *manifest
+        && corrections == claim.corrections.version
+        && last_tiles.len() == manifest.tiles.len();
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
@@ -197,7 +183,6 @@ async fn merge_from(
     for level in &mut levels {
         level.is_same = is_labelled && level.last.is_described() && !assembly.touches(level.file.level);
     }
-    let last_tiles = storage.last_tiles(claim).await?;
     let kept = kept_tiles(storage, &last_tiles, &assembly, &levels).await?;
     let label = move || label(assembly, kept, surface.as_deref());
     let mut new =
@@ -248,8 +233,7 @@ async fn kept_tiles(
     stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
 }
 
-/// Removes the tiles of the last revision that are not in the new one: a map that is made from the clips alone does not
-/// know them.
+/// Removes the tiles of the last revision that a map made from the clips alone does not know.
 fn remove_others(new: &mut NewRevision, last_tiles: &[MapFile]) {
     let there: BTreeSet<TileKey> = new.manifest.tiles.iter().map(|(key, _)| *key).collect();
     let told: BTreeSet<TileKey> = new.tiles.iter().map(|(key, _)| *key).collect();
@@ -371,6 +355,7 @@ fn coverage(level: LevelName, of_level: &Coverage) -> LevelCoverage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use uuid::Uuid;
     use viola_home::{Extent, PlacedBy};
 
     fn clip(recorded_at_ms: Option<i64>) -> PlacedClip {

@@ -1,0 +1,24 @@
+//! Errors of merges.
+
+use crate::storage::StorageError;
+use uuid::Uuid;
+use viola_formats::lidar::LidarError;
+
+/// Reason why a map could not be merged.
+#[derive(Debug, thiserror::Error)]
+pub(in crate::jobs) enum MergeError {
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    #[error("the merge panicked")]
+    Panicked,
+    #[error("no thread could be started for the merge: {0}")]
+    NoThread(std::io::Error),
+    #[error("a stored file of the last map is missing or damaged")]
+    DamagedMap,
+    #[error("the stored files of clip {clip} are missing or damaged; align the clip again")]
+    DamagedClip { clip: Uuid },
+    #[error("the LiDAR map cannot be read any more: {0}")]
+    Lidar(#[from] LidarError),
+    #[error("nobody waits for the merge any more")]
+    Abandoned,
+}
