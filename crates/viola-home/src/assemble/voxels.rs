@@ -138,14 +138,18 @@ impl Voxels {
         &mut self.voxels[place as usize].1
     }
 
-    /// Returns the voxels with points.
-    fn measured(&self) -> impl Iterator<Item = &([i32; 3], Voxel)> {
-        self.voxels.iter().filter(|(_, voxel)| voxel.points > 0)
+    /// Returns the keys and places of voxels, by their keys.
+    fn ordered(&self, is_wanted: impl Fn(&Voxel) -> bool) -> Vec<([i32; 3], u32)> {
+        let wanted = (0u32..).zip(&self.voxels).filter(|(_, (_, voxel))| is_wanted(voxel));
+        let mut order: Vec<([i32; 3], u32)> = wanted.map(|(place, (key, _))| (*key, place)).collect();
+        order.sort_unstable();
+        order
     }
 
     /// Adds the points of other clips.
     pub fn merge(&mut self, others: &Voxels) {
-        others.measured().for_each(|(key, voxel)| self.at(*key).merge(voxel));
+        let measured = others.voxels.iter().filter(|(_, voxel)| voxel.points > 0);
+        measured.for_each(|(key, voxel)| self.at(*key).merge(voxel));
     }
 
     /// Removes the points of the voxels that `is_gone`.
@@ -156,18 +160,17 @@ impl Voxels {
 
     /// Returns one point per voxel, in voxel order, without voxels below `MIN_WEIGHT`.
     pub fn into_points(self) -> Vec<MapPoint> {
-        let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= MIN_WEIGHT);
-        let mut voxels: Vec<&([i32; 3], Voxel)> = well.collect();
-        voxels.sort_unstable_by_key(|(key, _)| *key);
-        let has_colors = voxels.iter().any(|(_, voxel)| voxel.color_weight > 0);
-        let point = |(key, voxel): &([i32; 3], Voxel)| {
-            let mut point = voxel.point(key, self.side_m);
+        let order = self.ordered(|voxel| voxel.weight >= MIN_WEIGHT);
+        let voxel = |place: &u32| &self.voxels[*place as usize].1;
+        let has_colors = order.iter().any(|(_, place)| voxel(place).color_weight > 0);
+        let point = |(key, place): &([i32; 3], u32)| {
+            let mut point = voxel(place).point(key, self.side_m);
             if has_colors && point.color == NO_COLOR {
                 point.color = self.color_beside(key);
             }
-            MapPoint { point, clip: voxel.most.0 }
+            MapPoint { point, clip: voxel(place).most.0 }
         };
-        voxels.into_iter().map(point).collect()
+        order.iter().map(point).collect()
     }
 
     /// Returns the mean colour of the nearest voxels that have one: pictures show less than depth at edges.

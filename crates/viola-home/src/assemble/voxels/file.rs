@@ -8,12 +8,11 @@ use viola_geometry::taxonomy::Class;
 impl Voxels {
     /// Appends the voxels in the order of their places; [`Voxels::read`] is the inverse.
     pub fn write(&self, out: &mut Vec<u8>) {
-        let mut voxels: Vec<&([i32; 3], Voxel)> = self.measured().collect();
-        voxels.sort_unstable_by_key(|(key, _)| *key);
-        put(out, voxels.len() as u64);
-        for (key, voxel) in voxels {
+        let order = self.ordered(|voxel| voxel.points > 0);
+        put(out, order.len() as u64);
+        for (key, place) in order {
             key.iter().for_each(|c| put_signed(out, i64::from(*c)));
-            voxel.write(out);
+            self.voxels[place as usize].1.write(out);
         }
     }
 
