@@ -7,6 +7,9 @@ use super::{
 use std::collections::HashSet;
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
+/// A map of the greatest side is still readable where another origin rounds its corners otherwise.
+const ROUNDING_M: f64 = 1e-6;
+
 /// The result of one format's reader.
 pub(super) struct Parts {
     pub format: &'static str,
@@ -63,7 +66,7 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
             }
         }
     }
-    bounds.check()?;
+    check_sides([0, 1].map(|axis| bounds.max_m[axis] - bounds.min_m[axis]))?;
     let cell_m = parts.cells.as_ref().map(|grid| grid.frame.cell_m);
     let cell_area_m2 = cell_m.map_or(0.0, |side| side * side);
     parts.marks.carpet_m2 = parts.carpet_m.len() as f64 * cell_area_m2;
@@ -84,6 +87,15 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     };
     let Parts { occupied_m, cells, rooms, charger, carpet_m, .. } = parts;
     Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m, frames: RobotFrames::default() })
+}
+
+/// Refuses a map with a side longer than [`MAX_SIDE_M`].
+pub(super) fn check_sides(sides_m: [f64; 2]) -> Result<(), LidarError> {
+    let [width_m, height_m] = sides_m;
+    if width_m.max(height_m) > MAX_SIDE_M + ROUNDING_M {
+        return Err(LidarError::TooLarge { width_m, height_m, max_m: MAX_SIDE_M });
+    }
+    Ok(())
 }
 
 /// Returns the known part of a grid. A home fills about a tenth of a robot's sheet.
@@ -142,14 +154,6 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    fn check(&self) -> Result<(), LidarError> {
-        let [width_m, height_m] = [0, 1].map(|axis| self.max_m[axis] - self.min_m[axis]);
-        if width_m > MAX_SIDE_M || height_m > MAX_SIDE_M {
-            return Err(LidarError::TooLarge { width_m, height_m, max_m: MAX_SIDE_M });
-        }
-        Ok(())
-    }
-
     fn add(&mut self, point: &Point2) {
         for axis in 0..2 {
             self.min_m[axis] = self.min_m[axis].min(point[axis]);

@@ -6,6 +6,7 @@ mod valetudo;
 
 pub use ros::RosFiles;
 
+use super::build::check_sides;
 use super::{Cell, LidarError, LidarMap, MAX_CELLS};
 use viola_geometry::{Grid, GridFrame, Point2};
 
@@ -59,6 +60,8 @@ fn raster_of(
     let edge = |v: f64| (v / cell_m).floor() * cell_m;
     let least = min_m.map(|v| if edge(v) > v { edge(v) - cell_m } else { edge(v) });
     let frame = GridFrame::covering(least, max_m, 0.0, cell_m);
+    // Cells reach up to a cell beyond the points, and a written map must be readable.
+    check_sides([frame.width, frame.height].map(|cells| cells as f64 * cell_m))?;
     let cells = frame.width.saturating_mul(frame.height);
     if cells > MAX_CELLS {
         return Err(LidarError::TooManyCells { cells: cells as u64, max: MAX_CELLS });
@@ -88,6 +91,17 @@ mod tests {
             let written = map.to_valetudo().unwrap();
             let read = LidarMap::read(&written.bytes).map(|read| read.occupied_m.len());
             assert_eq!(read.ok(), Some(2), "{at}");
+        }
+    }
+
+    #[test]
+    fn widest_maps_are_refused_or_readable() {
+        for (from_m, to_m, fits) in [(-75.0, 174.94, true), (-75.0, 175.0, false), (-0.01, 249.98, false)] {
+            let map = LidarMap::read(format!("x,y\n{from_m},0\n{to_m},0\n{from_m},1\n{to_m},1\n").as_bytes());
+            let written = map.unwrap().to_valetudo();
+            let read = written.as_ref().is_ok_and(|file| LidarMap::read(&file.bytes).is_ok());
+            let refused = matches!(written, Err(LidarError::TooLarge { .. }));
+            assert_eq!((read, refused), (fits, !fits), "{from_m} to {to_m} m");
         }
     }
 }
