@@ -154,6 +154,14 @@ fn too_little_is_said_to_be_too_little() {
     assert_eq!(answer.reasons[0].code, "too_few_hits");
 }
 
+#[test]
+fn a_clip_without_a_pose_has_no_probability() {
+    let map = vec![Point2::new(0.0, 0.0), Point2::new(0.1, 0.0)];
+    let answer = register(&observation(&seen(), &Pose2::IDENTITY), &target(map));
+    assert!(answer.reasons.iter().any(|reason| reason.code == "no_support"), "{:?}", answer.reasons);
+    assert_eq!((answer.map_from_clip, answer.probability, answer.covariance), (None, None, None));
+}
+
 fn of_level(level: &str, points: Vec<Point2>) -> Target {
     let mut target = target(points);
     target.level = level.parse().unwrap();

@@ -15,7 +15,6 @@ mod view;
 mod viewpoints;
 
 pub use imagine::{CompletedView, Imagination};
-pub use structure::StructureCompletion;
 pub use view::{View, camera_like};
 pub use viewpoints::{PointSets, ViewStrategy};
 
@@ -25,6 +24,7 @@ use super::register::register;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::within::Within;
 use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
+use std::cell::OnceCell;
 use std::time::Duration;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::{FloorReport, PointCloud, Reason};
@@ -33,8 +33,8 @@ use viola_reconstruct::{FloorReport, PointCloud, Reason};
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompleteParams {
     pub when: Activation,
-    /// `None` ends walls where they were last seen.
-    pub structure: Option<StructureCompletion>,
+    /// If false, walls end where they were last seen.
+    pub structure: bool,
     /// `None` uses no network for unseen parts.
     pub imagination: Option<Imagination>,
     /// Choice between the two answers.
@@ -70,7 +70,7 @@ impl Default for CompleteParams {
     fn default() -> Self {
         CompleteParams {
             when: Activation::Unsure,
-            structure: Some(StructureCompletion::default()),
+            structure: true,
             imagination: None,
             take: Take::Likelier,
             time: Duration::from_secs(60),
@@ -97,8 +97,16 @@ pub fn register_completing(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(Alignment, Option<Completion>), AlignError> {
+    let first: OnceCell<Alignment> = OnceCell::new();
     completing(observation, params, progress, &|observation, _, progress| {
-        register(observation, targets, params, progress)
+        let is_completed = || observation.views().any(|view| view.scan.hits.iter().any(|hit| hit.completed));
+        if let Some(before) = first.get().filter(|_| !is_completed()) {
+            // The same hits have the same answer.
+            return Ok(before.clone());
+        }
+        let answer = register(observation, targets, params, progress)?;
+        first.get_or_init(|| answer.clone());
+        Ok(answer)
     })
 }
 
@@ -182,11 +190,10 @@ fn fill(
     progress: &dyn Progress,
 ) -> Result<Filled, AlignError> {
     let voxel_m = on_floor.cloud_in_clip.voxel_m;
-    let structure = params.complete.structure.clone().unwrap_or_default();
-    let walls = structure::Extended::new(&on_floor.walls, &structure);
-    let mut points = match (&params.complete.structure, &on_floor.clip_from_world) {
-        (Some(structure), Some(clip_from_world)) => {
-            walls.points(&on_floor.keys, clip_from_world, voxel_m, structure)
+    let walls = structure::Extended::new(&on_floor.walls);
+    let mut points = match &on_floor.clip_from_world {
+        Some(clip_from_world) if params.complete.structure => {
+            walls.points(&on_floor.keys, clip_from_world, voxel_m, progress)?
         }
         _ => Vec::new(),
     };
@@ -258,4 +265,76 @@ fn several_minima(answer: &Alignment, margin_m: f64) -> bool {
     answer.alternatives[1..]
         .iter()
         .any(|other| other.is_different_from(best) && other.loss_m - best.loss_m < margin_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+    use viola_geometry::{Point2, Pose2, Pose3, Vector2};
+    use viola_reconstruct::label::Wall;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    /// Cancels at the second poll of the completion; the first one is at its start.
+    #[derive(Default)]
+    struct OnePoll {
+        is_completing: AtomicBool,
+        polls: AtomicUsize,
+    }
+
+    impl Progress for OnePoll {
+        fn enter(&self, stage: Stage) {
+            self.is_completing.store(stage == Stage::Complete, Ordering::Relaxed);
+        }
+
+        fn advance(&self, _: f64) {}
+
+        fn cancelled(&self) -> bool {
+            self.is_completing.load(Ordering::Relaxed) && self.polls.fetch_add(1, Ordering::Relaxed) > 0
+        }
+    }
+
+    #[test]
+    fn a_completion_without_a_hit_keeps_the_answer_and_searches_nothing() {
+        let mut params = AlignParams::default();
+        params.complete.when = Activation::Always;
+        let corner = (0..50).map(|i| 0.03 * f64::from(i));
+        let corner: Vec<Point2> =
+            corner.flat_map(|t| [Point2::new(2.0, t), Point2::new(2.0 - t, 1.5)]).collect();
+        let point = |at: &Point2| CloudPoint {
+            position_m: [at.x as f32, at.y as f32, 0.12],
+            normal: [-1.0, 0.0, 0.0],
+            color: [200; 3],
+            label: Label::NONE,
+            weight: 1,
+        };
+        let cloud_in_clip = PointCloud { points: corner.iter().map(point).collect(), voxel_m: 0.03 };
+        let camera = VirtualScan { cameras: vec![Pose2::IDENTITY], ..VirtualScan::default() };
+        let observation = Observation {
+            scan: scan::recast(&camera, &cloud_in_clip, &PointCloud::default(), &params.raycast),
+            cloud_in_clip,
+            // The wall is too far for a ray.
+            walls: vec![Wall {
+                normal: Vector2::new(-1.0, 0.0),
+                offset_m: -20.0,
+                from_m: 0.0,
+                seen_m: vec![Some((1.2, 2.4)); 30],
+            }],
+            clip_from_world: Some(Pose3::identity()),
+            floor: Some(FloorReport {
+                assumed: false,
+                camera_height_m: 1.4,
+                support_points: 1000,
+                gravity_angle_deg: None,
+            }),
+            ..Observation::default()
+        };
+        let target = Target::from_points(corner, None, None).unwrap();
+        let progress = OnePoll::default();
+        let (answer, completion) = register_completing(&observation, &[&target], &params, &progress).unwrap();
+        let report = answer.completion.unwrap();
+        assert!(report.structure_points > 0 && report.hits == 0 && report.taken, "{report:?}");
+        assert_eq!(report.before, report.after);
+        assert!(answer.map_from_clip.is_some() && completion.is_some());
+    }
 }

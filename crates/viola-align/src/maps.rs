@@ -3,12 +3,13 @@
 use crate::refine;
 use crate::scan::Hit;
 use crate::score::is_different;
-use crate::search::{Search, SearchLimits, SearchParams};
+use crate::search::{Modes, Search, SearchLimits, SearchParams};
 use crate::target::{THINNED_CELL_M, Target};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
-use viola_geometry::{Point2, Pose2, Vector2};
+use viola_geometry::{Point2, Pose2, Vector2, cell_of};
 
 /// A point of one map has a counterpart this near in the other: two cells and the noise of both.
 const NEAR_M: f64 = 0.12;
@@ -16,6 +17,8 @@ const NEAR_M: f64 = 0.12;
 const MIN_AGREEMENT: f64 = 0.7;
 /// Minimum length of the walls with a counterpart: less is found in any home.
 const MIN_WALL_M: f64 = 10.0;
+/// Side of the squares of the floor plan in which walls count up to the diagonal, however thick they are.
+const SQUARE_M: f64 = 0.25;
 /// A different pose with as many counterparts, up to this fraction, is as good.
 const MARGIN: f64 = 0.05;
 /// Longest side of a map: 60 m hold a home. Larger ones would take as much memory as a clip's job.
@@ -55,14 +58,24 @@ pub fn later_from_earlier(earlier: &LidarMap, later: &LidarMap) -> Option<Pose2>
     let ranked = || poses.iter().zip(&agreements);
     let (best, most) = ranked().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean()))?;
     let as_good = |agreement: &Agreement| agreement.mean() > most.mean() - MARGIN;
-    let is_told = !ranked().any(|(pose, agreement)| as_good(agreement) && is_different(pose, best));
+    let is_enough = |pose: &Pose2, agreement: &Agreement| {
+        agreement.is_enough() && wall_m(&from, &from_earlier(pose), &to) >= MIN_WALL_M
+    };
+    let is_told = !may_lack_one_as_good(&found)
+        && !ranked().any(|(pose, agreement)| as_good(agreement) && is_different(pose, best));
     if is_told {
-        return most.is_enough().then(|| from_earlier(best));
+        return is_enough(best, most).then(|| from_earlier(best));
     }
     // The first start is the frame that stayed.
     let (pose, agreement) = ranked().next()?;
     let stays = as_good(agreement) && !is_different(pose, &stayed);
-    (stays && agreement.is_enough()).then(|| from_earlier(pose))
+    (stays && is_enough(pose, agreement)).then(|| from_earlier(pose))
+}
+
+/// Returns whether the search ended at its budget, and an unlisted pose may score nearly as high as the best one.
+fn may_lack_one_as_good(found: &Modes) -> bool {
+    let best = found.modes.first().map_or(0.0, |mode| mode.score);
+    !found.complete && found.open_bound >= (1.0 - MARGIN) * best
 }
 
 /// Returns whether a map is as large as a home and not more: the work is then bounded.
@@ -93,8 +106,6 @@ fn hit((point_m, fraction): (&Point2, &f64), middle: &Point2) -> Hit {
 struct Agreement {
     earlier: f64,
     later: f64,
-    /// Length of the earlier map's walls with a counterpart.
-    wall_m: f64,
 }
 
 impl Agreement {
@@ -102,11 +113,7 @@ impl Agreement {
         let (near, all) = counterparts(earlier, later_from_earlier, later);
         let (near_later, all_later) = counterparts(later, &later_from_earlier.inverse(), earlier);
         let fraction = |near: f64, all: f64| if all > 0.0 { near / all } else { 0.0 };
-        Agreement {
-            earlier: fraction(near, all),
-            later: fraction(near_later, all_later),
-            wall_m: near * THINNED_CELL_M,
-        }
+        Agreement { earlier: fraction(near, all), later: fraction(near_later, all_later) }
     }
 
     fn mean(&self) -> f64 {
@@ -115,7 +122,7 @@ impl Agreement {
 
     /// A map of a part of the home lies inside that of all of it.
     fn is_enough(&self) -> bool {
-        self.earlier.max(self.later) >= MIN_AGREEMENT && self.wall_m >= MIN_WALL_M
+        self.earlier.max(self.later) >= MIN_AGREEMENT
     }
 }
 
@@ -124,16 +131,35 @@ fn counterparts(of: &Target, there_from_here: &Pose2, there: &Target) -> (f64, f
     let (mut near, mut all) = (0.0, 0.0);
     for (point, weight) in of.thinned_m.iter().zip(&of.thinned_fractions) {
         all += weight;
-        if there.field.value(&there_from_here.apply(point)) < NEAR_M {
+        if has_counterpart(point, there_from_here, there) {
             near += weight;
         }
     }
     (near, all)
 }
 
+fn has_counterpart(point: &Point2, there_from_here: &Pose2, there: &Target) -> bool {
+    there.field.value(&there_from_here.apply(point)) < NEAR_M
+}
+
+/// Returns the length of a map's walls with a counterpart in another map. A point stands for the side of its cell.
+fn wall_m(of: &Target, there_from_here: &Pose2, there: &Target) -> f64 {
+    let cell_m = THINNED_CELL_M.max(of.field.frame().cell_m);
+    let side_m = SQUARE_M.max(cell_m);
+    let most_m = side_m * std::f64::consts::SQRT_2;
+    let mut by_square: FxHashMap<[i32; 2], f64> = FxHashMap::default();
+    for (point, weight) in of.thinned_m.iter().zip(&of.thinned_fractions) {
+        if has_counterpart(point, there_from_here, there) {
+            *by_square.entry(cell_of(point, side_m)).or_default() += weight * cell_m;
+        }
+    }
+    by_square.values().map(|length_m| length_m.min(most_m)).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::search::Candidate;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -217,6 +243,28 @@ mod tests {
         ];
         for (name, earlier, later) in cases {
             assert_eq!(later_from_earlier(earlier, &later), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn the_length_of_a_wall_hardly_depends_on_the_cells_of_its_map() {
+        // Side of the cells in metres, and the wall's thickness in cells.
+        for (cell_m, thickness) in [(0.05, 1), (0.05, 3), (0.1, 1), (0.1, 2), (0.2, 1), (0.5, 1)] {
+            let cell = |i: i32| (f64::from(i) + 0.5) * cell_m;
+            let long = (6.0 / cell_m).round() as i32;
+            let wall = (0..long).flat_map(|x| (0..thickness).map(move |y| Point2::new(cell(x), cell(y))));
+            let map = Target::from_points(wall.collect(), Some(cell_m), None).unwrap();
+            let length_m = wall_m(&map, &Pose2::IDENTITY, &map);
+            assert!((5.5..8.6).contains(&length_m), "{cell_m} m, {thickness} cells: {length_m} m");
+        }
+    }
+
+    #[test]
+    fn a_search_that_ended_at_its_budget_may_lack_a_pose_as_good() {
+        let mode = Candidate { map_from_clip: Pose2::IDENTITY, score: 0.8 };
+        for (complete, open_bound, lacks) in [(false, 0.79, true), (false, 0.7, false), (true, 0.79, false)] {
+            let found = Modes { modes: vec![mode], open_bound, nodes: 0, complete };
+            assert_eq!(may_lack_one_as_good(&found), lacks, "{found:?}");
         }
     }
 

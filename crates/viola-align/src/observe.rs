@@ -349,12 +349,12 @@ impl Observation {
     }
 
     /// Returns this observation with each other floor than that of `chosen` at z = 0.
-    pub(super) fn on_other_floors(&self, chosen: &Observation) -> Vec<Observation> {
+    pub(super) fn on_other_floors(&self, chosen: &Observation) -> impl Iterator<Item = Observation> {
         let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
-        let others = self.views().filter(|view| Some(view.floor) != chosen.floor.as_ref());
-        others
-            .map(|view| self.with_floor(view.floor, view.scan.clone(), view.floor.camera_height_m - first_m))
-            .collect()
+        let others = self.views().filter(move |view| Some(view.floor) != chosen.floor.as_ref());
+        others.map(move |view| {
+            self.with_floor(view.floor, view.scan.clone(), view.floor.camera_height_m - first_m)
+        })
     }
 
     /// Returns this observation with the floor `floor_offset_m` below that of the cloud at z = 0, without other floors.

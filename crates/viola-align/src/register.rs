@@ -9,8 +9,9 @@ use crate::observe::{Observation, ScanView};
 use crate::refine::{self, Mean, Refined};
 use crate::scan::Hit;
 use crate::score::{self, Candidates, ProbabilityCaps, Ranked};
-use crate::search::{Modes, Search, SearchLimits};
+use crate::search::{Likelihood, Modes, Search, SearchLimits, reach_m};
 use crate::{AlignError, AlignParams, Target};
+use std::sync::Arc;
 use viola_geometry::LevelName;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::Reason;
@@ -127,12 +128,16 @@ impl<'a> Registration<'a> {
         targets: &'a [&'a Target],
         params: &'a AlignParams,
     ) -> Registration<'a> {
-        let search = |hypothesis: usize, target: &'a Target| {
-            let search = Search::new(&hypotheses[hypothesis].hits, target, &params.search);
+        let reach_m = hypotheses.iter().map(|one| reach_m(&one.hits)).fold(0.0, f64::max);
+        let likelihood = |target: &&Target| Arc::new(Likelihood::new(target, reach_m, &params.search));
+        let likelihoods: Vec<Arc<Likelihood>> = targets.iter().map(likelihood).collect();
+        let search = |hypothesis: usize, level: usize| {
+            let (hits, target) = (&hypotheses[hypothesis].hits, targets[level]);
+            let search = Search::sharing_as_fine(&likelihoods[level], hits, target, &params.search);
             LevelSearch { hypothesis, target, search, refined: Vec::new() }
         };
         let searches = (0..hypotheses.len())
-            .flat_map(|hypothesis| targets.iter().map(move |target| search(hypothesis, target)))
+            .flat_map(|hypothesis| (0..targets.len()).map(move |level| search(hypothesis, level)))
             .collect();
         Registration { hypotheses, targets, params, searches }
     }
@@ -251,7 +256,7 @@ fn decide(
     if answer.state != AlignmentState::Failed {
         answer.map_from_clip = Some(pose);
     } else {
-        answer.covariance = None;
+        (answer.covariance, answer.probability) = (None, None);
     }
     answer
 }

@@ -10,6 +10,7 @@ mod shape;
 
 use crate::observe::{self, Observation, Scale};
 use crate::refine;
+use crate::register::MIN_HITS;
 use crate::scan::{self, Hit};
 use crate::score::MODEL;
 use crate::within::Within;
@@ -83,13 +84,22 @@ pub(super) fn find(
     let (Some(floor), Some(clip_from_world)) = (&observation.floor, observation.clip_from_world) else {
         return Ok(Err(observation.reasons));
     };
+    if floor.camera_height_m <= 0.0 {
+        let detail = "the first camera is not above the floor, so the scale of the clip cannot be found; record from a usual height";
+        return Ok(Err([observation.reasons, vec![Reason::new("scale_unknown", detail)]].concat()));
+    }
     let shape = Shape {
         camera_height: floor.camera_height_m,
         cloud_in_clip: scan::upright(observation.cloud_in_clip),
         keys: fusion.into_key_frames(),
         clip_from_world,
     };
-    let (explanations, complete) = explanations(&shape, targets, params, &within)?;
+    let Some((explanations, complete)) = explanations(&shape, targets, params, &within)? else {
+        let detail = format!(
+            "the clip shows fewer than {MIN_HITS} standing points on walls and furniture at every plausible scale; film more of the room, and its lower half"
+        );
+        return Ok(Err([observation.reasons, vec![Reason::new("too_few_hits", detail)]].concat()));
+    };
     let Some(best) = explanations.first() else {
         let detail = "at no plausible scale the search found a place in the map where the clip could lie";
         return Ok(Err([observation.reasons, vec![Reason::new("no_candidate", detail)]].concat()));
@@ -125,24 +135,30 @@ fn behind_the_surface(hits: Vec<Hit>) -> Vec<Hit> {
 }
 
 /// Returns the explanations at all scales, the best first, and whether the search proved the optimum of each scale. If
-/// an explanation at another scale is nearly as good as the best one, the search continues.
+/// an explanation at another scale is nearly as good as the best one, the search continues. `None` if the clip has too
+/// few hits at every scale.
 fn explanations(
     shape: &Shape,
     targets: &[&Target],
     params: &AlignParams,
     progress: &dyn Progress,
-) -> Result<(Vec<Explanation>, bool), AlignError> {
+) -> Result<Option<(Vec<Explanation>, bool)>, AlignError> {
     let by_loss = |a: &Explanation, b: &Explanation| a.loss_m.total_cmp(&b.loss_m);
-    let (mut found, mut complete) = explain::explanations(shape, targets, &FIRST, params, progress)?;
+    let Some((mut found, mut complete)) = explain::explanations(shape, targets, &FIRST, params, progress)?
+    else {
+        return Ok(None);
+    };
     found.sort_by(by_loss);
     let is_near = |best: &Explanation| rivals(&found).any(|rival| rival.loss_m - best.loss_m < DOUBT_M);
-    if found.first().is_none_or(is_near) {
-        let (more, more_complete) = explain::explanations(shape, targets, &IN_DOUBT, params, progress)?;
+    if found.first().is_none_or(is_near)
+        && let Some((more, more_complete)) =
+            explain::explanations(shape, targets, &IN_DOUBT, params, progress)?
+    {
         found.extend(more);
         found.sort_by(by_loss);
         complete &= more_complete;
     }
-    Ok((found, complete))
+    Ok(Some((found, complete)))
 }
 
 /// Returns the median of the depth of some frames, in the clip's unit; `None` without a reading.

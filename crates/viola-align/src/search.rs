@@ -108,6 +108,21 @@ impl<'a> Search<'a> {
         Search::sharing(&Arc::new(likelihood), hits, params)
     }
 
+    /// Starts a search in a likelihood that other searches share, as [`Search::sharing`]. The likelihood is its own if that
+    /// has finer cells, so the modes are those of [`Search::new`].
+    pub(crate) fn sharing_as_fine(
+        likelihood: &Arc<Likelihood>,
+        hits: &[Hit],
+        target: &Target,
+        params: &'a SearchParams,
+    ) -> Search<'a> {
+        if likelihood.is_as_fine_as_for(target, reach_m(hits), params) {
+            Search::sharing(likelihood, hits, params)
+        } else {
+            Search::new(hits, target, params)
+        }
+    }
+
     /// Starts a search in a likelihood that other searches share. Its reach includes all of their hits.
     pub(crate) fn sharing(
         likelihood: &Arc<Likelihood>,

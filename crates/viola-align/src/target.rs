@@ -6,7 +6,7 @@ use super::rooms::NamedRooms;
 use pieces::Pieces;
 use rustc_hash::FxHashSet;
 use viola_formats::lidar::{Cell, LidarMap};
-use viola_geometry::{DistanceField, Grid, GridFrame, LevelName, Point2};
+use viola_geometry::{DistanceField, Grid, GridFrame, LevelName, Point2, cell_of};
 
 /// The map that a virtual scan is registered to.
 #[derive(Debug, Clone)]
@@ -60,11 +60,8 @@ impl Target {
             }
         }
         let mut taken = FxHashSet::default();
-        let thinned_m: Vec<Point2> = points_m
-            .iter()
-            .filter(|p| taken.insert([p.x, p.y].map(|c| (c / THINNED_CELL_M).floor() as i32)))
-            .copied()
-            .collect();
+        let thinned_m: Vec<Point2> =
+            points_m.iter().filter(|p| taken.insert(cell_of(p, THINNED_CELL_M))).copied().collect();
         let pieces = Pieces::new(&points_m, cell_m);
         Some(Target {
             level: LevelName::MAIN,

@@ -76,6 +76,16 @@ impl<T: Copy> Grid<T> {
     }
 }
 
+/// Returns the cell of a grid without bounds that holds a point. The origin is a corner of cell `[0, 0]`.
+pub fn cell_of(point: &Point2, side_m: f64) -> [i32; 2] {
+    [point.x, point.y].map(|c| (c / side_m).floor() as i32)
+}
+
+/// Returns a cell and the eight around it.
+pub fn cells_around([x, y]: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
+    (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,7 +17,7 @@ pub mod taxonomy;
 
 pub use camera::Pinhole;
 pub use distance_field::DistanceField;
-pub use grid::{Grid, GridFrame};
+pub use grid::{Grid, GridFrame, cell_of, cells_around};
 pub use level_name::{InvalidLevelName, LevelName, MAX_LEVELS};
 pub use plane::Plane;
 pub use pose2::{Pose2, angle_between, wrap_angle};

@@ -49,10 +49,15 @@ fn leaves_tables_that_programs_can_read() {
     assert_eq!(told, [&json!([]), &json!(2), &json!(false), &json!(false), &json!(0)], "{run}");
     assert!(run["commit"].is_string() && run["seeds"].is_string() && run["drift"].is_number(), "{run}");
     assert!(read("coverage.svg").starts_with("<svg"));
-    // The second run takes all results from the journal, including the times.
+    assert_eq!(run["labels_by"], serde_json::Value::Null, "drawn clips have no labels: {run}");
+    // The second run takes all results from the journal, including the times. Its own memory says nothing about them.
     let csv = read("clips.csv");
-    evaluate();
+    let printed = evaluate();
     assert_eq!(read("clips.csv"), csv);
+    let run: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
+    let told = ["peak_memory_bytes", "clips_at_a_time"].map(|member| &run[member]);
+    assert_eq!(told, [&serde_json::Value::Null; 2], "{run}");
+    assert!(!printed.contains("Peak memory"), "{printed}");
 }
 
 #[test]
@@ -61,6 +66,9 @@ fn options_without_an_effect_are_wrong_arguments() {
         (&["--track", "--scene", "missing", "--frames", "60"][..], "--frames"),
         (&["--home", "--set", "normal", "--methods", "viola"], "--methods"),
         (&["--scene", "missing", "--foreign"], "--foreign"),
+        (&["--set", "normal", "--frames", "0"], "--frames"),
+        (&["--set", "normal", "--clips", "0"], "--clips"),
+        (&["--set", "normal", "--drift", "nan"], "--drift"),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));

@@ -1,39 +1,26 @@
 //! Extends walls: down to the floor if only their upper part was seen, through gaps between their seen parts,
 //! and to the wall that they meet. They stay open where the camera looked through them.
 
+use rayon::prelude::*;
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose3, Vector2, Vector3};
 use viola_reconstruct::label::Wall;
 use viola_reconstruct::{CloudPoint, KeyFrame, Label};
 
-/// Parameters of extended walls.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StructureCompletion {
-    /// Maximum extension of a wall beyond its seen end to meet another one.
-    pub reach_m: f64,
-    /// Minimum angle between walls that end each other.
-    pub min_corner_rad: f64,
-    /// Wall seen only above this, and by less than the next height, is the lintel of a door.
-    pub lintel_m: f64,
-    pub lintel_height_m: f64,
-    /// Walls are extended from the floor up to this height, because the vacuum sees only low parts.
-    pub height_m: f64,
-    /// Minimum number of readings through a place of a wall that open it.
-    pub passages: u32,
-}
-
-impl Default for StructureCompletion {
-    fn default() -> Self {
-        StructureCompletion {
-            reach_m: 1.0,
-            min_corner_rad: 30f64.to_radians(),
-            lintel_m: 1.8,
-            lintel_height_m: 0.7,
-            height_m: 0.5,
-            passages: 2,
-        }
-    }
-}
+/// Maximum extension of a wall beyond its seen end to meet another one.
+const REACH_M: f64 = 1.0;
+/// Minimum angle between walls that end each other.
+const MIN_CORNER_RAD: f64 = 30f64.to_radians();
+/// Wall seen only above this, and by less than the next height, is the lintel of a door.
+const LINTEL_M: f64 = 1.8;
+const LINTEL_HEIGHT_M: f64 = 0.7;
+/// Walls are extended from the floor up to this height, because the vacuum sees only low parts.
+const HEIGHT_M: f64 = 0.5;
+/// Minimum number of readings through a place of a wall that open it.
+const PASSAGES: u32 = 2;
+/// Minimum distance behind the plane of a reading that went through it; less may be noise.
+const BEHIND_M: f64 = 0.2;
 
 /// Walls with their ends extended to each other.
 #[derive(Debug, Clone)]
@@ -50,9 +37,9 @@ struct ExtendedWall {
 }
 
 impl Extended {
-    pub(super) fn new(walls: &[Wall], params: &StructureCompletion) -> Extended {
+    pub(super) fn new(walls: &[Wall]) -> Extended {
         let extended = walls.iter().map(|wall| {
-            let (from_m, to_m) = ends(wall, walls, params);
+            let (from_m, to_m) = ends(wall, walls);
             ExtendedWall { wall: wall.clone(), from_m, to_m }
         });
         Extended { walls: extended.collect() }
@@ -64,14 +51,34 @@ impl Extended {
         keys: &[KeyFrame],
         clip_from_world: &Pose3,
         voxel_m: f64,
-        params: &StructureCompletion,
-    ) -> Vec<CloudPoint> {
+        progress: &dyn Progress,
+    ) -> Result<Vec<CloudPoint>, Cancelled> {
+        let openings = self.openings(keys, clip_from_world, progress)?;
         let mut points = Vec::new();
-        for wall in &self.walls {
-            let open = Openings::of(wall, keys, clip_from_world, params);
-            wall.add_points(&open, voxel_m, params, &mut points);
+        for (wall, open) in self.walls.iter().zip(&openings) {
+            wall.add_points(open, voxel_m, &mut points);
         }
-        points
+        Ok(points)
+    }
+
+    /// Returns the openings of each wall.
+    fn openings(
+        &self,
+        keys: &[KeyFrame],
+        clip_from_world: &Pose3,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Openings>, Cancelled> {
+        let mut openings: Vec<Openings> = self.walls.iter().map(Openings::none).collect();
+        for key in keys {
+            progress::check(progress)?;
+            let clip_from_camera = clip_from_world * key.world_from_camera;
+            let eye = clip_from_camera.translation.vector;
+            let readings = key.readings.points_in_camera();
+            let hits: Vec<Vector3> = readings.map(|reading| (clip_from_camera * reading).coords).collect();
+            let walls = openings.par_iter_mut().zip(&self.walls);
+            walls.for_each(|(open, extended)| open.add(&extended.wall, &eye, &hits));
+        }
+        Ok(openings)
     }
 
     /// Returns the first hit of a ray on the front of a wall, as a multiple of the ray's direction.
@@ -91,20 +98,20 @@ impl Extended {
 }
 
 /// Returns the start and end of a wall, extended to the walls that it meets.
-fn ends(wall: &Wall, walls: &[Wall], params: &StructureCompletion) -> (f64, f64) {
+fn ends(wall: &Wall, walls: &[Wall]) -> (f64, f64) {
     let (mut from_m, mut to_m) = (wall.from_m, wall.to_m());
     let (seen_from_m, seen_to_m) = (from_m, to_m);
     for other in walls {
-        let Some(corner) = crossing(wall, other, params.min_corner_rad) else { continue };
+        let Some(corner) = crossing(wall, other) else { continue };
         let on_other_m = corner.coords.dot(&other.along());
-        if on_other_m < other.from_m - params.reach_m || on_other_m > other.to_m() + params.reach_m {
+        if on_other_m < other.from_m - REACH_M || on_other_m > other.to_m() + REACH_M {
             continue;
         }
         let here_m = corner.coords.dot(&wall.along());
         // Of several corners beyond an end the nearest one counts: walls do not cross.
-        if here_m < seen_from_m && here_m > seen_from_m - params.reach_m {
+        if here_m < seen_from_m && here_m > seen_from_m - REACH_M {
             from_m = if from_m < seen_from_m { from_m.max(here_m) } else { here_m };
-        } else if here_m > seen_to_m && here_m < seen_to_m + params.reach_m {
+        } else if here_m > seen_to_m && here_m < seen_to_m + REACH_M {
             to_m = if to_m > seen_to_m { to_m.min(here_m) } else { here_m };
         }
     }
@@ -112,9 +119,9 @@ fn ends(wall: &Wall, walls: &[Wall], params: &StructureCompletion) -> (f64, f64)
 }
 
 /// Returns the crossing of two walls' planes on the floor plan.
-fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
+fn crossing(a: &Wall, b: &Wall) -> Option<Point2> {
     let turn = a.normal.x * b.normal.y - a.normal.y * b.normal.x;
-    if turn.abs() < min_angle_rad.sin() {
+    if turn.abs() < MIN_CORNER_RAD.sin() {
         return None;
     }
     let x = (a.offset_m * b.normal.y - b.offset_m * a.normal.y) / turn;
@@ -125,63 +132,47 @@ fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
 /// Places at which the camera looked through a wall's plane.
 struct Openings {
     from_m: f64,
-    /// One for each [`Wall::STEP_M`] from there.
-    open: Vec<bool>,
+    /// Number of readings through each [`Wall::STEP_M`] from there.
+    passages: Vec<u32>,
 }
 
 impl Openings {
-    fn of(
-        extended: &ExtendedWall,
-        keys: &[KeyFrame],
-        clip_from_world: &Pose3,
-        params: &StructureCompletion,
-    ) -> Openings {
-        /// Minimum distance behind the plane of a reading that went through it; less may be noise.
-        const BEHIND_M: f64 = 0.2;
-        let (wall, from_m, to_m) = (&extended.wall, extended.from_m, extended.to_m);
-        let steps = ((to_m - from_m) / Wall::STEP_M) as usize + 1;
-        let mut passages = vec![0; steps];
+    fn none(wall: &ExtendedWall) -> Openings {
+        let steps = ((wall.to_m - wall.from_m) / Wall::STEP_M) as usize + 1;
+        Openings { from_m: wall.from_m, passages: vec![0; steps] }
+    }
+
+    /// Counts the readings of a camera that went through the wall.
+    fn add(&mut self, wall: &Wall, eye: &Vector3, hits: &[Vector3]) {
+        let before_m = eye.xy().dot(&wall.normal) - wall.offset_m;
+        if before_m <= 0.0 {
+            return;
+        }
         let along = wall.along();
-        for key in keys {
-            let clip_from_camera = clip_from_world * key.world_from_camera;
-            let eye = clip_from_camera.translation.vector;
-            let before_m = eye.xy().dot(&wall.normal) - wall.offset_m;
-            if before_m <= 0.0 {
+        for hit in hits {
+            let behind_m = wall.offset_m - hit.xy().dot(&wall.normal);
+            if behind_m < BEHIND_M {
                 continue;
             }
-            for reading in key.readings.points_in_camera() {
-                let hit = (clip_from_camera * reading).coords;
-                let behind_m = wall.offset_m - hit.xy().dot(&wall.normal);
-                if behind_m < BEHIND_M {
-                    continue;
-                }
-                let at = eye + (hit - eye) * (before_m / (before_m + behind_m));
-                let step = (at.xy().dot(&along) - from_m) / Wall::STEP_M;
-                if at.z < params.lintel_m && step >= 0.0 && (step as usize) < steps {
-                    passages[step as usize] += 1;
-                }
+            let at = eye + (hit - eye) * (before_m / (before_m + behind_m));
+            let step = (at.xy().dot(&along) - self.from_m) / Wall::STEP_M;
+            if at.z < LINTEL_M && step >= 0.0 && (step as usize) < self.passages.len() {
+                self.passages[step as usize] += 1;
             }
         }
-        Openings { from_m, open: passages.into_iter().map(|count| count >= params.passages).collect() }
     }
 
     /// Returns whether a place along the wall, or the one beside it, is open.
     fn at(&self, along_m: f64) -> bool {
         let step = ((along_m - self.from_m) / Wall::STEP_M) as usize;
-        let near = step.saturating_sub(1)..(step + 2).min(self.open.len());
-        self.open.get(near).is_some_and(|near| near.contains(&true))
+        let near = step.saturating_sub(1)..(step + 2).min(self.passages.len());
+        self.passages.get(near).is_some_and(|near| near.iter().any(|count| *count >= PASSAGES))
     }
 }
 
 impl ExtendedWall {
     /// Adds its unseen parts as points, without the openings.
-    fn add_points(
-        &self,
-        open: &Openings,
-        voxel_m: f64,
-        params: &StructureCompletion,
-        into: &mut Vec<CloudPoint>,
-    ) {
+    fn add_points(&self, open: &Openings, voxel_m: f64, into: &mut Vec<CloudPoint>) {
         let (wall, from_m, to_m) = (&self.wall, self.from_m, self.to_m);
         let along = wall.along();
         let columns = ((to_m - from_m) / voxel_m) as usize;
@@ -190,13 +181,11 @@ impl ExtendedWall {
             let step = (along_m - wall.from_m) / Wall::STEP_M;
             let seen = if step < 0.0 { None } else { wall.seen_m.get(step as usize).copied().flatten() };
             let top_m = match seen {
-                Some((low_m, high_m))
-                    if low_m > params.lintel_m && high_m - low_m < params.lintel_height_m =>
-                {
+                Some((low_m, high_m)) if low_m > LINTEL_M && high_m - low_m < LINTEL_HEIGHT_M => {
                     continue;
                 }
-                Some((low_m, _)) => low_m.min(params.height_m),
-                None => params.height_m,
+                Some((low_m, _)) => low_m.min(HEIGHT_M),
+                None => HEIGHT_M,
             };
             if open.at(along_m) {
                 continue;
@@ -220,6 +209,7 @@ mod tests {
     use super::*;
     use viola_formats::clip::DepthImage;
     use viola_geometry::Pinhole;
+    use viola_geometry::progress::{Silent, Stage};
     use viola_reconstruct::Readings;
 
     /// Returns a wall along x at `y`, seen from the side of larger y, from x = 0 on, up to 2.4 m. Each value
@@ -243,8 +233,7 @@ mod tests {
     }
 
     fn completed(walls: &[Wall]) -> Vec<CloudPoint> {
-        let params = StructureCompletion::default();
-        Extended::new(walls, &params).points(&[], &Pose3::identity(), 0.03, &params)
+        Extended::new(walls).points(&[], &Pose3::identity(), 0.03, &Silent).unwrap()
     }
 
     #[test]
@@ -270,9 +259,8 @@ mod tests {
         let view = View { eye_m: [0.9, 2.0, 1.4], yaw_rad, pitch_rad: 0.0 };
         let readings = Readings::thin(&depth, camera);
         let key = KeyFrame::first(view.clip_from_camera(), readings);
-        let params = StructureCompletion::default();
-        let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])], &params);
-        let points = walls.points(&[key], &Pose3::identity(), 0.03, &params);
+        let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])]);
+        let points = walls.points(&[key], &Pose3::identity(), 0.03, &Silent).unwrap();
         // A third of 2.4 m of picture at 2 m: from 0.5 to 1.3 m.
         let open = |x: f64| (0.55..1.25).contains(&x);
         assert!(points.iter().all(|p| !open(p.position().x)), "the opening is respected");
@@ -289,8 +277,7 @@ mod tests {
         let low = along_y.map(|p| p.position().y).fold(f64::INFINITY, f64::min);
         assert!(low.abs() < 0.04, "{low}");
         // A ray also ends at the unseen part of the wall.
-        let params = StructureCompletion::default();
-        let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)], &params);
+        let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)]);
         let ray = Vector3::new(0.0, -1.0, -0.2);
         assert_eq!(extended.first_hit(&Point3::new(-0.3, 2.0, 1.5), &ray), Some(2.0));
         assert_eq!(extended.first_hit(&Point3::new(-0.9, 2.0, 1.5), &ray), None);
@@ -298,5 +285,22 @@ mod tests {
         // Too far to be a corner.
         let far = completed(&[wall(0.0, &[Some(0.0); 30]), side(-3.0)]);
         assert!(far.iter().all(|p| p.position().x < -2.9));
+    }
+
+    struct Stopped;
+
+    impl Progress for Stopped {
+        fn enter(&self, _: Stage) {}
+        fn advance(&self, _: f64) {}
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn the_search_for_openings_ends_at_the_next_key_frame_if_it_is_cancelled() {
+        let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])]);
+        let keys = [KeyFrame::blind(Pose3::identity())];
+        assert_eq!(walls.points(&keys, &Pose3::identity(), 0.03, &Stopped), Err(Cancelled));
     }
 }

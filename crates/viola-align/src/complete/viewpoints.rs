@@ -6,7 +6,7 @@ use crate::observe::Observation;
 use geo::{ConcaveHull, MultiPoint};
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
-use viola_geometry::{Pinhole, Point2, Point3, Vector2};
+use viola_geometry::{Pinhole, Point2, Point3, Vector2, cell_of, cells_around};
 use viola_reconstruct::PointCloud;
 
 /// Strategy for choosing views.
@@ -114,17 +114,13 @@ fn nearest(to: &Point2, of: &[Point2]) -> Option<Point2> {
     of.iter().min_by(|a, b| (*a - to).norm_squared().total_cmp(&(*b - to).norm_squared())).copied()
 }
 
-fn cell(p: &Point2, side_m: f64) -> [i32; 2] {
-    [p.x, p.y].map(|c| (c / side_m).floor() as i32)
-}
-
 /// Points thinned to one in 20 cm, for distances that need not be exact.
 struct Thinned(Vec<Point2>);
 
 impl Thinned {
     fn of(points: &[Point2]) -> Thinned {
         let mut seen = FxHashSet::default();
-        Thinned(points.iter().filter(|p| seen.insert(cell(p, 0.2))).copied().collect())
+        Thinned(points.iter().filter(|p| seen.insert(cell_of(p, 0.2))).copied().collect())
     }
 
     fn distance2(&self, from: &Point2) -> f64 {
@@ -139,15 +135,13 @@ impl Vicinity {
     fn of(points: &[Point2]) -> Vicinity {
         let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
         for point in points {
-            cells.entry(cell(point, VICINITY_M)).or_default().push(*point);
+            cells.entry(cell_of(point, VICINITY_M)).or_default().push(*point);
         }
         Vicinity(cells)
     }
 
     fn has(&self, at: &Point2) -> bool {
-        let [x, y] = cell(at, VICINITY_M);
-        (-1..=1)
-            .flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+        cells_around(cell_of(at, VICINITY_M))
             .filter_map(|key| self.0.get(&key))
             .flatten()
             .any(|p| (p - at).norm_squared() < VICINITY_M * VICINITY_M)
@@ -167,7 +161,7 @@ fn plan(cloud: &PointCloud, at_height: &dyn Fn(f64) -> bool) -> Vec<Point2> {
     let mut points = Vec::new();
     for point in cloud.points.iter().filter(|p| at_height(f64::from(p.position_m[2]))) {
         let at = point.position().xy();
-        if seen.insert(cell(&at, CELL_M)) {
+        if seen.insert(cell_of(&at, CELL_M)) {
             points.push(at);
         }
     }
@@ -179,16 +173,16 @@ fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
     const GAP_M: f64 = 0.2;
     let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
     for point in points {
-        cells.entry(cell(point, GAP_M)).or_default().push(*point);
+        cells.entry(cell_of(point, GAP_M)).or_default().push(*point);
     }
     let mut largest = Vec::new();
     for point in points {
-        let Some(first) = cells.remove(&cell(point, GAP_M)) else { continue };
-        let (mut open, mut cluster) = (vec![cell(point, GAP_M)], first);
-        while let Some([x, y]) = open.pop() {
-            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
-                if let Some(more) = cells.remove(&[x + dx, y + dy]) {
-                    open.push([x + dx, y + dy]);
+        let Some(first) = cells.remove(&cell_of(point, GAP_M)) else { continue };
+        let (mut open, mut cluster) = (vec![cell_of(point, GAP_M)], first);
+        while let Some(at) = open.pop() {
+            for near in cells_around(at) {
+                if let Some(more) = cells.remove(&near) {
+                    open.push(near);
                     cluster.extend(more);
                 }
             }

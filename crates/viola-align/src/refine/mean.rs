@@ -15,8 +15,8 @@ use viola_geometry::{Point2, Pose2, Vector2};
 /// 2004).
 const ROUNDS: usize = 3;
 const PAIRS: u32 = 48;
-/// Standard deviations of the prior around the minimum: further away is another minimum, or the clip is
-/// unconstrained.
+/// Standard deviations of the prior around the minimum, and in later rounds around the mean of the round before: a pose
+/// further away belongs to another minimum, or the clip is unconstrained.
 const AROUND_M: f64 = 0.05;
 const AROUND_RAD: f64 = 1.5 * PI / 180.0;
 /// Factor of the draws' variances over the fitted ones, and a constant added to them.
@@ -87,8 +87,8 @@ pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Mean {
     Mean { map_from_clip: around.pose(&centre), spread }
 }
 
-/// Removes the prior's information from a covariance. A direction that the hits do not constrain gets a
-/// deviation of a metre (a radian).
+/// Removes the prior's information from a covariance. A direction that the hits do not constrain gets 20 times the
+/// prior's deviation: 1 m, or 30 degrees.
 fn without_prior(spread: &Matrix3<f64>, prior: &Vector3<f64>) -> Matrix3<f64> {
     const MIN_INFORMATION: f64 = 1.0;
     let scale = prior.map(f64::sqrt);

@@ -22,22 +22,25 @@ pub(super) struct Explanation {
 }
 
 /// Returns the explanations at all scales in all maps, and whether the search proved the optimum of
-/// each scale.
+/// each scale; `None` if the clip has too few hits at every scale.
 pub(super) fn explanations(
     shape: &Shape,
     targets: &[&Target],
     effort: &Effort,
     params: &AlignParams,
     progress: &dyn Progress,
-) -> Result<(Vec<Explanation>, bool), AlignError> {
+) -> Result<Option<(Vec<Explanation>, bool)>, AlignError> {
     let (scales, step) = shape.grid(effort, params);
     let searched = search(shape, &scales, targets, effort, params, progress)?;
+    if searched.is_empty() {
+        return Ok(None);
+    }
     let (low, high) = shape.bounds(effort);
     let explained = |searched: &Searched| explained(shape, searched, step, targets, params);
     let found: Vec<Vec<Explanation>> = searched.par_iter().map(explained).collect();
     let is_plausible = |explanation: &Explanation| (low..=high).contains(&explanation.scale);
     let explanations = found.into_iter().flatten().filter(is_plausible).collect();
-    Ok((explanations, searched.iter().all(|searched| searched.complete)))
+    Ok(Some((explanations, searched.iter().all(|searched| searched.complete))))
 }
 
 /// Refines and ranks the modes at a scale of the grid with this step, in the logarithm.
@@ -56,7 +59,8 @@ fn explained(
         }
         let refined = distinct(refine::refine_with_scale(starts, hits, target, step));
         let resized: Vec<Vec<Hit>> = refined.iter().map(|at| resized(hits, at.factor)).collect();
-        let mut scorer = PoseScorer::new(hits, scan, params.score.unknown_fraction);
+        let mut scorer =
+            PoseScorer::new(hits, scan, params.score.unknown_fraction).comparing(targets.iter().copied());
         for (Rescaled { map_from_clip, factor }, hits) in refined.into_iter().zip(&resized) {
             let scale = scale * factor;
             scorer = scorer.with_hits(hits);

@@ -103,10 +103,14 @@ fn start<'a>(
 }
 
 /// Resumes all searches, round by round, until the least usual loss is proven. Returns it, or `known_m` if that is less.
+/// Infinite without any search.
 fn deepen(searches: &mut [ScaleSearch], known_m: f64, progress: &dyn Progress) -> Result<f64, AlignError> {
     let mut until_m = 0f64;
     loop {
         let least_m = searches.iter().map(ScaleSearch::known_m).fold(known_m, f64::min);
+        if !least_m.is_finite() {
+            return Ok(least_m);
+        }
         let round = |at: &mut ScaleSearch| at.resume(until_m.min(least_m), least_m + MARGIN_M, 1, progress);
         searches.par_iter_mut().try_for_each(|at| round(at).map(drop))?;
         if until_m >= least_m {
@@ -159,5 +163,43 @@ impl ScaleSearch<'_> {
         };
         let modes = found.iter().map(good).collect();
         Ok(Searched { scale: self.scale, scan: self.scan, hits: self.hits, modes, complete })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::shape::FIRST;
+    use super::*;
+    use crate::complete::View;
+    use crate::scan;
+    use viola_formats::clip::DepthImage;
+    use viola_geometry::progress::Silent;
+    use viola_geometry::{Pinhole, Point2, Pose3};
+    use viola_reconstruct::{CloudPoint, KeyFrame, Label, PointCloud, Readings};
+
+    #[test]
+    fn a_clip_of_the_floor_alone_is_searched_at_no_scale() {
+        let floor = |i: i32| CloudPoint {
+            position_m: [0.1 * (i % 20) as f32, 0.1 * (i / 20) as f32, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            color: [200; 3],
+            label: Label::NONE,
+            weight: 1,
+        };
+        let cloud = PointCloud { points: (0..400).map(floor).collect(), voxel_m: 0.03 };
+        let camera = Pinhole { width: 96, height: 72, fx: 80.0, fy: 80.0, cx: 47.5, cy: 35.5 };
+        let depth = DepthImage { width: 96, height: 72, depth_m: vec![1.5; 96 * 72] };
+        let view = View { eye_m: [0.0, 0.0, 1.4], yaw_rad: 0.0, pitch_rad: 1.2 };
+        let shape = Shape {
+            cloud_in_clip: scan::upright(cloud),
+            keys: vec![KeyFrame::first(view.clip_from_camera(), Readings::thin(&depth, camera))],
+            clip_from_world: Pose3::identity(),
+            camera_height: 1.4,
+        };
+        let wall = (0..40).map(|i| Point2::new(0.1 * f64::from(i), 2.0)).collect();
+        let (target, params) = (Target::from_points(wall, None, None).unwrap(), AlignParams::default());
+        let (scales, _) = shape.grid(&FIRST, &params);
+        let searched = search(&shape, &scales, &[&target], &FIRST, &params, &Silent).unwrap();
+        assert!(scales.len() > 10 && searched.is_empty());
     }
 }

@@ -3,7 +3,7 @@
 use super::hit::FREE_CELL_M;
 use super::hit::RaycastParams;
 use rustc_hash::FxHashMap;
-use viola_geometry::{Point2, Pose3};
+use viola_geometry::{Point2, Pose3, cell_of};
 use viola_reconstruct::KeyFrame;
 
 /// Returns the cells that the cameras' rays crossed near the vacuum's height before their hits.
@@ -38,7 +38,7 @@ pub(super) fn free_cells(
             let mut last = None;
             for step in 0..=steps as usize {
                 let p = a + (b - a) * (step as f64 / steps);
-                let cell = [p.x, p.y].map(|c| (c / cell_m).floor() as i32);
+                let cell = cell_of(&Point2::from(p.xy()), cell_m);
                 if last != Some(cell) {
                     *counts.entry(cell).or_default() += 1;
                     last = Some(cell);

@@ -4,7 +4,7 @@ use super::hit::RaycastParams;
 use crate::scan::hit::MAX_HEIGHT_M;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{Class, Purposes};
-use viola_geometry::{Point2, Pose2, Vector2, angle_between};
+use viola_geometry::{Point2, Pose2, Vector2, angle_between, cell_of};
 use viola_reconstruct::PointCloud;
 
 /// An object that belongs in some rooms and not in others, in the clip frame.
@@ -45,7 +45,7 @@ pub(super) fn landmarks(
         if !(ABOVE_FLOOR_M..MAX_HEIGHT_M).contains(&(at.z - params.floor_m)) {
             continue;
         }
-        let cell = cells.entry([at.x, at.y].map(|c| (c / CELL_M).floor() as i32)).or_default();
+        let cell = cells.entry(cell_of(&at.xy(), CELL_M)).or_default();
         let probability = f64::from(point.label.probability());
         match cell.classes.iter_mut().find(|(class, _)| *class == point.label.class) {
             Some((_, sum)) => *sum += probability,

@@ -4,7 +4,7 @@ use super::hit::{FREE_CELL_M, HIT_SPACING_M};
 use super::hit::{Hit, RaycastParams};
 use crate::scan::hit::MAX_HEIGHT_M;
 use rustc_hash::{FxHashMap, FxHashSet};
-use viola_geometry::{Point2, Vector2};
+use viola_geometry::{Point2, Vector2, cell_of, cells_around};
 use viola_reconstruct::{CloudPoint, PointCloud};
 
 /// Surface up to this far above and below counts as being at that height (the authors' slab).
@@ -27,15 +27,6 @@ pub(super) struct Obstacles {
 }
 
 pub(super) type Cell = [i32; 2];
-
-fn cell_of(x: f64, y: f64, side_m: f64) -> Cell {
-    [x, y].map(|c| (c / side_m).floor() as i32)
-}
-
-/// Returns a cell and the eight around it.
-fn around([x, y]: Cell) -> impl Iterator<Item = Cell> {
-    (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
-}
 
 /// The vertical surface above one cell of the floor plan.
 #[derive(Default)]
@@ -67,7 +58,7 @@ impl Obstacles {
         let mut columns: FxHashMap<Cell, Column> = FxHashMap::default();
         for point in cloud.points.iter().filter(upright) {
             let (at, normal) = (point.position(), point.normal());
-            let column = columns.entry(cell_of(at.x, at.y, COLUMN_M)).or_insert_with(|| Column {
+            let column = columns.entry(cell_of(&at.xy(), COLUMN_M)).or_insert_with(|| Column {
                 low_m: at.z,
                 high_m: at.z,
                 ..Column::default()
@@ -80,8 +71,9 @@ impl Obstacles {
             column.normal_sum += normal.xy();
         }
         let extent = |cell: Cell| -> f64 {
-            let near = around(cell).filter_map(|c| columns.get(&c));
-            let (low, high) = near.fold((f64::INFINITY, 0f64), |(l, h), c| (l.min(c.low_m), h.max(c.high_m)));
+            let near = cells_around(cell).filter_map(|c| columns.get(&c));
+            let (low, high) =
+                near.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), c| (l.min(c.low_m), h.max(c.high_m)));
             (high - low).max(0.0)
         };
         let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool| Hit {
@@ -100,19 +92,18 @@ impl Obstacles {
             .filter(|p| in_slab(f64::from(p.position_m[2])))
             .map(|p| {
                 let (at, n) = (p.position(), p.normal());
-                let cell = cell_of(at.x, at.y, COLUMN_M);
-                hit(at.xy(), n.xy().normalize(), extent(cell), true)
+                hit(at.xy(), n.xy().normalize(), extent(cell_of(&at.xy(), COLUMN_M)), true)
             })
             .collect();
         // A wall whose foot was not seen still stands on the floor, unless the floor was seen there.
-        let free: FxHashSet<Cell> = free_m.iter().map(|p| cell_of(p.x, p.y, COLUMN_M)).collect();
+        let free: FxHashSet<Cell> = free_m.iter().map(|p| cell_of(p, COLUMN_M)).collect();
         let mut upper: Vec<(Cell, Hit)> = columns
             .iter()
             .filter(|(cell, column)| {
                 column.count >= 4
                     && column.high_m - column.low_m >= MIN_UPPER_EXTENT_M
                     && !free.contains(*cell)
-                    && around(**cell).all(|c| columns.get(&c).is_none_or(|near| !near.in_slab))
+                    && cells_around(**cell).all(|c| columns.get(&c).is_none_or(|near| !near.in_slab))
             })
             .filter_map(|(cell, column)| {
                 let normal = column.normal_sum.try_normalize(0.5 * f64::from(column.count))?;
@@ -127,10 +118,11 @@ impl Obstacles {
 
     /// Adds completed obstacles, except where the clip saw free floor or an obstacle itself.
     pub(super) fn add_completed(&mut self, completed: Obstacles, free_m: &[Point2]) {
-        let free_cell = |p: &Point2| cell_of(p.x, p.y, FREE_CELL_M);
+        let free_cell = |p: &Point2| cell_of(p, FREE_CELL_M);
         let free: FxHashSet<Cell> = free_m.iter().map(free_cell).collect();
-        let column = |p: &Point2| cell_of(p.x, p.y, COLUMN_M);
-        let seen: FxHashSet<Cell> = self.points.iter().flat_map(|hit| around(column(&hit.point_m))).collect();
+        let column = |p: &Point2| cell_of(p, COLUMN_M);
+        let seen: FxHashSet<Cell> =
+            self.points.iter().flat_map(|hit| cells_around(column(&hit.point_m))).collect();
         let is_new =
             |hit: &Hit| !free.contains(&free_cell(&hit.point_m)) && !seen.contains(&column(&hit.point_m));
         let new = completed.points.into_iter().filter(is_new);
@@ -163,8 +155,33 @@ impl Obstacles {
         }
         for (_, index) in nearest.into_iter().filter(|slot| *slot != NOTHING) {
             let standing = &self.points[index as usize];
-            let cell = cell_of(standing.point_m.x, standing.point_m.y, HIT_SPACING_M);
+            let cell = cell_of(&standing.point_m, HIT_SPACING_M);
             hits.entry(cell).or_insert((index as usize, Hit { from_m: *from, ..*standing }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scan::VACUUM_HEIGHT_M;
+    use viola_reconstruct::Label;
+
+    #[test]
+    fn the_extent_of_an_obstacle_is_the_same_above_a_floor_below_the_first_one() {
+        for floor_m in [0.0, -0.65] {
+            let point = |height_m: f64| CloudPoint {
+                position_m: [1.0, 0.0, (floor_m + height_m) as f32],
+                normal: [-1.0, 0.0, 0.0],
+                color: [200; 3],
+                label: Label::NONE,
+                weight: 1,
+            };
+            let cloud = PointCloud { points: [0.05, 0.15, 0.25].map(point).to_vec(), voxel_m: 0.03 };
+            let params = RaycastParams { vacuum_height_m: floor_m + VACUUM_HEIGHT_M, floor_m };
+            let obstacles = Obstacles::new(&cloud, &[], &params);
+            let extent_m = obstacles.points[0].extent_m;
+            assert!((extent_m - 0.2).abs() < 1e-6, "{floor_m} {extent_m}");
         }
     }
 }

@@ -1,13 +1,13 @@
 //! Evidence for and against a pose: the distance of the hits, and free space on both sides.
 
 use crate::rooms::NamedRooms;
-use crate::scan::{Hit, Landmark, VirtualScan};
+use crate::scan::{FREE_CELL_M, Hit, Landmark, VirtualScan};
 use crate::target::Target;
 use nalgebra::Rotation2;
 use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 use viola_formats::lidar::Cell;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{Point2, Pose2, cell_of, cells_around};
 
 /// Maximum distance that counts: a hit without a counterpart is clutter, however far it is.
 const TRUNCATION_M: f64 = 0.2;
@@ -50,13 +50,11 @@ pub struct PoseScorer<'a> {
     free_reach_m: f64,
     landmarks: &'a [Landmark],
     unknown_fraction: f64,
+    use_cells: bool,
 }
 
-/// Side of the cells in which free floor is compared.
-const CELL_M: f64 = 0.05;
-
-fn cell(point: &Point2) -> [i32; 2] {
-    [point.x, point.y].map(|c| (c / CELL_M).floor() as i32)
+fn free_cell(point: &Point2) -> [i32; 2] {
+    cell_of(point, FREE_CELL_M)
 }
 
 fn weight(hits: &[Hit]) -> f64 {
@@ -65,18 +63,24 @@ fn weight(hits: &[Hit]) -> f64 {
 
 impl<'a> PoseScorer<'a> {
     pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, unknown_fraction: f64) -> PoseScorer<'a> {
-        let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
+        let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(free_cell).collect();
         // One cell in from the edge: the edge itself is where walls stand.
-        let inner =
-            |[x, y]: &[i32; 2]| (-1..=1).all(|dy| (-1..=1).all(|dx| seen.contains(&[x + dx, y + dy])));
+        let inner = |cell: &[i32; 2]| cells_around(*cell).all(|near| seen.contains(&near));
         PoseScorer {
             hits,
             weight: weight(hits),
             free: seen.iter().filter(|c| inner(c)).copied().collect(),
-            free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
+            free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + FREE_CELL_M,
             landmarks: &scan.landmarks,
             unknown_fraction,
+            use_cells: true,
         }
+    }
+
+    /// Returns the scorer for a comparison of poses in these maps. The states of cells count only if all of the maps have
+    /// cells: the same hits have a smaller loss in a map of bare points.
+    pub(crate) fn comparing<'t>(self, mut maps: impl Iterator<Item = &'t Target>) -> PoseScorer<'a> {
+        PoseScorer { use_cells: maps.all(|target| target.cells.is_some()), ..self }
     }
 
     /// Returns the scorer of the same scan for other hits.
@@ -92,10 +96,11 @@ impl<'a> PoseScorer<'a> {
     pub fn evidence(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
         let mut evidence = Evidence::default();
         let turn = Rotation2::new(map_from_clip.yaw_rad);
+        let use_cells = self.use_cells && target.cells.is_some();
         for hit in self.hits {
             let at = map_from_clip.apply(&hit.point_m);
             let distance_m = target.field.value(&at);
-            let state = target.cell_at(&at);
+            let state = if use_cells { target.cell_at(&at) } else { Cell::Unknown };
             let cut_m = match state {
                 Cell::Unknown => TRUNCATION_M * self.unknown_fraction,
                 _ => TRUNCATION_M,
@@ -104,7 +109,7 @@ impl<'a> PoseScorer<'a> {
             evidence.distance_m += hit.weight * distance_m.min(cut_m);
             evidence.inliers += hit.weight * indicator(distance_m < INLIER_M);
             evidence.hits_on_floor += hit.weight * indicator(on_floor);
-            if distance_m < INLIER_M && target.cells.is_some() {
+            if distance_m < INLIER_M && use_cells {
                 let before = at + turn * hit.normal * BEFORE_WALL_M;
                 evidence.unseen_sides += hit.weight * indicator(target.cell_at(&before) == Cell::Unknown);
             }
@@ -132,7 +137,7 @@ impl<'a> PoseScorer<'a> {
             .iter()
             .zip(&target.thinned_fractions)
             .filter(|(p, _)| (*p - origin).norm_squared() < reach2)
-            .filter(|(p, _)| self.free.contains(&cell(&clip_from_map.apply(p))))
+            .filter(|(p, _)| self.free.contains(&free_cell(&clip_from_map.apply(p))))
             .map(|(_, fraction)| fraction)
             .sum::<f64>();
         contradicted / (contradicted + self.hits.len() as f64).max(1.0)

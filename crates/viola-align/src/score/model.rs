@@ -13,7 +13,8 @@ pub struct Model {
     pub loss: LossWeights,
     /// A rival that loses by this much is e times less probable, for a clip of [`TYPICAL_HITS`].
     pub temperature_m: f64,
-    /// Factor of the temperature in the bound of the probability by the odds.
+    /// Factor of the temperature in the bound of the probability by the odds of other poses; rivals at other scales count
+    /// with the temperature itself.
     pub bound: f64,
     pub intercept: f64,
     pub coefficients: Vec<Coefficient>,

@@ -8,7 +8,7 @@ use crate::scan::{Hit, VirtualScan};
 use crate::target::Target;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{Point2, Pose2, cell_of, cells_around};
 
 /// Parameters of the ranking; the experiments vary them.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,11 +50,13 @@ pub struct Candidates<'a> {
 }
 
 /// Returns the refined poses above all floors and on all levels by how well they explain the clip, the best
-/// first, without duplicates. Losses are means over the hits, so they can be compared.
+/// first, without duplicates. Losses are means over the hits, and use the same kinds of evidence in all maps, so they can
+/// be compared.
 pub fn rank(candidates: &[Candidates], params: &ScoreParams) -> Vec<Ranked> {
-    let of = |candidates: &Candidates| -> Vec<Ranked> {
-        let scorer = PoseScorer::new(candidates.hits, candidates.scan, params.unknown_fraction);
-        candidates.refined.par_iter().map(|pose| ranked(pose, candidates, &scorer, params)).collect()
+    let of = |one: &Candidates| -> Vec<Ranked> {
+        let scorer = PoseScorer::new(one.hits, one.scan, params.unknown_fraction)
+            .comparing(candidates.iter().map(|other| other.target));
+        one.refined.par_iter().map(|pose| ranked(pose, one, &scorer, params)).collect()
     };
     let mut ranked: Vec<Ranked> = candidates.iter().flat_map(of).collect();
     ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
@@ -91,18 +93,64 @@ fn distinct(sorted: Vec<Ranked>, most: usize) -> Vec<Ranked> {
 
 /// Returns the fraction of the map's points with a hit beside them: the paper's coverage, at this pose.
 pub fn coverage(map_from_clip: &Pose2, hits: &[Hit], target: &Target) -> f64 {
-    let cell = |p: &Point2| [p.x, p.y].map(|c| (c / INLIER_M).floor() as i32);
     let mut placed: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
     for hit in hits {
         let point = map_from_clip.apply(&hit.point_m);
-        placed.entry(cell(&point)).or_default().push(point);
+        placed.entry(cell_of(&point, INLIER_M)).or_default().push(point);
     }
     let covered = |point: &Point2| {
-        let [x, y] = cell(point);
-        (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy])).any(|key| {
+        cells_around(cell_of(point, INLIER_M)).any(|key| {
             placed.get(&key).is_some_and(|near| near.iter().any(|p| (p - point).norm() < INLIER_M))
         })
     };
     let count = target.points_m.iter().filter(|p| covered(p)).count();
     count as f64 / target.points_m.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+    use viola_formats::lidar::Cell;
+    use viola_geometry::{Grid, GridFrame, Vector2};
+
+    /// The map of one wall on two levels, as cells and as bare points.
+    #[test]
+    fn a_map_of_cells_and_one_of_bare_points_are_compared_by_the_same_evidence() {
+        let frame = GridFrame::covering([0.0, 0.0], [4.0, 4.0], 0.0, 0.05);
+        let wall: Vec<Point2> = (0..frame.height).map(|y| frame.centre(40, y)).collect();
+        let mut cells = Grid::filled(frame, Cell::Free);
+        (0..frame.height).for_each(|y| cells.set(40, y, Cell::Occupied));
+        let level = |name: &str, cells: Option<Grid<Cell>>| {
+            let mut target = Target::from_points(wall.clone(), Some(0.05), cells).unwrap();
+            target.level = name.parse().unwrap();
+            target
+        };
+        let (cells, bare) = (level("main", Some(cells)), level("upper", None));
+        // A third of the hits lies on free floor.
+        let hit = |i: i32| {
+            let x_m = if i % 3 == 0 { 1.0 } else { wall[0].x };
+            Hit::standing(Point2::new(x_m, 0.05 * f64::from(i)), Vector2::new(-1.0, 0.0))
+        };
+        let hits: Vec<Hit> = (0..60).map(hit).collect();
+        let scan = VirtualScan::default();
+        let refined = [Refined { map_from_clip: Pose2::IDENTITY, covariance: Matrix3::identity() }];
+        let losses = |targets: &[&Target]| -> Vec<f64> {
+            let candidates: Vec<Candidates> = targets
+                .iter()
+                .map(|&target| Candidates {
+                    hypothesis: 0,
+                    hits: &hits,
+                    scan: &scan,
+                    target,
+                    refined: &refined,
+                })
+                .collect();
+            let ranked = rank(&candidates, &ScoreParams::default());
+            ranked.iter().map(|ranked| ranked.alternative.loss_m).collect()
+        };
+        let of_bare = losses(&[&bare])[0];
+        assert_eq!(losses(&[&cells, &bare]), [of_bare; 2]);
+        assert!(losses(&[&cells])[0] > of_bare + 0.02, "cells contradict hits on free floor");
+    }
 }

@@ -132,6 +132,11 @@ impl Likelihood {
         let pyramid = Pyramid::new(frame.width, frame.height, raster.border(), raster.levels, likelihood);
         Likelihood { raster, pyramid }
     }
+
+    /// Returns whether its cells are those of a likelihood for a smaller reach.
+    pub(super) fn is_as_fine_as_for(&self, target: &Target, reach_m: f64, params: &SearchParams) -> bool {
+        self.raster.frame == Raster::new(target.field.frame(), reach_m, params).frame
+    }
 }
 
 /// Returns the weight of a hit in sixteenths.

@@ -116,6 +116,21 @@ proptest! {
     }
 }
 
+/// The searches above several floors share the likelihood of a level.
+#[test]
+fn a_likelihood_for_a_larger_reach_is_shared_and_changes_no_bit() {
+    let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
+    let params = SearchParams { first: SearchLimits { modes: 10, min_score_ratio: 0.8 }, ..small() };
+    let hits: Vec<Hit> = (0..16).map(|i| hit(0.05 * f64::from(i % 4), 0.07 * f64::from(i / 4))).collect();
+    let alone = search(&hits, &target, &params);
+    for more_m in [0.0, 0.4, 7.0, 1e5] {
+        let likelihood = Arc::new(Likelihood::new(&target, reach_m(&hits) + more_m, &params));
+        let mut shared = Search::sharing_as_fine(&likelihood, &hits, &target, &params);
+        assert_eq!(Arc::strong_count(&likelihood), 2, "{more_m}");
+        assert_eq!(shared.run(&params.first, &Silent).unwrap(), alone, "{more_m}");
+    }
+}
+
 /// The same room is found from outside of the map, wherever the clip begins.
 #[test]
 fn a_clip_that_begins_outside_of_the_map_is_found() {

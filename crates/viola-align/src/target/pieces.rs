@@ -1,7 +1,7 @@
 //! Connected pieces of a map's points: a long wall is better evidence than one stray cell.
 
 use rustc_hash::FxHashMap;
-use viola_geometry::Point2;
+use viola_geometry::{Point2, cell_of, cells_around};
 
 /// Minimum side of the cells that connect points; points in touching cells are one piece.
 const JOIN_M: f64 = 0.1;
@@ -20,21 +20,13 @@ pub(super) struct Pieces {
     fraction_by_cell: FxHashMap<Key, f64>,
 }
 
-fn key(point: &Point2, join_m: f64) -> Key {
-    [point.x, point.y].map(|c| (c / join_m).floor() as i32)
-}
-
-fn around([x, y]: Key) -> impl Iterator<Item = Key> {
-    (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
-}
-
 impl Pieces {
     /// Finds the pieces of a map's points. `cell_m` is the side of the map's cells, if it has any.
     pub fn new(points_m: &[Point2], cell_m: Option<f64>) -> Pieces {
         let join_m = JOIN_M.max(JOIN_CELLS * cell_m.unwrap_or(0.0));
         let mut bounds: FxHashMap<Key, [Point2; 2]> = FxHashMap::default();
         for point in points_m {
-            let cell = bounds.entry(key(point, join_m)).or_insert([*point; 2]);
+            let cell = bounds.entry(cell_of(point, join_m)).or_insert([*point; 2]);
             *cell = [cell[0].inf(point), cell[1].sup(point)];
         }
         let mut fraction_by_cell = FxHashMap::default();
@@ -52,8 +44,8 @@ impl Pieces {
     /// Returns how much the piece at a point counts, 0..1: its extent as a fraction of a long piece's. Points
     /// without a piece count fully.
     pub fn fraction(&self, point: &Point2) -> f64 {
-        let near =
-            around(key(point, self.join_m)).filter_map(|cell| self.fraction_by_cell.get(&cell).copied());
+        let cells = cells_around(cell_of(point, self.join_m));
+        let near = cells.filter_map(|cell| self.fraction_by_cell.get(&cell).copied());
         near.reduce(f64::max).unwrap_or(1.0)
     }
 }
@@ -65,7 +57,7 @@ fn connected(start: Key, bounds: &FxHashMap<Key, [Point2; 2]>) -> (Vec<Key>, f64
     let mut next = 0;
     while let Some(&cell) = piece.get(next) {
         next += 1;
-        piece.extend(around(cell).filter(|near| bounds.contains_key(near) && known.insert(*near)));
+        piece.extend(cells_around(cell).filter(|near| bounds.contains_key(near) && known.insert(*near)));
     }
     let boxes = piece.iter().filter_map(|cell| bounds.get(cell).copied());
     let all = boxes.reduce(|a, b| [a[0].inf(&b[0]), a[1].sup(&b[1])]);

@@ -196,7 +196,7 @@ impl Way {
         }
         if !self.structure {
             params.hit_weights.upper_weight = 0.0;
-            params.complete.structure = None;
+            params.complete.structure = false;
         }
         if let Some(views) = self.views {
             params.complete.imagination = Some(Imagination { views, ..imagination?.clone() });
