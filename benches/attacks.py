@@ -5,7 +5,8 @@
 
 Starts `VIOLA serve` on loopback with a folder of its own, without workers. One tenant is honest: it reads its homes 20 times a second, and
 uploads a clip every two seconds. Another tenant attacks: bodies that do not end (JSON, with and without a key), heads that do not end,
-exports and points that are not read, event streams, empty partial uploads, archives that unpack 48 times, and wrong keys. Each phase takes SECONDS (20):
+exports and points that are not read, event streams, empty partial uploads, archives that unpack 48 times, dry runs that do not end, sign-ins,
+compressed documents, and wrong keys. Each phase takes SECONDS (20):
 without attacks, then with them. The attack is a process of its own of the lowest priority, because attackers do not share the server's
 processors. Needs Python 3 only.
 """
@@ -127,12 +128,16 @@ class Attack:
         self.port, self.key, self.sockets = port, key, []
         post = "PUT /v1/session HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 60000\r\n\r\n{"
         get = lambda path: f"GET {path} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\n\r\n"
-        kinds = [(STALLED, post), (STALLED, "GET / HTTP/1.1\r\nHost: localhost\r\n"), (UNREAD, get("/v1/homes/x/export")),
+        dry_run = f"POST /v1/homes/x/clips?dry_run=true HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\nContent-Length: 60000000\r\n\r\n"
+        kinds = [(STALLED, post), (UNREAD, dry_run + "x" * 100_000), (STALLED, "GET / HTTP/1.1\r\nHost: localhost\r\n"), (UNREAD, get("/v1/homes/x/export")),
                  (UNREAD, get("/openapi.json") * 32), (STREAMS, get("/v1/homes/x/events"))]
         bomb = tarbomb(clip)
         loops = [lambda: self.sockets_of(kinds)]
         loops += [lambda: self.again("POST", "/v1/homes/x/clips", bomb)] * 4
         loops += [lambda: self.again("POST", "/v1/uploads", b"", Tus_Resumable="1.0.0", Upload_Concat="partial", Upload_Defer_Length="1")] * 2
+        sign_in = json.dumps({"key": key}).encode()
+        loops += [lambda: self.again("PUT", "/v1/session", sign_in, Content_Type="application/json")] * 2
+        loops += [lambda: self.again("GET", "/openapi.json", Accept_Encoding="br")] * 2
         loops += [self.guess] * 2
         threads = [threading.Thread(target=loop) for loop in loops]
         [thread.start() for thread in threads]

@@ -162,12 +162,9 @@ def changes(runs):
 def metres(runs):
     rows = []
     for run in runs.values():
-        table = run.json("table.json")
-        results = [json.loads(line)["result"] for line in (run.folder / "results.jsonl").read_text().splitlines()]
-        for row in (row for row in table if "(" not in row["set"]):
-            errors = [result["scale_error"] for result in results if result["set"] == row["set"]]
-            errors = [abs(error) for error in errors if error is not None]
-            rows.append(row | ({"scale": median(errors), "worst": max(errors)} if errors else {}))
+        for row in (row for row in run.json("table.json") if "(" not in row["set"]):
+            scale = row["scale"]
+            rows.append(row | ({"scale": scale["median"], "worst": scale["worst"]} if scale else {}))
     return rows
 
 

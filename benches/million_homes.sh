@@ -3,14 +3,14 @@
 #
 # URL is a database of a superuser, such as postgres://postgres@127.0.0.1/test. The script makes a schema in it and removes it at
 # the end. The schema has homes (one tenant owns nine in ten), three clips and jobs for each, and an object for each third home.
-# The binary serves and works on it, and `auto_explain` logs every statement with its plan to target/million_homes.log. The
+# VIOLA, by default the `viola` of the PATH, serves and works on it, and `auto_explain` logs every statement with its plan to target/million_homes.log. The
 # script prints the number of runs and the longest time in milliseconds of each kind of statement. The rows have empty documents,
 # so some requests end in 500 after their rows were read.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 url="$1"
 homes="${2:-1000000}"
-viola="${VIOLA:-target/release/viola}"
+viola="${VIOLA:-viola}"
 schema=viola_million
 scratch="$(mktemp -d)"
 log=target/million_homes.log

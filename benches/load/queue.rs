@@ -70,7 +70,7 @@ async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
         from_earlier: None,
         image_png: vec![0],
     };
-    storage.put_lidar_map(&home, new, |_| true, Timestamp::now()).await?;
+    storage.put_lidar_map(&home, new, None, |_| true, Timestamp::now()).await?;
     Ok(home)
 }
 

@@ -27,12 +27,14 @@ pub fn run(arguments: &CleanArguments) -> Result<()> {
         let storage = Storage::administer(&arguments.store.params()).await?;
         let age = SignedDuration::try_from(arguments.older_than_seconds)?;
         let uploads = storage.expire_uploads(Timestamp::now()).await?;
-        while storage.finish_deletions().await? > 0 {}
+        let deletions = storage.finish_deletions().await;
         let limit = if arguments.remove_unknown { SweepLimit::Everything } else { SweepLimit::Leftovers };
         let blobs = storage.sweep(Timestamp::now() - age, limit).await;
         storage.close().await;
         let blobs = blobs?;
         println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");
+        // A store that fails to remove some files must not keep the others from being removed.
+        deletions?;
         Ok(())
     })
 }

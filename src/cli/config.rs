@@ -2,7 +2,9 @@
 //! the default. The file is TOML whose keys are the names of the flags; a table such as `[serve]` is for that
 //! command only. `viola config` shows each value and its source.
 
+use super::args::wrong_arguments;
 use anyhow::{Context, Result, bail};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, Args, Command};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -14,7 +16,7 @@ const VARIABLE: &str = "VIOLA_CONFIG";
 /// Commands that take a configuration.
 const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "clean"];
 
-/// Told by the help of each of them.
+/// A line for the help of each of them.
 pub const HELP: &str = "Settings: a flag, else the environment, else the file named by --config FILE or VIOLA_CONFIG. \
     `viola config COMMAND` shows all of them.";
 
@@ -24,37 +26,45 @@ pub struct ConfigArguments {
     #[arg(value_name = "COMMAND", default_value = "serve")]
     command: String,
     /// Configuration file.
-    #[arg(long = "config", value_name = "FILE", env = VARIABLE)]
+    #[arg(long = "config", value_name = "FILE", env = VARIABLE, value_parser = OsStringValueParser::new().map(PathBuf::from))]
     file: Option<PathBuf>,
 }
 
 /// A configuration file's settings for one command, by the names of flags.
 type Settings = BTreeMap<String, toml::Value>;
 
-/// Returns the process's arguments with the settings of the configuration file and without its name.
+/// Returns the process's arguments with the settings of the configuration file and without its name. Those of a command
+/// without a configuration are returned unchanged, so that clap refuses `--config`.
 pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Result<Vec<OsString>> {
-    let (mut arguments, file) = take_file(given.collect())?;
-    let Some(file) = file else { return Ok(arguments) };
+    let given: Vec<OsString> = given.collect();
+    let (mut arguments, file) = take_file(given.clone());
     // Flags such as -q may stand before the command.
     let is_word = |argument: &OsString| !argument.to_string_lossy().starts_with('-');
     let Some(first) = arguments.iter().skip(1).position(is_word).map(|position| position + 1) else {
-        return Ok(arguments);
+        return Ok(given);
     };
-    let Some(name) = arguments[first].to_str().map(str::to_owned) else { return Ok(arguments) };
-    if !CONFIGURED.contains(&name.as_str()) {
-        if name == "config" {
-            arguments.extend([FLAG.into(), file.into()]);
-        }
+    let Some(name) = arguments[first].to_str().map(str::to_owned) else { return Ok(given) };
+    let is_configured = CONFIGURED.contains(&name.as_str());
+    if !is_configured && name != "config" {
+        return Ok(given);
+    }
+    if arguments.iter().any(|argument| argument == FLAG) {
+        return Err(wrong_arguments(format!("{FLAG} needs the path of a file")));
+    }
+    let Some(file) = file else { return Ok(arguments) };
+    if !is_configured {
+        arguments.extend([FLAG.into(), file.into()]);
         return Ok(arguments);
     }
     let mut command = program.find_subcommand(&name);
     let mut at = first + 1;
-    // `viola keys create`: the flags belong to the inner command.
-    while let Some(inner) = arguments.get(at).and_then(|inner| inner.to_str())
+    // `viola keys create`: the flags belong to the inner command. Flags such as -q may stand before it.
+    while let Some(next) = arguments.iter().skip(at).position(is_word)
+        && let Some(inner) = arguments[at + next].to_str()
         && let Some(found) = command.and_then(|command| command.find_subcommand(inner))
     {
         command = Some(found);
-        at += 1;
+        at += next + 1;
     }
     let Some(command) = command else { return Ok(arguments) };
     let added = added(&read(&file, &name, program)?, command, &arguments[at..])?;
@@ -62,17 +72,15 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
     Ok(arguments)
 }
 
-/// Takes `--config` out of the arguments and returns its file, by default that of the variable.
-fn take_file(mut arguments: Vec<OsString>) -> Result<(Vec<OsString>, Option<PathBuf>)> {
+/// Takes `--config` out of the arguments and returns its file, by default that of the variable. A `--config` without a
+/// file stays.
+fn take_file(mut arguments: Vec<OsString>) -> (Vec<OsString>, Option<PathBuf>) {
     // A shell may unset a variable by making it empty.
     let mut file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty()).map(PathBuf::from);
     let mut at = 1;
     while at < arguments.len() {
         let text = arguments[at].to_string_lossy().into_owned();
-        if text == FLAG {
-            if at + 1 == arguments.len() {
-                bail!("{FLAG} needs the path of a file");
-            }
+        if text == FLAG && at + 1 < arguments.len() {
             file = Some(arguments.remove(at + 1).into());
             arguments.remove(at);
         } else if let Some(path) = text.strip_prefix("--config=") {
@@ -82,7 +90,7 @@ fn take_file(mut arguments: Vec<OsString>) -> Result<(Vec<OsString>, Option<Path
             at += 1;
         }
     }
-    Ok((arguments, file))
+    (arguments, file)
 }
 
 fn read(file: &Path, command: &str, program: &Command) -> Result<Settings> {
@@ -159,10 +167,12 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     let name = arguments.command.as_str();
     let command = program.find_subcommand(name).filter(|_| CONFIGURED.contains(&name));
     let Some(command) = command else {
-        bail!("the commands with a configuration are {}", CONFIGURED.join(", "))
+        let text = format!("`{name}` has no configuration; the commands with one: {}", CONFIGURED.join(", "));
+        return Err(wrong_arguments(text));
     };
-    let settings =
-        arguments.file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
+    // A shell may unset a variable by making it empty.
+    let file = arguments.file.as_deref().filter(|file| !file.as_os_str().is_empty());
+    let settings = file.map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
     // The settings of `keys` and `tenants` are those of what they do.
     let mut shown_names = BTreeSet::new();
     let arguments = command.get_subcommands().chain([command]).flat_map(Command::get_arguments);
@@ -227,12 +237,19 @@ mod tests {
             (&["serve", "--workers=5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=5"]),
             (&["work"], &["work", "--workers=3"]),
             (&["keys", "list"], &["keys", "list"]),
-            (&["openapi"], &["openapi"]),
+            // clap refuses the flag of a command without a configuration.
+            (&["openapi"], &["openapi", "--config=FILE"]),
             (&["config", "work"], &["config", "work", "--config", "FILE"]),
         ];
         for (given, expected) in cases {
             assert_eq!(expanded(file, given).as_deref(), Ok(expected.map_to_owned().as_slice()), "{given:?}");
         }
+        let given = ["keys", "-q", "list", "--json"];
+        let expected = ["keys", "-q", "list", "--data=d", "--json"].map_to_owned();
+        assert_eq!(expanded("data = \"d\"", &given).as_deref(), Ok(expected.as_slice()));
+        let without_file = ["viola", "serve", "--config"].map(OsString::from);
+        let error = with_file(without_file.into_iter(), &program()).unwrap_err();
+        assert!(error.is::<clap::Error>() && error.to_string().contains("needs the path"), "{error}");
     }
 
     trait MapToOwned {

@@ -75,7 +75,7 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         admin_listen: None,
         storage: StorageParams::in_folder(&arguments.data.join("service")),
         workers: 1,
-        max_upload_bytes: 1 << 30,
+        max_upload_bytes: 2 << 30,
         uploads: UploadParams::default(),
         limits: LimitParams::default(),
         failed_keys: FailedKeyParams::default(),
@@ -112,7 +112,10 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
     server.await.context("the server broke down")??;
     if !arguments.exit {
         let data = arguments.data.join("service");
-        println!("Stopped. `viola serve --data {}` serves the home again.", data.display());
+        println!(
+            "Stopped. `viola serve --data {}` serves the home again, until the next demo empties the folder.",
+            data.display()
+        );
     }
     if arguments.exit && found < recordings.clips.len() {
         bail!("{found} of {} clips were found", recordings.clips.len());

@@ -9,7 +9,7 @@ mod report;
 mod track;
 mod unused;
 
-use super::args::NetworkArguments;
+use super::args::{NetworkArguments, numbers};
 use super::progress::Steps;
 use super::provenance::{commit, program};
 use anyhow::{Context, Result, bail};
@@ -25,7 +25,8 @@ use viola_lab::evaluate::{
     SceneClips, Suite, SurveyParams,
 };
 use viola_lab::simulate::{ClipParams, Sensor, Set};
-use viola_reconstruct::TrackParams;
+use viola_network::manifest::Task;
+use viola_reconstruct::{LabelParams, TrackParams};
 
 /// Length of clips by default, in frames.
 const DEFAULT_FRAMES: usize = 60;
@@ -75,6 +76,7 @@ pub struct EvaluateArguments {
     #[arg(
         long,
         default_value_t = ClipParams::default().drift,
+        value_parser = numbers::drift_m,
         conflicts_with_all = ["scene", "map", "home", "track"]
     )]
     drift: f64,
@@ -95,11 +97,11 @@ pub struct EvaluateArguments {
     #[arg(long, requires = "lidar", conflicts_with_all = ["set", "map", "labels", "track"])]
     truth: Option<PathBuf>,
     /// Lengths of the clips in frames; default: 60. For each length, the scene is cut into half-overlapping excerpts.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = numbers::frames)]
     frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
     /// default 3 (1 with --track, 14 with --joint, 6 with --changes). Map: clips of each map, default 10.
-    #[arg(long, conflicts_with_all = ["labels", "home"])]
+    #[arg(long, value_parser = numbers::clips, conflicts_with_all = ["labels", "home"])]
     clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
     /// clips against the true surface, one clip of each length for each home.
@@ -111,7 +113,7 @@ pub struct EvaluateArguments {
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
     /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home
-    /// (default 14), of the first of the --frames. Aligned clips in the output folder are not aligned again.
+    /// (default 14), of one length. Aligned clips in the output folder are not aligned again.
     #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "fit"])]
     joint: bool,
     /// Evaluate the changes of objects that the maps of simulated homes tell: homes of the set `changed` are filmed
@@ -135,7 +137,7 @@ pub struct EvaluateArguments {
         conflicts_with_all = ["labels", "home", "joint", "changes", "track"]
     )]
     methods: Vec<String>,
-    /// Output folder for tables, plots and pictures. Results that it already has are not computed again.
+    /// Output folder for tables, plots and pictures. Results of poses that it already has are not computed again.
     #[arg(long)]
     out: PathBuf,
     /// Seed of the random draws: excerpts, clips in a map, samples of RANSAC.
@@ -194,7 +196,12 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         bail!("there are no clips: the recording is shorter than the lengths asked for");
     }
     let networks = &arguments.networks;
-    let label = if arguments.scene.is_some() { networks.labels()? } else { networks.surface_labels()? };
+    let label = match () {
+        () if arguments.scene.is_some() => networks.labels()?,
+        // Drawn clips have no surface.
+        () if !arguments.map.is_empty() => LabelParams::default(),
+        () => networks.surface_labels()?,
+    };
     let track = TrackParams { refine: !arguments.keep_poses, ..TrackParams::default() };
     let observe = AlignParams { seed: arguments.seed, label, track, ..AlignParams::default() };
     let workers = match arguments.threads {
@@ -208,7 +215,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         observe: &observe,
         workers,
         journal: Some(&journal),
-        program: &program()?,
+        program: &format!("{} {}", program()?, networks.content(&tasks(arguments))?),
         pictures: Some(&pictures),
     };
     let steps = Steps::new(run.total() as u64);
@@ -221,18 +228,18 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     if results.is_empty() {
         bail!("none of the {left_out} clips has a true pose");
     }
-    report::write_all(arguments, workers, &observe.label.networks(), &results, left_out)
+    let measured = report::Measured {
+        labels_by: report::labels_by(arguments, &observe.label),
+        workers: (journal.found() == 0).then_some(workers),
+        left_out,
+    };
+    report::write_all(arguments, &measured, &results)
 }
 
 /// Fits the model to the results and writes it.
 fn fit(arguments: &EvaluateArguments, results: &[ClipResult], path: &Path) -> Result<()> {
-    let fitted_to = format!(
-        "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
-        arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
-        arguments.seeds,
-        arguments.lengths(),
-        results.len()
-    );
+    let fitted_to =
+        format!("{}, clips of {:?} frames, {} clips", source(arguments), arguments.lengths(), results.len());
     let made_by = MadeBy {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         fitted_to,
@@ -245,12 +252,44 @@ fn fit(arguments: &EvaluateArguments, results: &[ClipResult], path: &Path) -> Re
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
+/// Returns the source of the clips, for the fitted model.
+fn source(arguments: &EvaluateArguments) -> String {
+    if let Some(scene) = &arguments.scene {
+        return format!("scene {}", scene.display());
+    }
+    if !arguments.map.is_empty() {
+        let maps: Vec<String> = arguments.map.iter().map(|map| map.display().to_string()).collect();
+        return format!("maps {}", maps.join(", "));
+    }
+    let sets: Vec<&str> = arguments.set.iter().map(|set| set.name()).collect();
+    format!("sets {}, seeds {:?}", sets.join(", "), arguments.seeds)
+}
+
+/// Returns whether a method needs the networks for inpainting and depth.
+fn needs_imagination(arguments: &EvaluateArguments) -> bool {
+    let needs =
+        |name: &String| matches!(Method::named(name, arguments.seed, None), Err(NoMethod::NeedsNetworks(_)));
+    arguments.methods.iter().any(needs)
+}
+
+/// Returns the tasks of the networks that poses depend on.
+fn tasks(arguments: &EvaluateArguments) -> Vec<Task> {
+    let mut tasks = Vec::new();
+    if arguments.map.is_empty() {
+        tasks.push(Task::Surface);
+    }
+    if arguments.scene.is_some() {
+        tasks.push(Task::Segmentation);
+    }
+    if needs_imagination(arguments) {
+        tasks.extend([Task::Inpainting, Task::Depth]);
+    }
+    tasks
+}
+
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
     // Loaded only if a method needs them: a checkpoint may take gigabytes.
-    let asks =
-        |name: &String| matches!(Method::named(name, arguments.seed, None), Err(NoMethod::NeedsNetworks(_)));
-    let imagination =
-        if arguments.methods.iter().any(asks) { arguments.networks.imagination()? } else { None };
+    let imagination = if needs_imagination(arguments) { arguments.networks.imagination()? } else { None };
     let method = |name: &String| Ok(Method::named(name, arguments.seed, imagination.as_ref())?);
     arguments.methods.iter().map(method).collect()
 }

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use reqwest::StatusCode;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ const PATIENCE: Duration = Duration::from_secs(4);
 
 #[derive(Args)]
 pub struct HealthArguments {
-    /// Address of the process: that of `--admin-listen`, if it requires keys.
+    /// Address of the process; with `--admin-listen` that address.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     address: SocketAddr,
 }
@@ -19,9 +20,13 @@ pub fn run(arguments: &HealthArguments) -> Result<()> {
     runtime.block_on(async {
         let url = format!("http://{}/readyz", arguments.address);
         let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;
-        let answer = client.get(&url).send().await.context("it does not answer")?;
+        let no_answer = || format!("no answer from {url}; name the address of the process with --address");
+        let answer = client.get(&url).send().await.with_context(no_answer)?;
         let status = answer.status();
         let told = answer.text().await?;
+        if status == StatusCode::NOT_FOUND {
+            bail!("{url} is not served; with `--admin-listen` name that address with --address");
+        }
         if !status.is_success() {
             bail!("{status}: {told}");
         }

@@ -13,7 +13,7 @@ use viola_home as home;
 
 #[derive(Args)]
 pub struct InspectArguments {
-    /// Map or clip, as a file or a folder, in any format that `viola align` reads.
+    /// Map as a file, or clip as a file or a folder, in any format that `viola align` reads.
     file: PathBuf,
     /// Print the summary that the service returns, as JSON.
     #[arg(long)]

@@ -30,7 +30,7 @@ use files::HomeFiles;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use viola_align::{AlignParams, Alignment};
+use viola_align::AlignParams;
 use viola_home as home;
 use viola_home::{Manifest, Member};
 
@@ -123,8 +123,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     } else {
         table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     }
-    let has_pose = |answer: &Alignment| answer.map_from_clip.is_some();
-    let all_have_poses = clips.iter().all(|clip| clip.answer.as_ref().is_ok_and(has_pose));
+    let all_have_poses = document::all_have_poses(&files.document.clips);
     Ok(if all_have_poses { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_POSE) })
 }
 

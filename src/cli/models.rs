@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 use viola_network::Weights;
 use viola_network::manifest::{Manifest, ModelEntry, Source, Task};
 
+const DEFAULT_FOLDER: &str = "viola-models";
+
 #[derive(Args)]
 pub struct ModelsArguments {
     #[command(subcommand)]
@@ -48,7 +50,7 @@ enum Command {
 #[derive(Args, Debug, Clone)]
 struct Folder {
     /// Models folder.
-    #[arg(long, env = "VIOLA_MODELS", default_value = "viola-models", value_name = "DIR", value_parser = folder)]
+    #[arg(long, env = "VIOLA_MODELS", default_value = DEFAULT_FOLDER, value_name = "DIR", value_parser = folder)]
     models: PathBuf,
 }
 
@@ -56,6 +58,8 @@ struct Folder {
 fn folder(text: &str) -> Result<PathBuf, String> {
     match text {
         NO_NETWORKS => Err(format!("`{NO_NETWORKS}` switches networks off; name a folder with --models DIR")),
+        // A shell may unset a variable by making it empty.
+        "" => Ok(PathBuf::from(DEFAULT_FOLDER)),
         text => Ok(PathBuf::from(text)),
     }
 }
@@ -209,5 +213,6 @@ mod tests {
     fn the_word_that_switches_networks_off_is_no_folder() {
         assert!(folder("none").is_err());
         assert_eq!(folder("./none"), Ok(PathBuf::from("./none")));
+        assert_eq!(folder(""), Ok(PathBuf::from(DEFAULT_FOLDER)));
     }
 }

@@ -46,7 +46,7 @@ pub fn bar(length: u64, template: &str) -> ProgressBar {
     bar
 }
 
-/// Returns a message that shows that the work goes on, hidden like a [`bar`].
+/// Returns a message for work without a known end, hidden like a [`bar`].
 pub fn spinner(message: String) -> ProgressBar {
     bar(0, "{spinner} {msg}").with_message(message)
 }

@@ -76,7 +76,12 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
         println!("{}", path.display());
     }
-    Ok(())
+    remove_further_clips(out, arguments.clips)
+}
+
+/// Removes the clips of an earlier run with more clips, which may be of another home.
+fn remove_further_clips(out: &Path, clips: u64) -> Result<()> {
+    (clips..MAX_CLIPS).try_for_each(|index| output::remove(&out.join(format!("clip_{index}.zip"))))
 }
 
 fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
@@ -89,4 +94,22 @@ fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
     output::write_bytes(&path, bytes)?;
     println!("{}", path.display());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clips_of_an_earlier_run_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["clip_0.zip", "clip_1.zip", "clip_10.zip", "clip_x.zip"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        remove_further_clips(folder.path(), 1).unwrap();
+        let entries = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        let mut left: Vec<_> = entries.collect();
+        left.sort();
+        assert_eq!(left, ["clip_0.zip", "clip_x.zip"]);
+    }
 }

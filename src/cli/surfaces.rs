@@ -1,5 +1,6 @@
 //! `viola surfaces`: labelled surfaces of simulated clips, for training.
 
+use super::args::numbers;
 use super::progress::Steps;
 use anyhow::{Context, Result};
 use std::fs;
@@ -20,10 +21,10 @@ pub struct SurfacesArguments {
     #[arg(long, value_name = "FIRST..END", default_value = "0..10", value_parser = super::align::range::<u64>)]
     seeds: Range<u64>,
     /// Lengths of the clips in frames, separated by commas; each home has one clip of each.
-    #[arg(long, value_delimiter = ',', default_value = "6,15,30,60,120")]
+    #[arg(long, value_delimiter = ',', default_value = "6,15,30,60,120", value_parser = numbers::frames)]
     frames: Vec<usize>,
     /// Errors of the device's poses after one metre of path, in metres, taken in turn.
-    #[arg(long, value_delimiter = ',', default_value = "0.002,0.005,0.01")]
+    #[arg(long, value_delimiter = ',', default_value = "0.002,0.005,0.01", value_parser = numbers::drift_m)]
     drift: Vec<f64>,
     /// Output folder, created if it is missing. Surfaces that it has already are kept.
     #[arg(long)]

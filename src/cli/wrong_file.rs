@@ -41,7 +41,7 @@ impl Advice {
     }
 }
 
-/// Returns the error of a clip that cannot be opened; a file of another kind is told in three lines.
+/// Returns the error of a clip that cannot be opened; the error of a file of another kind has three lines.
 pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
     let name = path.display();
     match (error, kind(path, advice)) {
@@ -55,7 +55,7 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
     }
 }
 
-/// Returns the error of a LiDAR map that cannot be opened; a file of another kind is told in three lines.
+/// Returns the error of a LiDAR map that cannot be opened; the error of a file of another kind has three lines.
 pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     let name = path.display();
     if !matches!(error, LidarError::UnknownFormat) {

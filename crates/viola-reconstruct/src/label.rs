@@ -95,7 +95,7 @@ impl Labeller {
         let sites = Sites::new(cloud_in_world);
         let report = LabelReport { by: "geometry".into(), key_frames: 0 };
         let unavailable = |why: &String| {
-            let detail = format!("the classes come without a network that was requested: {why}");
+            let detail = format!("the answer was made without a requested network: {why}");
             Reason::new("network_unavailable", detail)
         };
         let remarks = params.unavailable.iter().map(unavailable).collect();

@@ -1,11 +1,13 @@
 //! Arguments for the completion of what a clip did not see.
 
-use super::networks::NetworkArguments;
+use super::networks::{NetworkArguments, loaded};
 use super::seconds::seconds;
-use anyhow::{Result, anyhow};
+use super::wrong_arguments;
+use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use viola_align::complete::Imagination;
 use viola_align::{Activation, CompleteParams};
 
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
@@ -34,20 +36,40 @@ enum Completion {
 impl CompletionArguments {
     /// Returns the parameters; fails for imagination without an inpainting network in the models folder.
     pub fn params(&self, networks: &NetworkArguments) -> Result<CompleteParams> {
-        let mut params = CompleteParams { time: self.complete_seconds, ..CompleteParams::default() };
-        if self.complete_always {
-            params.when = Activation::Always;
-        }
-        match self.complete {
-            Completion::Never => params.when = Activation::Never,
-            Completion::Structure => {}
-            Completion::Imagination => {
-                let networks = networks.imagination()?;
-                params.imagination = Some(networks.ok_or_else(|| {
-                    anyhow!("imagination needs an inpainting network: `viola models fetch migan --models DIR`, then --models DIR")
-                })?);
+        Ok(CompleteParams { imagination: self.imagination(networks)?, ..self.without_networks()? })
+    }
+
+    /// Returns the parameters for a service: by structure alone if a network of the imagination cannot be used. Its
+    /// cause is logged and added to `unavailable`.
+    pub fn params_of_service(
+        &self,
+        networks: &NetworkArguments,
+        unavailable: &mut Vec<String>,
+    ) -> Result<CompleteParams> {
+        let imagination = loaded(self.imagination(networks), "inpainting or depth", unavailable);
+        Ok(CompleteParams { imagination, ..self.without_networks()? })
+    }
+
+    fn without_networks(&self) -> Result<CompleteParams> {
+        let when = match (self.complete, self.complete_always) {
+            (Completion::Never, true) => {
+                return Err(wrong_arguments("'--complete-always' cannot be used with '--complete never'"));
             }
+            (Completion::Never, false) => Activation::Never,
+            (_, true) => Activation::Always,
+            (_, false) => CompleteParams::default().when,
+        };
+        Ok(CompleteParams { when, time: self.complete_seconds, ..CompleteParams::default() })
+    }
+
+    /// Returns the networks of the imagination; `None` if it is not wanted.
+    fn imagination(&self, networks: &NetworkArguments) -> Result<Option<Imagination>> {
+        if self.complete != Completion::Imagination {
+            return Ok(None);
         }
-        Ok(params)
+        let found = networks.imagination()?;
+        found.map(Some).context(
+            "imagination needs an inpainting network: `viola models fetch migan --models DIR`, then --models DIR",
+        )
     }
 }

@@ -1,7 +1,8 @@
 //! The `--lidar` argument of homes with one level or several.
 
+use super::wrong_arguments;
 use crate::cli::wrong_file::{self, Advice};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -38,18 +39,22 @@ fn parse(text: OsString) -> LevelArgument {
 /// Opens the maps; returns them by the levels' names. A file that is no map is answered with the command's advice.
 pub fn open(arguments: &[LevelArgument], advice: Advice) -> Result<Vec<(LevelName, LidarMap)>> {
     if arguments.len() > MAX_LEVELS {
-        bail!("{} LiDAR maps were given; a home has at most {MAX_LEVELS} levels", arguments.len());
+        let given = arguments.len();
+        let text = format!("{given} LiDAR maps were given; a home has at most {MAX_LEVELS} levels");
+        return Err(wrong_arguments(text));
     }
     let mut sorted = arguments.to_vec();
     sorted.sort_by_key(|argument| argument.level);
     if let Some(pair) = sorted.windows(2).find(|pair| pair[0].level == pair[1].level) {
-        bail!("two LiDAR maps were given for the level {}; name the levels: LEVEL=FILE", pair[0].level);
+        let level = pair[0].level;
+        let text = format!("two LiDAR maps were given for the level {level}; name the levels: LEVEL=FILE");
+        return Err(wrong_arguments(text));
     }
     let open = |LevelArgument { level, path }: &LevelArgument| {
         // The text before `=` was meant as the name of a level, if there is no such file.
         let named = path.to_str().and_then(|text| text.split_once('=')).filter(|_| !path.exists());
         if let Some((name, _)) = named.filter(|(name, _)| !name.contains('/')) {
-            bail!("`{name}` cannot name a level: {InvalidLevelName}");
+            return Err(wrong_arguments(format!("`{name}` cannot name a level: {InvalidLevelName}")));
         }
         let map = LidarMap::open(path).map_err(|error| wrong_file::of_map(path, error, advice))?;
         Ok((*level, map))
@@ -119,9 +124,10 @@ mod tests {
         }
         let twice = ["a.json", "main=b.json"].map(|text| parse(text.into()));
         let open = |arguments: &[LevelArgument]| open(arguments, Advice::Flags);
-        assert!(open(&twice).unwrap_err().to_string().contains("level main"));
+        let twice = open(&twice).unwrap_err();
+        assert!(twice.is::<clap::Error>() && twice.to_string().contains("level main"), "{twice}");
         let capital = open(&[parse("Upper=a.json".into())]).unwrap_err().to_string();
-        assert!(capital.starts_with("`Upper` cannot name a level"), "{capital}");
+        assert!(capital.contains("`Upper` cannot name a level"), "{capital}");
         let many: Vec<LevelArgument> = (0..9).map(|n| parse(format!("l{n}=a.json").into())).collect();
         assert!(open(&many).unwrap_err().to_string().contains("at most 8"));
     }

@@ -8,6 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use viola_align::AlignParams;
+use viola_reconstruct::LabelParams;
 
 /// Arguments of the alignment, serialised for a child process that aligns in the same way.
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
@@ -24,12 +25,46 @@ impl MethodArguments {
         self.networks.folder().is_some()
     }
 
+    /// Returns the parameters of a service. Networks that cannot be used are left out: the causes are logged, and every
+    /// answer says so.
     pub fn params(&self) -> Result<JobParams> {
-        let align = AlignParams {
-            label: self.networks.labels_of_service(),
-            complete: self.completion.params(&self.networks)?,
-            ..AlignParams::default()
-        };
+        let mut unavailable = Vec::new();
+        let label = self.networks.labels_of_service(&mut unavailable);
+        let complete = self.completion.params_of_service(&self.networks, &mut unavailable)?;
+        let unavailable = Some(unavailable.join("; ")).filter(|text| !text.is_empty());
+        let label = LabelParams { unavailable, ..label };
+        let align = AlignParams { label, complete, ..AlignParams::default() };
         Ok(JobParams { align, video: video_tools(), ..JobParams::default() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        method: MethodArguments,
+    }
+
+    fn params(arguments: &str) -> Result<JobParams> {
+        let words = ["viola", "--models", "none"].into_iter().chain(arguments.split_whitespace());
+        Line::parse_from(words).method.params()
+    }
+
+    #[test]
+    fn a_service_without_the_networks_of_the_imagination_completes_by_structure() {
+        let align = params("--complete imagination").unwrap().align;
+        assert_eq!(align.complete, params("").unwrap().align.complete);
+        let unavailable = align.label.unavailable.unwrap();
+        assert!(unavailable.contains("inpainting"), "{unavailable}");
+    }
+
+    #[test]
+    fn a_completion_is_never_or_always() {
+        let error = params("--complete never --complete-always").err().unwrap();
+        assert!(error.is::<clap::Error>(), "{error}");
     }
 }

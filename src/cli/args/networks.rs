@@ -2,6 +2,7 @@
 
 use super::runtime::RuntimeArguments;
 use crate::cli::models::sum;
+use crate::cli::progress::print_line;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -12,11 +13,12 @@ use viola_align::complete::inpaint::open_inpainter;
 use viola_align::complete::monocular::open_estimator;
 use viola_align::complete::{Imagination, ViewStrategy};
 use viola_network as network;
-use viola_network::Network;
-use viola_network::manifest::{self, Installed, ModelEntry, Task};
+use viola_network::manifest::{self, Installed, ModelEntry, Output, Task};
+use viola_network::{Network, Weights};
 use viola_reconstruct::LabelParams;
 use viola_reconstruct::label::{self, Segmenter, SurfaceNetwork};
 
+const VARIABLE: &str = "VIOLA_MODELS";
 /// Value of `--models` that switches all networks off.
 pub const NO_NETWORKS: &str = "none";
 
@@ -24,7 +26,7 @@ pub const NO_NETWORKS: &str = "none";
 pub struct NetworkArguments {
     /// Folder of neural networks (see `viola models list`). Without it, the built-in network classifies
     /// surfaces. `none` uses no network at all: classes then come from geometry alone.
-    #[arg(long, env = "VIOLA_MODELS", value_name = "DIR", value_parser = OsStringValueParser::new().map(PathBuf::from))]
+    #[arg(long, env = VARIABLE, value_name = "DIR", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub models: Option<PathBuf>,
     #[command(flatten)]
     runtime: RuntimeArguments,
@@ -40,6 +42,28 @@ impl NetworkArguments {
     pub(super) fn folder(&self) -> Option<&Path> {
         // A shell may unset a variable by making it empty.
         self.models.as_deref().filter(|models| !self.is_off() && !models.as_os_str().is_empty())
+    }
+
+    /// Returns whether the command line names a models folder or a runtime. Those of the environment do not count.
+    pub fn are_given(&self) -> bool {
+        let of_environment = std::env::var_os(VARIABLE).map(PathBuf::from);
+        self.runtime.is_given() || (self.models.is_some() && self.models != of_environment)
+    }
+
+    /// Returns the entries and the checksums of the networks for some tasks: others may give other results.
+    pub fn content(&self, tasks: &[Task]) -> Result<String> {
+        let mut content = String::new();
+        for task in tasks {
+            let Some(Installed { entry, weights }) = self.installed(*task)? else { continue };
+            let sum = match &weights {
+                Weights::File(path) if matches!(entry.output, Some(Output::Diffusion(_))) => {
+                    sum::of_folder(path.parent().unwrap_or(Path::new(".")))?
+                }
+                weights => sum::of_weights(weights)?,
+            };
+            content += &format!("{entry:?} {sum}\n");
+        }
+        Ok(content)
     }
 
     fn installed(&self, task: Task) -> Result<Option<Installed>> {
@@ -101,7 +125,11 @@ impl NetworkArguments {
 
     /// Returns the parameters for labels; a network that cannot be used is an error.
     pub fn labels(&self) -> Result<LabelParams> {
-        Ok(LabelParams { segmenter: self.segmenter()?, ..self.surface_labels()? })
+        let segmenter = self.segmenter()?;
+        if let Some(models) = self.folder().filter(|_| segmenter.is_none()) {
+            print_line(&format!("no segmentation network in {}: pictures give no classes", models.display()));
+        }
+        Ok(LabelParams { segmenter, ..self.surface_labels()? })
     }
 
     /// Returns the parameters for labels without pictures, for simulated clips: their pictures are too plain
@@ -110,19 +138,17 @@ impl NetworkArguments {
         Ok(LabelParams { surface: self.surface()?, ..LabelParams::default() })
     }
 
-    /// Returns the parameters for a service. A network that cannot be used is left out: the cause is logged,
-    /// and every answer says so.
-    pub fn labels_of_service(&self) -> LabelParams {
-        let mut unavailable = Vec::new();
-        let segmenter = loaded(self.segmenter(), "segmentation", &mut unavailable);
-        let surface = loaded(self.surface(), "surface", &mut unavailable);
-        let unavailable = Some(unavailable.join("; ")).filter(|text| !text.is_empty());
-        LabelParams { segmenter, surface, unavailable, ..LabelParams::default() }
+    /// Returns the parameters for a service. A network that cannot be used is left out: the cause is logged and added
+    /// to `unavailable`.
+    pub fn labels_of_service(&self, unavailable: &mut Vec<String>) -> LabelParams {
+        let segmenter = loaded(self.segmenter(), "segmentation", unavailable);
+        let surface = loaded(self.surface(), "surface", unavailable);
+        LabelParams { segmenter, surface, ..LabelParams::default() }
     }
 }
 
 /// Returns a network, or logs why it cannot be used and adds that to `unavailable`.
-fn loaded<N>(network: Result<Option<N>>, task: &str, unavailable: &mut Vec<String>) -> Option<N> {
+pub(super) fn loaded<N>(network: Result<Option<N>>, task: &str, unavailable: &mut Vec<String>) -> Option<N> {
     network.unwrap_or_else(|error| {
         tracing::error!("the {task} network cannot be used: {error:#}");
         // The cause may name files of the host.
@@ -154,5 +180,28 @@ mod tests {
             line.networks.surface().unwrap().unwrap().version().to_owned()
         };
         assert_ne!(version(""), version(own.path().to_str().unwrap()));
+    }
+
+    /// `viola evaluate` computes the results of other networks again.
+    #[test]
+    fn other_files_of_a_network_have_other_contents() {
+        let own = tempfile::tempdir().unwrap();
+        let line = Line::parse_from(["viola", "--models", own.path().to_str().unwrap()]);
+        let content = |task: Task| line.networks.content(&[task]).unwrap();
+        for (task, file) in [
+            (Task::Surface, "columns/columns.onnx"),
+            (Task::Segmentation, "segformer-ade20k/segformer.onnx"),
+            (Task::Inpainting, "stable-diffusion-inpainting/pipeline.json"),
+            (Task::Inpainting, "stable-diffusion-inpainting/unet/model.onnx"),
+        ] {
+            let path = own.path().join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            let mut known = vec![content(task)];
+            for bytes in ["first", "other"] {
+                std::fs::write(&path, bytes).unwrap();
+                assert!(!known.contains(&content(task)), "{file} of {bytes}");
+                known.push(content(task));
+            }
+        }
     }
 }

@@ -11,6 +11,12 @@ pub fn frames(text: &str) -> Result<usize, String> {
     frames.ok_or_else(|| format!("a clip has 1 to {MAX_FRAMES} frames"))
 }
 
+/// Parses a number of clips.
+pub fn clips(text: &str) -> Result<usize, String> {
+    let clips = text.parse().ok().filter(|clips| *clips > 0);
+    clips.ok_or_else(|| "the number of clips is at least 1".to_owned())
+}
+
 /// Parses the error of poses after a metre of path.
 pub fn drift_m(text: &str) -> Result<f64, String> {
     let drift_m = text.parse().ok().filter(|drift_m| (0.0..=MAX_DRIFT_M).contains(drift_m));
@@ -27,6 +33,9 @@ mod tests {
             [("0", None), ("1", Some(1)), ("100000", Some(100_000)), ("100001", None), ("x", None)]
         {
             assert_eq!(frames(text).ok(), expected, "{text}");
+        }
+        for (text, expected) in [("0", None), ("1", Some(1)), ("-1", None)] {
+            assert_eq!(clips(text).ok(), expected, "{text}");
         }
         for (text, expected) in
             [("0", Some(0.0)), ("0.01", Some(0.01)), ("-1", None), ("nan", None), ("1e308", None)]

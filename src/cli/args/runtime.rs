@@ -43,6 +43,12 @@ enum DeviceChoice {
 }
 
 impl RuntimeArguments {
+    /// Returns whether a flag differs from its default. The library does not count: its variable may name it.
+    pub(super) fn is_given(&self) -> bool {
+        let is_default = matches!((self.runtime, self.device), (RuntimeChoice::Auto, DeviceChoice::Cpu));
+        !is_default || self.network_threads.is_some()
+    }
+
     /// Returns the parameters of the runtime; its library is also searched for in the models folder.
     pub fn params(&self, models: Option<&Path>) -> RuntimeParams {
         RuntimeParams {

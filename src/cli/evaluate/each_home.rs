@@ -10,9 +10,10 @@ use std::path::Path;
 use viola_align::AlignParams;
 use viola_lab::evaluate::HomesParams;
 use viola_lab::simulate::Set;
+use viola_network::manifest::Task;
 
 /// Evaluates each simulated home of all sets; aligned clips are kept in the folder `clips` of the output, in one folder
-/// for each program and its parameters.
+/// for each program with its networks and parameters.
 pub(super) fn each_home<T>(
     arguments: &EvaluateArguments,
     evaluate: impl Fn(Set, u64, &HomesParams, &AlignParams, &Path) -> Result<T>,
@@ -22,7 +23,8 @@ pub(super) fn each_home<T>(
     let homes = homes(arguments);
     // The clips of a home do not depend on the other homes, nor on their number.
     let of_clip = HomesParams { sets: Vec::new(), seeds: 0..0, clips_per_home: 0, ..homes.clone() };
-    let name = Sha256::digest(format!("{} {of_clip:?} {params:?}", program()?));
+    let weights = arguments.networks.content(&[Task::Surface])?;
+    let name = Sha256::digest(format!("{} {of_clip:?} {params:?} {weights}", program()?));
     let name: String = name.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
     let folder = arguments.out.join("clips").join(name);
     fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;

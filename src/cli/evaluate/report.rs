@@ -5,6 +5,7 @@ use crate::cli::provenance::commit;
 use anyhow::Result;
 use serde_json::{Value, json};
 use viola_lab::evaluate::{self, ClipResult, plot};
+use viola_reconstruct::LabelParams;
 
 /// Returns the line of a result.
 pub(super) fn line(r: &ClipResult) -> String {
@@ -20,22 +21,40 @@ pub(super) fn line(r: &ClipResult) -> String {
     )
 }
 
-/// Writes and prints the tables, and writes the plots. `left_out` is the number of clips without a true pose.
+/// Facts about a run beside its results.
+pub(super) struct Measured {
+    pub labels_by: Option<String>,
+    /// Number of clips at a time; `None` if results are those of an earlier process.
+    pub workers: Option<usize>,
+    /// Number of clips without a true pose.
+    pub left_out: usize,
+}
+
+/// Returns the source of the labels of points; `None` for drawn clips, which have none.
+pub(super) fn labels_by(arguments: &EvaluateArguments, label: &LabelParams) -> Option<String> {
+    let networks = label.networks();
+    match arguments.picture_labels {
+        _ if !arguments.map.is_empty() => None,
+        Some(share) => Some(format!("the truth, at least {:.0} % of it right; {networks}", share * 100.0)),
+        None => Some(networks),
+    }
+}
+
+/// Writes and prints the tables, and writes the plots.
 pub(super) fn write_all(
     arguments: &EvaluateArguments,
-    workers: usize,
-    labels_by: &str,
+    measured: &Measured,
     results: &[ClipResult],
-    left_out: usize,
 ) -> Result<()> {
+    let Measured { labels_by, workers, left_out } = measured;
     let out = &arguments.out;
     let rows = evaluate::tabulate(results);
-    let peak = evaluate::peak_memory_bytes();
+    let peak = workers.and_then(|_| evaluate::peak_memory_bytes());
     let mut table = evaluate::markdown(&rows);
-    if left_out > 0 {
+    if *left_out > 0 {
         table += &format!("\n{left_out} clips have no true pose and are left out.\n");
     }
-    if let Some(peak) = peak {
+    if let (Some(peak), Some(workers)) = (peak, workers) {
         let mib = peak / (1 << 20);
         table += &format!(
             "\nPeak memory of the process, all methods with {workers} clips at a time: {mib} MiB (VmHWM).\n\

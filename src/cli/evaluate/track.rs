@@ -50,11 +50,14 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
     for file in trajectories {
         let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let others: Vec<Foreign> =
-            serde_json::from_str(&text).with_context(|| format!("{} is no trajectories", file.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{} has no trajectories", file.display()))?;
+        let before = rows.len();
         for other in others.iter().filter(|other| other.clip == name) {
-            ensure!(other.poses.len() == truth.len(), "{} has poses for other frames", file.display());
+            let (poses, frames) = (other.poses.len(), truth.len());
+            ensure!(poses == frames, "{} has {poses} poses; {name} has {frames} frames", file.display());
             rows.push(foreign(other, &truth));
         }
+        ensure!(rows.len() > before, "{} has no poses of the clip {name}", file.display());
     }
     Ok(rows)
 }

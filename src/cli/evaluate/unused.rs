@@ -1,14 +1,17 @@
 //! Options that an evaluation would ignore. clap refuses those that conflict with one other option.
 
-use super::EvaluateArguments;
+use super::{EvaluateArguments, needs_imagination};
 use clap::Error;
 use clap::error::ErrorKind;
 
 /// Refuses options that have no effect with two others, such as `--frames` with `--track` and `--scene`.
 pub fn refuse(arguments: &EvaluateArguments) -> Result<(), Error> {
-    let EvaluateArguments { home, track, .. } = arguments;
+    let EvaluateArguments { home, track, joint, changes, .. } = arguments;
     let (is_scene, is_simulated) = (arguments.scene.is_some(), !arguments.set.is_empty());
+    let is_drawn = !arguments.map.is_empty();
     let has_frames = !arguments.frames.is_empty();
+    let has_one_length = *joint || *changes || (*home && is_scene) || (*track && is_simulated);
+    let has_networks = arguments.networks.are_given();
     let text = match () {
         () if *track && is_scene && has_frames => {
             "'--frames' cannot be used with '--track --scene': the whole recording is tracked"
@@ -18,6 +21,18 @@ pub fn refuse(arguments: &EvaluateArguments) -> Result<(), Error> {
         }
         () if *home && is_simulated && has_frames => {
             "'--frames' cannot be used with '--home --set': the points are sampled without clips"
+        }
+        () if *home && is_simulated && arguments.seed != 0 => {
+            "'--seed' cannot be used with '--home --set': each home has its own"
+        }
+        () if has_one_length && arguments.frames.len() > 1 => {
+            "'--frames' takes one length with '--joint', '--changes', '--home' and '--track'"
+        }
+        () if has_networks && (*track || (*home && is_simulated)) => {
+            "'--models' and the flags of its runtime cannot be used with '--track' and '--home --set': no network is used"
+        }
+        () if has_networks && is_drawn && !needs_imagination(arguments) => {
+            "'--models' and the flags of its runtime cannot be used with '--map' and these '--methods': no network is used"
         }
         // clap does not enforce `requires` if the required option conflicts with a given one.
         () if !track && !arguments.trajectories.is_empty() => "'--trajectories' needs '--track'",
@@ -50,6 +65,7 @@ mod tests {
             "--scene s --lidar l --truth t --frames 60,40 --clips 3 --methods paper,viola --threads 2",
             "--scene s --rescale --frames 40 --keep-poses --seed 1",
             "--map a --map b --clips 50 --frames 20,30 --methods viola --threads 1",
+            "--map a --methods complete-all --models m",
             "--set normal,upper --seeds 1..2 --clips 1 --frames 60,10 --sensor structured-light --drift 0.01",
             "--set normal --foreign --fit model.json --picture-labels 0.75",
             "--set normal --withhold-poses --keep-poses",
@@ -66,67 +82,73 @@ mod tests {
         }
     }
 
+    /// Evaluations, and options that have no effect with any of them.
+    const WITHOUT_EFFECT: &[(&[&str], &[&str])] = &[
+        (
+            &["--labels --scene s", "--labels --set normal", "--home --scene s", "--home --set normal"],
+            &["--clips 3"],
+        ),
+        (
+            &[
+                "--labels --scene s",
+                "--labels --set normal",
+                "--home --scene s",
+                "--home --set normal",
+                "--joint --set normal",
+                "--changes --set normal",
+                "--track --scene s",
+                "--track --set normal",
+            ],
+            &[
+                "--threads 2",
+                "--methods viola",
+                "--foreign",
+                "--withhold-poses",
+                "--keep-poses",
+                "--fit model.json",
+                "--rescale",
+                "--map m",
+            ],
+        ),
+        (
+            &["--labels --set normal", "--joint --set normal", "--track --set normal", "--track --scene s"],
+            &["--picture-labels 0.75"],
+        ),
+        (&["--home --set normal"], &["--frames 60", "--sensor phone-lidar", "--drift 0.01", "--seed 1"]),
+        (
+            &["--home --set normal", "--track --set normal", "--track --scene s", "--map m"],
+            &["--models m", "--models none", "--runtime rten", "--device cuda", "--network-threads 2"],
+        ),
+        (
+            &["--home --scene s", "--joint --set normal", "--changes --set normal", "--track --set normal"],
+            &["--frames 60,40"],
+        ),
+        (&["--track --set normal"], &["--drift 0.01", "--trajectories t", "--lidar l --truth t"]),
+        (
+            &["--track --scene s"],
+            &["--frames 60", "--clips 3", "--lidar l --truth t", "--frames 60 --clips 3"],
+        ),
+        (&["--labels --scene s", "--set normal", "--map m"], &["--lidar l --truth t"]),
+        (
+            &["--scene s", "--map m", "--home --scene s", "--track --scene s"],
+            &[
+                "--seeds 1..2",
+                "--sensor phone-lidar",
+                "--drift 0.01",
+                "--picture-labels 0.75",
+                "--foreign",
+                "--withhold-poses",
+                "--joint",
+                "--changes",
+            ],
+        ),
+        (&["--map m"], &["--keep-poses", "--rescale", "--trajectories t"]),
+        (&["--scene s", "--labels --scene s", "--scene s --methods viola"], &["--trajectories t"]),
+    ];
+
     #[test]
     fn options_without_an_effect_are_refused() {
-        for (evaluations, options) in [
-            (
-                &["--labels --scene s", "--labels --set normal", "--home --scene s", "--home --set normal"][..],
-                &["--clips 3"][..],
-            ),
-            (
-                &[
-                    "--labels --scene s",
-                    "--labels --set normal",
-                    "--home --scene s",
-                    "--home --set normal",
-                    "--joint --set normal",
-                    "--changes --set normal",
-                    "--track --scene s",
-                    "--track --set normal",
-                ],
-                &[
-                    "--threads 2",
-                    "--methods viola",
-                    "--foreign",
-                    "--withhold-poses",
-                    "--keep-poses",
-                    "--fit model.json",
-                    "--rescale",
-                    "--map m",
-                ],
-            ),
-            (
-                &[
-                    "--labels --set normal",
-                    "--joint --set normal",
-                    "--track --set normal",
-                    "--track --scene s",
-                ],
-                &["--picture-labels 0.75"],
-            ),
-            (&["--home --set normal"], &["--frames 60", "--sensor phone-lidar", "--drift 0.01"]),
-            (&["--track --set normal"], &["--drift 0.01", "--trajectories t", "--lidar l --truth t"]),
-            (
-                &["--track --scene s"],
-                &["--frames 60", "--clips 3", "--lidar l --truth t", "--frames 60 --clips 3"],
-            ),
-            (&["--labels --scene s", "--set normal", "--map m"], &["--lidar l --truth t"]),
-            (
-                &["--scene s", "--map m", "--home --scene s", "--track --scene s"],
-                &[
-                    "--seeds 1..2",
-                    "--sensor phone-lidar",
-                    "--drift 0.01",
-                    "--picture-labels 0.75",
-                    "--foreign",
-                    "--withhold-poses",
-                    "--joint",
-                    "--changes",
-                ],
-            ),
-            (&["--map m"], &["--keep-poses", "--rescale", "--trajectories t"]),
-            (&["--scene s", "--labels --scene s", "--scene s --methods viola"], &["--trajectories t"]),
-        ] {
+        for (evaluations, options) in WITHOUT_EFFECT {
             for line in
                 evaluations.iter().flat_map(|of| options.iter().map(move |with| format!("{of} {with}")))
             {

@@ -101,6 +101,11 @@ impl ClipDocument {
     }
 }
 
+/// Returns whether every clip has a pose, of its own alignment or by the others.
+pub fn all_have_poses(clips: &[ClipDocument]) -> bool {
+    clips.iter().all(|clip| clip.map_from_clip.is_some())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,6 +152,8 @@ mod tests {
             assert_eq!((document.state, pose), (state, x_m), "{own:?} {by:?}");
             assert_eq!((document.by, document.probability), (by, Some(probability)), "{own:?} {by:?}");
             assert_eq!(document.reasons[0].code, reason, "{own:?} {by:?}");
+            // The exit code of `viola map`: a clip that the others place has a pose too.
+            assert_eq!(all_have_poses(&[document]), x_m.is_some(), "{own:?} {by:?}");
         }
     }
 }

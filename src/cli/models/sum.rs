@@ -22,6 +22,23 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
     Ok(hexadecimal(&hash.finalize()))
 }
 
+/// Returns the sums of all files in a folder and its folders, with their paths, in the order of the paths.
+pub(in crate::cli) fn of_folder(folder: &Path) -> Result<String> {
+    let unreadable = || format!("cannot read {}", folder.display());
+    let entries = std::fs::read_dir(folder).with_context(unreadable)?;
+    let mut paths = entries
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<Vec<_>>>()
+        .with_context(unreadable)?;
+    paths.sort();
+    let mut sums = String::new();
+    for path in paths {
+        let sum = if path.is_dir() { of_folder(&path)? } else { of_file(&path)? };
+        sums += &format!("{}: {sum}\n", path.display());
+    }
+    Ok(sums)
+}
+
 /// Returns the sum of bytes in hexadecimal.
 pub(super) fn of_bytes(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
@@ -43,9 +60,7 @@ fn hexadecimal(sum: &[u8]) -> String {
 pub(super) fn expect(path: &Path, wanted: &str, what: &str) -> Result<()> {
     let got = of_file(path)?;
     if !got.eq_ignore_ascii_case(wanted) {
-        bail!(
-            "{what} is not the one that models.toml tells: its SHA-256 is {got}, not {wanted}; nothing is installed"
-        );
+        bail!("{what} is not that of models.toml: its SHA-256 is {got}, not {wanted}; nothing is installed");
     }
     Ok(())
 }

@@ -131,29 +131,26 @@ impl HomeReport {
         let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
         let placed: Vec<&Excerpt> = self.excerpts.iter().filter(|e| e.placed_by.is_some()).collect();
         let by_others = placed.iter().filter(|e| e.placed_by == Some(home::PlacedBy::Neighbours));
+        let with_truth = placed.iter().filter(|e| e.together_m.is_some());
         let wrong = placed.iter().filter(|e| e.is_wrong());
         let mut out = format!(
-            "{} of {} excerpts aligned, {} placed by the others; {} of all placed ones wrong (0.3 m, 10 degrees)\n\n",
+            "{} of {} excerpts aligned, {} placed by the others; {} of the {} placed ones with a true pose wrong (0.3 m, 10 \
+             degrees)\n\n",
             aligned.count(),
             self.excerpts.len(),
             by_others.count(),
-            wrong.count()
+            wrong.count(),
+            with_truth.count()
         );
+        let alone = mean_error(&placed, |e| e.error_m, |e| e.error_deg);
+        let together = mean_error(&placed, |e| e.together_m, |e| e.together_deg);
         // Writing into a string cannot fail.
-        let mean = |of: fn(&Excerpt) -> Option<f64>| {
-            let all: Vec<f64> = placed.iter().copied().filter_map(of).collect();
-            all.iter().sum::<f64>() / all.len().max(1) as f64
-        };
         let _ = writeln!(
             out,
             "| | mean error of poses | overlaps' disagreement ({} pairs) |\n|---|---|---|\n\
-             | each clip alone | {:.1} cm, {:.2} deg | {:.1} mm |\n| refined together | {:.1} cm, {:.2} deg | {:.1} mm |\n",
+             | each clip alone | {alone} | {:.1} mm |\n| refined together | {together} | {:.1} mm |\n",
             self.agreement.pairs,
-            100.0 * mean(|e| e.error_m),
-            mean(|e| e.error_deg),
             1e3 * self.agreement.alone_m,
-            100.0 * mean(|e| e.together_m),
-            mean(|e| e.together_deg),
             1e3 * self.agreement.together_m
         );
         let _ = writeln!(
@@ -195,5 +192,45 @@ impl HomeReport {
             if self.score.unjudged.is_empty() { "none".to_owned() } else { self.score.unjudged.join(", ") }
         );
         out
+    }
+}
+
+/// Returns the mean error of the excerpts that have a pose alone and in the map; `-` without any.
+fn mean_error(
+    excerpts: &[&Excerpt],
+    error_m: fn(&Excerpt) -> Option<f64>,
+    error_deg: fn(&Excerpt) -> Option<f64>,
+) -> String {
+    let both = excerpts.iter().filter(|e| e.error_m.is_some() && e.together_m.is_some());
+    let errors: Vec<(f64, f64)> = both.filter_map(|e| error_m(e).zip(error_deg(e))).collect();
+    if errors.is_empty() {
+        return "-".to_owned();
+    }
+    let mean = |of: fn(&(f64, f64)) -> f64| errors.iter().map(of).sum::<f64>() / errors.len() as f64;
+    format!("{:.1} cm, {:.2} deg", 100.0 * mean(|error| error.0), mean(|error| error.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_align::AlignmentState;
+
+    #[test]
+    fn rows_are_means_of_the_same_excerpts() {
+        let excerpt = |error_m: Option<f64>, together_m: Option<f64>| Excerpt {
+            frames: 0..1,
+            state: AlignmentState::Aligned,
+            map_from_clip: None,
+            error_m,
+            error_deg: error_m,
+            placed_by: None,
+            together_m,
+            together_deg: together_m,
+        };
+        let excerpts = [excerpt(Some(0.02), Some(0.01)), excerpt(None, Some(9.0)), excerpt(Some(9.0), None)];
+        let excerpts: Vec<&Excerpt> = excerpts.iter().collect();
+        let mean = |excerpts: &[&Excerpt]| mean_error(excerpts, |e| e.together_m, |e| e.together_deg);
+        assert_eq!(mean(&excerpts), "1.0 cm, 0.01 deg");
+        assert_eq!(mean(&excerpts[1..]), "-");
     }
 }

@@ -7,11 +7,14 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A file of results. Results of other arguments stay in it and are ignored.
 pub struct Journal {
     path: PathBuf,
     known: HashMap<Key, ClipResult>,
+    /// Number of results that [`find`](Journal::find) returned.
+    found: AtomicUsize,
     file: Mutex<File>,
 }
 
@@ -59,18 +62,25 @@ impl Journal {
         }
         file.set_len(complete_bytes).map_err(failed)?;
         (&file).seek(SeekFrom::End(0)).map_err(failed)?;
-        Ok(Journal { path: path.to_owned(), known, file: Mutex::new(file) })
+        Ok(Journal { path: path.to_owned(), known, found: AtomicUsize::new(0), file: Mutex::new(file) })
     }
 
     /// Returns the result of an earlier run, if any.
     pub(super) fn find(&self, fingerprint: &str, method: &str, case: &super::Case) -> Option<&ClipResult> {
-        self.known.get(&Key {
+        let result = self.known.get(&Key {
             fingerprint: fingerprint.to_owned(),
             method: method.to_owned(),
             set: case.set.clone(),
             frames: case.frames,
             clip: case.name.clone(),
-        })
+        });
+        self.found.fetch_add(usize::from(result.is_some()), Ordering::Relaxed);
+        result
+    }
+
+    /// Returns the number of results that a run took from the journal.
+    pub fn found(&self) -> usize {
+        self.found.load(Ordering::Relaxed)
     }
 
     pub(super) fn append(&self, fingerprint: &str, result: &ClipResult) -> Result<(), JournalError> {

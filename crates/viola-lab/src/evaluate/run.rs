@@ -4,7 +4,8 @@ use super::record::{self, Seconds};
 use super::{Case, ClipResult, Journal, Method, RunError, Sample, Suite, failure};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align::{AlignParams, AlignmentState};
@@ -21,7 +22,7 @@ pub struct Run<'a> {
     pub workers: usize,
     /// Journal of earlier and new results.
     pub journal: Option<&'a Journal>,
-    /// Version of the program: results of other versions are ignored.
+    /// Version of the program and of its networks: results of other versions are ignored.
     pub program: &'a str,
     /// Folder for a picture of every failed clip. Of clips with the map of another home, the aligned ones failed.
     pub pictures: Option<&'a Path>,
@@ -101,7 +102,25 @@ impl Run<'_> {
                 }
             }
         }
-        Ok(results.into_iter().flatten().collect())
+        let results: Vec<ClipResult> = results.into_iter().flatten().collect();
+        // A picture of an earlier run shows a failure that this result is not.
+        for path in
+            results.iter().filter(|result| !has_failed(result)).filter_map(|r| self.picture(case, &r.method))
+        {
+            match std::fs::remove_file(&path) {
+                Err(source) if source.kind() != ErrorKind::NotFound => {
+                    return Err(RunError::Picture { path, source });
+                }
+                _ => {}
+            }
+        }
+        Ok(results)
+    }
+
+    /// Returns the path of the picture of a failed clip.
+    fn picture(&self, case: &Case, method: &str) -> Option<PathBuf> {
+        let name = format!("{}_{}_{}_{method}.png", case.set, case.frames, case.name);
+        self.pictures.map(|folder| folder.join(name))
     }
 
     fn one(
@@ -121,8 +140,7 @@ impl Run<'_> {
         let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);
         let seconds = Seconds { register, all: observe_seconds + laps.values().sum::<f64>() };
         let result = ClipResult::new(case, &method.name, sample, &alignment, coverage, seconds);
-        if let Some(folder) = self.pictures.filter(|_| has_failed(&result)) {
-            let path = folder.join(format!("{}_{}_{}_{}.png", case.set, case.frames, case.name, method.name));
+        if let Some(path) = self.picture(case, &method.name).filter(|_| has_failed(&result)) {
             std::fs::write(&path, failure::picture(sample, alignment))
                 .map_err(|source| RunError::Picture { path, source })?;
         }
@@ -206,5 +224,40 @@ mod tests {
             let result = ClipResult { foreign, ..ClipResult::example(state, None) };
             assert_eq!(has_failed(&result), failed, "{foreign} {state:?}");
         }
+    }
+    #[test]
+    fn a_clip_that_has_not_failed_keeps_no_picture() {
+        let folder = std::env::temp_dir().join(format!("viola-lab-run-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let right = ClipResult::example(AlignmentState::Aligned, Some((0.1, 0.01)));
+        let wrong =
+            ClipResult { clip: "000002_0".into(), ..ClipResult::example(AlignmentState::Failed, None) };
+        let case = |of: &ClipResult| Case { name: of.clip.clone(), set: of.set.clone(), frames: of.frames };
+        let suite = Untold(vec![case(&right), case(&wrong)]);
+        let methods = [Method::named("viola", 0, None).unwrap()];
+        let observe = AlignParams::default();
+        let run = Run {
+            suite: &suite,
+            methods: &methods,
+            observe: &observe,
+            workers: 1,
+            journal: None,
+            program: "",
+            pictures: Some(&folder),
+        };
+        let path = folder.join("results.jsonl");
+        let journal = Journal::open(&path).unwrap();
+        let pictures = suite.cases().iter().map(|case| run.picture(case, "viola").unwrap());
+        let pictures: Vec<PathBuf> = pictures.collect();
+        for (result, picture) in [&right, &wrong].into_iter().zip(&pictures) {
+            journal.append(&run.fingerprint(&methods[0]), result).unwrap();
+            std::fs::write(picture, "").unwrap();
+        }
+        let journal = Journal::open(&path).unwrap();
+        let run = Run { journal: Some(&journal), ..run };
+        run.results(&Silent, &|_| {}).unwrap();
+        let left: Vec<bool> = pictures.iter().map(|picture| picture.exists()).collect();
+        assert_eq!((left, journal.found()), (vec![false, true], 2));
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

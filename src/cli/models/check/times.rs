@@ -16,7 +16,7 @@ impl Times {
             last = Some(work(start)?);
             times_ms.push(start.elapsed().as_secs_f64() * 1e3);
         }
-        let Some(last) = last else { bail!("it was not run") };
+        let Some(last) = last else { bail!("the number of runs is 0; a network must run at least once") };
         Ok((last, Times(times_ms)))
     }
 

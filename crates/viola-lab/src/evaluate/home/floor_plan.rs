@@ -202,7 +202,7 @@ impl PlanScore {
         let right = self.area_errors.iter().filter(|error| **error <= AREA).count();
         format!(
             "| wall faces: recall | precision | length error, median | doors and passages | windows | drawn openings right | \
-             rooms' areas within 5 % | median area error | overlaps |\n|---|---|---|---|---|---|---|---|---|\n\
+             rooms' areas within 5 % | median area error | overlaps and broken rooms |\n|---|---|---|---|---|---|---|---|---|\n\
              | {:.1} % | {:.1} % | {:.1} cm, {} of {} sides | {} | {} | {} | {} | {:.1} % | {} |\n",
             100.0 * self.recall(),
             100.0 * self.precision(),

@@ -19,6 +19,8 @@ pub struct FloorRow {
     /// Length of the excerpts in frames.
     pub frames: usize,
     pub excerpts: usize,
+    /// Excerpts without a clip frame, whose truth is unknown: they do not count below.
+    pub without_frame: usize,
     /// Excerpts with enough visible floor to know the truth.
     pub see_floor: usize,
     /// Of those, excerpts in which a floor was found.
@@ -61,7 +63,7 @@ pub fn floors(
 ) -> Result<FloorRow, AlignError> {
     let headers = clip.frames();
     let (mut count, mut see_floor, mut errors) = (0, 0, Vec::new());
-    let (mut within_seen, mut by_true_labels) = (0, 0);
+    let (mut within_seen, mut by_true_labels, mut without_frame) = (0, 0, 0);
     let ranges = excerpts(headers.len(), frames);
     let total = ranges.len();
     for range in ranges {
@@ -69,7 +71,10 @@ pub fn floors(
         let progress = progress(format!("floors by {variant}, {frames} frames, excerpt {count} of {total}"));
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
         let seen = align::observe(clip, Some(numbers), params, progress.as_ref())?;
-        let Some(clip_from_world) = seen.clip_from_world else { continue };
+        let Some(clip_from_world) = seen.clip_from_world else {
+            without_frame += 1;
+            continue;
+        };
         let Some(compared) = Compared::new(&seen, truth, &clip_from_world) else { continue };
         see_floor += 1;
         by_true_labels += usize::from(compared.by_true_labels.is_some_and(|error| error.is_near()));
@@ -90,6 +95,7 @@ pub fn floors(
         variant: variant.to_owned(),
         frames,
         excerpts: count,
+        without_frame,
         see_floor,
         found: errors.len(),
         within,
@@ -226,17 +232,18 @@ fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3
 /// Returns the rows as a Markdown table.
 pub fn floors_markdown(rows: &[FloorRow]) -> String {
     let mut out =
-        "| floor by | frames | excerpts | see the floor | found | within 1 deg and 2 cm | of the floor seen alone | by true labels | median | worst |\n\
-                   |---|---|---|---|---|---|---|---|---|---|\n"
+        "| floor by | frames | excerpts | without a frame | see the floor | found | within 1 deg and 2 cm | of the floor seen alone | by true labels | median | worst |\n\
+                   |---|---|---|---|---|---|---|---|---|---|---|\n"
             .to_owned();
     for row in rows {
         // Writing into a string cannot fail.
         let _ = writeln!(
             out,
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {:.2} deg, {:.1} cm | {:.2} deg, {:.1} cm |",
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.2} deg, {:.1} cm | {:.2} deg, {:.1} cm |",
             row.variant,
             row.frames,
             row.excerpts,
+            row.without_frame,
             row.see_floor,
             row.found,
             row.within,

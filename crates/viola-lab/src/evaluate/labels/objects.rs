@@ -15,6 +15,8 @@ pub struct ObjectsRow {
     pub variant: String,
     pub matches: Matches,
     pub found: Vec<FoundFurniture>,
+    /// Clips in which no floor was found: neither their points nor their furniture count.
+    pub without_floor: usize,
 }
 
 /// A found object.
@@ -78,6 +80,10 @@ impl ObjectsRow {
     }
 
     pub fn markdown(&self) -> String {
-        format!("Furniture, {}:\n\n{}", self.variant, self.matches.markdown())
+        let table = self.matches.markdown();
+        format!(
+            "Furniture, {} (clips without a floor, left out: {}):\n\n{table}",
+            self.variant, self.without_floor
+        )
     }
 }

@@ -65,7 +65,10 @@ fn count(
     (confusion, answers, furniture): &mut Counts,
 ) -> Result<(), AlignError> {
     let seen = observe(clip, None, params, &Silent)?;
-    let Some(clip_from_world) = seen.clip_from_world else { return Ok(()) };
+    let Some(clip_from_world) = seen.clip_from_world else {
+        furniture.without_floor += 1;
+        return Ok(());
+    };
     let clip_from_home = clip_from_world * recorded.truth.world_from_home;
     furniture.add(&seen.cloud_in_clip, &clip_from_home, recorded, objects);
     let home_from_clip = clip_from_home.inverse();
