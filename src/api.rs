@@ -7,6 +7,7 @@ mod choice;
 mod classes;
 mod clip_results;
 mod clips;
+mod compression;
 mod connections;
 mod corrections;
 mod digits;
@@ -58,7 +59,7 @@ use crate::storage::Storage;
 use crate::webhooks::WebhookParams;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use fairness::{ExportPlaces, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
+use fairness::{Arrivals, ExportPlaces, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
 use parameters::Parameters;
 use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
@@ -84,6 +85,7 @@ struct Shared {
     max_upload_bytes: u64,
     uploads: UploadParams,
     bodies: BodyParams,
+    arrivals: Arrivals,
     limits: Limits,
     turns: Turns,
     failed_keys: FailedKeys,
@@ -267,7 +269,8 @@ fn router(app: App, has_admin_listener: bool) -> Router {
         .layer(axum::middleware::from_fn(metrics::count))
         .layer(axum::middleware::from_fn(reply::tag_documents))
         .layer(axum::middleware::from_fn(ranges::serve_part))
-        .layer(layers::compression())
+        .layer(compression::compression())
+        .layer(axum::middleware::from_fn_with_state(compression::turns(), compression::in_turns))
         .layer(axum::middleware::from_fn(request_log::log))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(SetRequestIdLayer::x_request_id(request_log::NewId))

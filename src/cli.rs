@@ -57,6 +57,8 @@ const EXIT_CODES: &str = "Exit codes:
 #[derive(Subcommand)]
 enum Command {
     /// Run a demonstration: serve, upload a simulated home, compare the poses with the truth.
+    ///
+    /// Of the networks in a models folder it uses the one for surfaces: simulated pictures are too plain for the others.
     Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     #[command(after_help = align::EXIT_CODES)]
@@ -174,7 +176,11 @@ fn end_without_standard_output() {
     }));
 }
 
+/// Prints an error and returns its exit code; clap's own errors end the process with theirs.
 fn failed(error: &anyhow::Error) -> ExitCode {
+    if let Some(error) = error.downcast_ref::<clap::Error>() {
+        error.exit();
+    }
     eprintln!("viola: {}", with_causes(error));
     ExitCode::FAILURE
 }

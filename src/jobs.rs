@@ -14,7 +14,7 @@ mod watch;
 mod worker;
 
 pub use align_clip::{AlignJobError, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
-pub use child::{ChildOrder, ChildParams, serve_child};
+pub use child::{ChildOrder, ChildParams, PANICKED, serve_child};
 pub use limits::JobLimitParams;
 pub use merge::{Described, Earlier, describe};
 pub use metrics::describe_metrics;

@@ -133,6 +133,17 @@ pub(super) async fn check(
     Ok(turn.run(next.run(request)).await)
 }
 
+/// Counts a request and does its `work` in its tenant's turn, for operations without [`check`].
+pub(super) async fn in_turn<T>(
+    app: &App,
+    tenant: &Tenant,
+    extensions: &Extensions,
+    work: impl Future<Output = T>,
+) -> Result<T, Error> {
+    app.limits.pass(tenant)?;
+    Ok(take_turn(app, tenant, extensions).await.run(work).await)
+}
+
 /// Waits for the tenant's turn.
 async fn take_turn(app: &App, tenant: &Tenant, extensions: &Extensions) -> Turn {
     let _queued = extensions.get::<Arc<Asked>>().map(Asked::queue);

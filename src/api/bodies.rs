@@ -2,7 +2,7 @@
 
 use super::App;
 use super::error::Error;
-use super::fairness::FairPlace;
+use super::fairness::{Arrival, FairPlace};
 use super::metrics;
 use super::reply::REVALIDATED;
 use crate::storage::{Arrived, BlobReader};
@@ -14,7 +14,11 @@ use bytes::Bytes;
 use futures::{Stream, StreamExt, stream};
 use std::convert::Infallible;
 use std::future::Future;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Poll, ready};
 use std::time::{Duration, Instant};
+use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
@@ -23,10 +27,14 @@ use utoipa::{PartialSchema, ToSchema};
 /// Minimum mean rate of a file's body, in each window of time.
 const MIN_BYTES_PER_S: f64 = 1024.0;
 
+/// Minimum mean rate at which a client reads a file that was made, in each window of time.
+const MIN_READ_BYTES_PER_S: f64 = 4.0 * 1024.0;
+const READ_WINDOW: Duration = Duration::from_secs(60);
+
 /// Bytes that a connection takes at a time of a file that was made.
 pub(super) const PIECE_BYTES: usize = 64 << 10;
 
-/// Time limits of the bodies of requests and answers.
+/// Limits of the bodies of requests and answers.
 #[derive(Debug, Clone, Copy)]
 pub struct BodyParams {
     /// Timeout for a whole JSON body.
@@ -36,12 +44,22 @@ pub struct BodyParams {
     pub window: Duration,
     /// Interval at which an event stream checks that its caller's key or session is still valid.
     pub credentials: Duration,
+    /// Maximum number of bytes of whole files that arrive at once in one process.
+    pub process_bytes: u64,
+    /// The same of one tenant.
+    pub tenant_bytes: u64,
 }
 
 impl Default for BodyParams {
     fn default() -> BodyParams {
         let minute = Duration::from_secs(60);
-        BodyParams { json: Duration::from_secs(10), window: minute, credentials: minute }
+        BodyParams {
+            json: Duration::from_secs(10),
+            window: minute,
+            credentials: minute,
+            process_bytes: 64 << 30,
+            tenant_bytes: 16 << 30,
+        }
     }
 }
 
@@ -102,12 +120,20 @@ pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
 
-/// Receives a body of at most `limit` bytes into a file of its own.
-pub(super) async fn receive(app: &App, request: Request, limit: u64) -> Result<Arrived, Error> {
+/// Receives a tenant's body of at most `limit` bytes into a file of its own. The second value is dropped when the file is
+/// stored or removed.
+pub(super) async fn receive(
+    app: &App,
+    tenant: &str,
+    request: Request,
+    limit: u64,
+) -> Result<(Arrived, Arrival), Error> {
     refuse_form(request.headers())?;
-    if content_length(request.headers()).is_some_and(|length| length > limit) {
+    let announced_bytes = content_length(request.headers()).unwrap_or_default();
+    if announced_bytes > limit {
         return Err(Error::BodyTooLarge { limit });
     }
+    let mut arrival = app.arrivals.begin(tenant, announced_bytes)?;
     let mut incoming = app.storage.incoming()?;
     let mut size_bytes = 0;
     let mut chunks = request.into_body().into_data_stream();
@@ -117,6 +143,7 @@ pub(super) async fn receive(app: &App, request: Request, limit: u64) -> Result<A
         if size_bytes > limit {
             return Err(Error::BodyTooLarge { limit });
         }
+        arrival.grow(chunk.len() as u64)?;
         incoming.write(&chunk).await?;
     }
     if size_bytes == 0 {
@@ -124,7 +151,7 @@ pub(super) async fn receive(app: &App, request: Request, limit: u64) -> Result<A
     }
     let arrived = incoming.finish().await?;
     metrics::received("whole", size_bytes);
-    Ok(arrived)
+    Ok((arrived, arrival))
 }
 
 /// Refuses multipart forms, which wrap the file. Other media types are ignored: the content tells the format.
@@ -165,17 +192,49 @@ pub(super) fn send_made(bytes: Bytes, media_type: &'static str, place: FairPlace
     (headers, holding(place, pieces)).into_response()
 }
 
-/// Returns a body that holds a place until it is dropped.
+/// Returns a body that holds a place until it is dropped, or until its client reads too slowly.
 pub(super) fn holding<E: Into<axum::BoxError>>(
     place: FairPlace,
     pieces: impl Stream<Item = Result<Bytes, E>> + Send + 'static,
 ) -> Body {
+    holding_at_rate(READ_WINDOW, place, pieces)
+}
+
+/// Like [`holding`]. Both the place and the pieces are dropped after a window in which the client read too little.
+fn holding_at_rate<E: Into<axum::BoxError>>(
+    window: Duration,
+    place: FairPlace,
+    pieces: impl Stream<Item = Result<Bytes, E>> + Send + 'static,
+) -> Body {
+    let least_bytes = (MIN_READ_BYTES_PER_S * window.as_secs_f64()) as u64;
     // Layers such as the compression ask again after the end.
-    let held = pieces.fuse().map(move |piece| {
-        let _place = &place;
-        piece
-    });
-    Body::from_stream(held)
+    let held = Arc::new(Mutex::new(Some((place, Box::pin(pieces.fuse())))));
+    let read_bytes = Arc::new(AtomicU64::new(0));
+    let (watched, watched_bytes) = (Arc::downgrade(&held), read_bytes.clone());
+    // A task, since nobody asks for the next piece while the client does not read.
+    let watch = AbortOnDropHandle::new(tokio::spawn(async move {
+        loop {
+            tokio::time::sleep(window).await;
+            if watched_bytes.swap(0, Ordering::Relaxed) < least_bytes {
+                break;
+            }
+        }
+        if let Some(held) = watched.upgrade() {
+            held.lock().unwrap_or_else(PoisonError::into_inner).take();
+        }
+    }));
+    Body::from_stream(stream::poll_fn(move |context| {
+        let _watch = &watch;
+        let mut held = held.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some((_, pieces)) = held.as_mut() else {
+            return Poll::Ready(Some(Err(axum::BoxError::from("the client reads too slowly"))));
+        };
+        let piece = ready!(pieces.as_mut().poll_next(context));
+        if let Some(Ok(bytes)) = &piece {
+            read_bytes.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        }
+        Poll::Ready(piece.map(|piece| piece.map_err(Into::into)))
+    }))
 }
 
 /// Returns an answer with the name under which a browser saves it (RFC 6266, RFC 8187).
@@ -234,6 +293,17 @@ mod tests {
         // A client that leaves frees the place, too.
         drop(send_made(file, "model/ply", next.await));
         places.take("acme").await;
+    }
+
+    #[tokio::test]
+    async fn a_client_that_reads_too_slowly_loses_its_place() {
+        let places = FairPlaces::new(1, 1);
+        let pieces = stream::repeat_with(|| Ok::<_, Infallible>(Bytes::from_static(b"piece")));
+        let answer = holding_at_rate(Duration::from_millis(20), places.take("acme").await, pieces);
+        let mut sent = answer.into_data_stream();
+        assert_eq!(sent.next().await.unwrap().unwrap(), "piece");
+        places.take("bolt").await;
+        assert!(sent.next().await.unwrap().is_err());
     }
 
     #[test]

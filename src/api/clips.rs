@@ -129,7 +129,7 @@ pub(super) async fn add_clip(
         let told_bytes = content_length(request.headers()).unwrap_or(0);
         app.limits.check_quota(&app.storage, &caller.tenant, told_bytes).await?;
     }
-    let file = receive(&app, request, app.max_upload_bytes).await?;
+    let (file, _arrival) = receive(&app, caller.tenant.name(), request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
     let (file, info, estimate) = open(&app, caller.tenant.name(), file, unknown_scale).await?;
     if dry_run {

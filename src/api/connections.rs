@@ -13,6 +13,7 @@ use super::server::ServeError;
 use accept_queue::{AcceptQueue, AcceptQueueParams, Lane, lane_of};
 use axum::Router;
 use axum::body::Body;
+use axum::http::header;
 use displacement::{OpenConnections, Place};
 use futures::poll;
 use hyper::body::Incoming;
@@ -162,8 +163,7 @@ impl Door {
         if let Err(error) = prepare(&stream) {
             warn!(%error, "a connection keeps the system's defaults");
         }
-        let connection =
-            connection(Watched::new(stream, place.clone()), place, Peer(peer), &self.router, &self.params);
+        let connection = self.connection(Watched::new(stream, place.clone()), place, Peer(peer));
         // In a box, for most connections of a flood never come so far.
         let mut connection = Box::pin(watcher.watch(connection));
         // Reads what the client has sent.
@@ -177,40 +177,41 @@ impl Door {
             debug!(%error, "a connection broke");
         }
     }
+
+    fn connection(
+        &self,
+        stream: Watched,
+        place: Arc<Place>,
+        peer: Peer,
+    ) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> + use<> {
+        let mut stream = TimeoutWriter::new(stream);
+        stream.set_timeout(Some(self.params.write));
+        let (router, stop) = (self.router.clone(), self.stop.clone());
+        let service = service_fn(move |mut request: hyper::Request<Incoming>| {
+            request.extensions_mut().insert(peer);
+            let asked = Arc::new(Asked::new(place.clone()));
+            request.extensions_mut().insert(asked.clone());
+            let is_sent = !request.headers().contains_key(header::EXPECT);
+            let whole = |body| Body::new(Whole::new(body, asked.clone(), is_sent, stop.clone()));
+            let answer = router.clone().oneshot(request.map(whole));
+            async move {
+                let answer = answer.await;
+                asked.answered();
+                answer
+            }
+        });
+        http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(self.params.head)
+            .max_buf_size(MAX_HEAD_BYTES)
+            .serve_connection(TokioIo::new(Box::pin(stream)), service)
+    }
 }
 
 /// Returns whether an error concerns only the connection that was to be accepted.
 fn is_of_one(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     [ConnectionAborted, ConnectionRefused, ConnectionReset].contains(&error.kind())
-}
-
-fn connection(
-    stream: Watched,
-    place: Arc<Place>,
-    peer: Peer,
-    router: &Router,
-    params: &ConnectionParams,
-) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> + use<> {
-    let mut stream = TimeoutWriter::new(stream);
-    stream.set_timeout(Some(params.write));
-    let router = router.clone();
-    let service = service_fn(move |mut request: hyper::Request<Incoming>| {
-        request.extensions_mut().insert(peer);
-        let asked = Arc::new(Asked::new(place.clone()));
-        request.extensions_mut().insert(asked.clone());
-        let answer = router.clone().oneshot(request.map(|body| Body::new(Whole::new(body, asked.clone()))));
-        async move {
-            let answer = answer.await;
-            asked.answered();
-            answer
-        }
-    });
-    http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(params.head)
-        .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(Box::pin(stream)), service)
 }
 
 fn prepare(stream: &TcpStream) -> io::Result<()> {

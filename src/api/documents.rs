@@ -1,23 +1,25 @@
 //! The OpenAPI document and the page that shows it; all its assets come from this binary.
 
 use super::App;
+use super::compression::StaticFile;
 use super::digits::json;
 use super::reply::{tag_of, unless_known};
-use axum::http::{HeaderMap, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::Response;
 use axum::{Router, routing};
-use bytes::Bytes;
 use std::sync::LazyLock;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 /// One text for all requests: answers that nobody reads take no memory each.
-static TEXT: LazyLock<Bytes> = LazyLock::new(|| Bytes::from(json(super::document())));
+static TEXT: LazyLock<StaticFile> = LazyLock::new(|| StaticFile::new(json(super::document())));
 
-static TAG: LazyLock<String> = LazyLock::new(|| tag_of(&[&TEXT]));
+static TAG: LazyLock<String> = LazyLock::new(|| tag_of(&[TEXT.plain()]));
 
 async fn serve(headers: HeaderMap) -> Response {
     unless_known(&headers, &TAG, || {
-        ([(header::CONTENT_TYPE, "application/json")], TEXT.clone()).into_response()
+        let mut answer = TEXT.answer(&headers);
+        answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("application/json"));
+        answer
     })
 }
 

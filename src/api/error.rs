@@ -52,6 +52,8 @@ pub(super) enum Error {
     InvalidQuery { field: Option<&'static str>, detail: String },
     #[error("the operation has no query parameter `{name}`; {}", parameters(.known))]
     UnknownParameter { name: String, known: Vec<String> },
+    #[error("the query has the parameter `{name}` twice")]
+    RepeatedParameter { name: String },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
     #[error("{0}")]
@@ -152,7 +154,7 @@ impl Error {
         use StatusCode as S;
         match self {
             Error::InvalidPath { .. } => (S::BAD_REQUEST, "invalid_path", "A part of the path is not valid"),
-            Error::InvalidQuery { .. } | Error::UnknownParameter { .. } => {
+            Error::InvalidQuery { .. } | Error::UnknownParameter { .. } | Error::RepeatedParameter { .. } => {
                 (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid")
             }
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
@@ -228,7 +230,7 @@ impl Error {
 
     fn field(&self) -> Option<&str> {
         match self {
-            Error::UnknownParameter { name, .. } => Some(name),
+            Error::UnknownParameter { name, .. } | Error::RepeatedParameter { name } => Some(name),
             Error::NotReady { what, .. } => Some(what),
             Error::InvalidBody { field, .. } => field.as_deref(),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
@@ -287,7 +289,7 @@ impl Error {
             self,
             Error::Storage(StorageError::TenantFull { .. })
                 | Error::TooManyExports { .. }
-                | Error::Upload(UploadRefusal::Waits { .. })
+                | Error::Upload(UploadRefusal::Waits { .. } | UploadRefusal::Stalled(_))
                 | Error::Defence(_)
         );
         let is_service_fault = status.is_server_error() && !is_bound;
@@ -343,8 +345,10 @@ impl IntoResponse for Error {
                     response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs() + 1));
                 }
             }
-            Error::Upload(UploadRefusal::Waits { pause, .. }) => {
-                response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(pause.as_secs()));
+            Error::Upload(refusal) => {
+                if let Some(wait) = refusal.retry_after() {
+                    response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs()));
+                }
             }
             error if error.is_passing() => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));

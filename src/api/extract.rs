@@ -217,10 +217,18 @@ impl FromRequestParts<App> for JobPath {
 struct Path(RawPathParams);
 
 impl Path {
+    /// The names of all variable parts.
+    const NAMES: [&str; 10] =
+        ["clip", "delivery", "home", "job", "level", "object", "revision", "room", "upload", "webhook"];
+
     async fn of<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<Path, Error> {
         match RawPathParams::from_request_parts(parts, state).await {
             Ok(params) => Ok(Path(params)),
-            Err(rejection) => Err(Error::InvalidPath { field: None, detail: rejection.body_text() }),
+            Err(rejection) => {
+                let detail = rejection.body_text();
+                let field = Path::NAMES.into_iter().find(|name| detail.contains(&format!("`{name}`")));
+                Err(Error::InvalidPath { field, detail })
+            }
         }
     }
 
@@ -266,7 +274,7 @@ pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Er
     text.parse().map_err(|error: jiff::Error| Error::InvalidQuery {
         field: Some(field),
         detail: format!(
-            "{field} is a time of RFC 3339 as 2026-03-14T15:09:26Z ({error}); a + is written %2B in a query"
+            "{field} is a time of RFC 3339 as 2026-03-14T15:09:26Z ({error}); in a query, + is written %2B"
         ),
     })
 }
@@ -278,8 +286,11 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
     type Rejection = Error;
 
     async fn from_request(request: Request, app: &App) -> Result<Json<T>, Error> {
+        if !has_body(request.headers()) {
+            return Ok(Json(T::default()));
+        }
         // axum ignores a body without a media type.
-        if has_body(request.headers()) && !request.headers().contains_key(header::CONTENT_TYPE) {
+        if !request.headers().contains_key(header::CONTENT_TYPE) {
             let detail = "the body has no media type: add the header `Content-Type: application/json`";
             return Err(Error::UnsupportedMediaType(detail.to_owned()));
         }
@@ -306,10 +317,12 @@ fn has_body(headers: &HeaderMap) -> bool {
 /// Parses a JSON object; a refusal names the member at fault.
 fn parsed<T: DeserializeOwned>(object: Map<String, Value>) -> Result<T, Error> {
     serde_path_to_error::deserialize(Value::Object(object)).map_err(|error| {
-        let field = Some(error.path().to_string()).filter(|path| path != ".");
-        let reason = error.inner();
-        let detail = field.as_ref().map_or_else(|| reason.to_string(), |field| format!("{field}: {reason}"));
-        Error::InvalidBody { field, detail }
+        let path = Some(error.path().to_string()).filter(|path| path != ".");
+        let reason = error.inner().to_string();
+        let detail = path.as_ref().map_or_else(|| reason.clone(), |path| format!("{path}: {reason}"));
+        // The path ends at the object without the member.
+        let missing = || Some(reason.strip_prefix("missing field `")?.split_once('`')?.0.to_owned());
+        Error::InvalidBody { field: path.or_else(missing), detail }
     })
 }
 

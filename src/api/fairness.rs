@@ -1,5 +1,6 @@
 //! Fair use of the service: limits for each tenant and each address, so that none of them slows the others down.
 
+mod arrivals;
 mod exports;
 mod failed_keys;
 mod limits;
@@ -12,6 +13,7 @@ pub use failed_keys::FailedKeyParams;
 pub use limits::LimitParams;
 pub use readers::ReaderParams;
 
+pub(super) use arrivals::{Arrival, Arrivals};
 pub(super) use exports::{ExportPlace, ExportPlaces};
 pub(super) use failed_keys::FailedKeys;
 pub(super) use limits::Limits;

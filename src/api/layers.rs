@@ -1,19 +1,15 @@
-//! Layers for all answers: compression, and CORS for pages of other origins.
+//! The layer for pages of other origins: CORS.
 
 use axum::extract::{Request, State};
-use axum::http::{Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Version, header};
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use std::str::FromStr;
 use std::time::Duration;
 use tower::{Layer, ServiceExt};
-use tower_http::compression::CompressionLayer;
-use tower_http::compression::predicate::{And, Predicate, SizeAbove};
 use tower_http::cors::{AllowHeaders, CorsLayer};
 use url::Url;
 
-/// Minimum size of a compressed answer: a shorter one is one packet either way.
-const MIN_BYTES: u64 = 1024;
 /// Time for which a browser may cache the answer to a preflight request.
 const PREFLIGHT_LIFE: Duration = Duration::from_secs(600);
 
@@ -41,27 +37,6 @@ impl Origin {
     /// Returns whether this is the origin of an `Origin` header.
     pub(super) fn is(&self, header: &HeaderValue) -> bool {
         self.0 == header
-    }
-}
-
-type IsCompressed = fn(StatusCode, Version, &HeaderMap, &Extensions) -> bool;
-
-/// Compresses text and points by gzip or Brotli, if the client accepts one. Pictures and archives are
-/// compressed already, and events must not wait in a buffer.
-pub(super) fn compression() -> CompressionLayer<And<SizeAbove, IsCompressed>> {
-    let is_compressed: IsCompressed = |_, _, headers, _| is_text_or_points(headers);
-    CompressionLayer::new().compress_when(SizeAbove::new(MIN_BYTES).and(is_compressed))
-}
-
-/// Returns whether an answer may be compressed.
-pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
-    let media_type =
-        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    let media_type = media_type.split(';').next().unwrap_or_default().trim();
-    match media_type {
-        "text/event-stream" => false,
-        "application/javascript" | "application/json" | "image/svg+xml" => true,
-        other => other.starts_with("text/") || other.starts_with("model/") || other.ends_with("+json"),
     }
 }
 

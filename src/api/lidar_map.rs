@@ -110,7 +110,7 @@ pub(super) async fn put(
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let file_name = file_name(query.filename)?;
     let headers = request.headers().clone();
-    let file = receive(&app, request, MAX_FILE_BYTES).await?;
+    let (file, _arrival) = receive(&app, home.tenant(), request, MAX_FILE_BYTES).await?;
     let (mut new, bytes) = app.readers.run(home.tenant(), move || open(level, file, file_name)).await??;
     let is_same = is_current(&app, &home, level, &new.file.sha256).await?;
     if dry_run {
@@ -131,7 +131,8 @@ pub(super) async fn put(
             let is_same = map.is_some_and(|map| map.sha256 == sha256);
             is_same && may_repeat(&headers) || is_as_read(map)
         };
-        let put = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await;
+        let max_bytes = app.limits.storage_bytes;
+        let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, Timestamp::now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };

@@ -93,9 +93,10 @@ pub(super) async fn restore_lidar_map(
     }
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);
-        let now = Timestamp::now();
-        let restored = app.storage.restore_lidar_map(&home, &earlier, from_current, is_expected, now).await;
-        let (current, is_new) = restored?;
+        let (max_bytes, now) = (app.limits.storage_bytes, Timestamp::now());
+        let restored =
+            app.storage.restore_lidar_map(&home, &earlier, from_current, max_bytes, is_expected, now);
+        let (current, is_new) = restored.await?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
         Ok((status, Document(current.into())))
@@ -160,5 +161,9 @@ pub(super) async fn list_level_lidar_map_revisions(
     Query(query): Query<ListQuery>,
 ) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, level, &query.page()?).await?;
+    if revisions.is_empty() && !level.is_main() {
+        // Refuses a level that does not exist.
+        app.storage.lidar_map(&home, level).await?;
+    }
     Ok(Document(query.list(revisions, |revision| revision.revision)?))
 }

@@ -24,10 +24,10 @@ use super::App;
 use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
-use super::problems::CommonProblems;
+use super::problems::{CommonProblems, MapProblems};
 use super::reply::{Document, tag_of};
 use super::types::{self, LeftOut};
-use crate::storage::{HomeId, HomeMap, MapLevel};
+use crate::storage::{HomeId, HomeMap, KEPT_REVISIONS, MapFile, MapLevel};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
@@ -84,7 +84,27 @@ async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeM
             detail: "revision is a number from 1".to_owned(),
         })
     });
-    app.storage.home_map(home, number.transpose()?).await?.ok_or(Error::NoSuchMap)
+    let number = number.transpose()?;
+    if let Some(map) = app.storage.home_map(home, number).await? {
+        return Ok(map);
+    }
+    let current = app.storage.home_map(home, None).await?;
+    let (Some(number), Some(current)) = (number, current) else { return Err(Error::NoSuchMap) };
+    Err(no_revision(number, current.revision))
+}
+
+/// Returns the refusal of a revision that is not there: it was removed, or never made.
+fn no_revision(revision: i64, current: i64) -> Error {
+    let oldest = (current - KEPT_REVISIONS + 1).max(1);
+    if revision < oldest { Error::MapRevisionRemoved { revision, oldest } } else { Error::NoSuchMap }
+}
+
+/// Returns the error for a file that the store does not have: its revision was removed meanwhile, or the file was lost.
+async fn missing(app: &App, file: &MapFile) -> Error {
+    match app.storage.check_map_file_removed(file).await {
+        Ok(()) => Error::NoSuchMap,
+        Err(lost) => lost.into(),
+    }
 }
 
 /// Returns the entity tag of a file of a revision from everything else that it depends on.
@@ -101,7 +121,7 @@ fn tag_of_file(map: &HomeMap, parts: &[&[u8]]) -> String {
 #[utoipa::path(get, path = "/v1/homes/{home}/map", tag = "map", params(HomePath, RevisionQuery),
     responses(
         (status = 200, description = "The revision", body = CurrentMap),
-        (status = 304, description = "Nothing changed"), CommonProblems))]
+        (status = 304, description = "Nothing changed"), CommonProblems, MapProblems))]
 pub(super) async fn get_map(
     State(app): State<App>,
     HomePath { home }: HomePath,

@@ -8,7 +8,7 @@ use super::error::{Defence, Error};
 use super::layers::Origin;
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use std::net::IpAddr;
@@ -21,8 +21,13 @@ const FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
 /// Maximum number of characters of a refused name in the answer.
 const MAX_SHOWN: usize = 200;
 
-/// Refuses requests for foreign hosts and from foreign pages while there is no key.
+/// Refuses requests without one `Host`, and those for foreign hosts and from foreign pages while there is no key.
 pub(super) async fn check(State(app): State<App>, request: Request, next: Next) -> Result<Response, Error> {
+    // RFC 9112, section 3.2.
+    if request.version() == Version::HTTP_11 && request.headers().get_all(header::HOST).iter().count() != 1 {
+        let detail = "a request has one header Host".to_owned();
+        return Err(Error::InvalidHeader { field: "Host", detail });
+    }
     refuse_foreign_session(request.method(), request.headers(), &app.cors_origins)?;
     if let Err(refusal) = refuse_foreign(&request, &app.cors_origins)
         && !asks_for_keys(&app).await?

@@ -1,6 +1,7 @@
 //! The viewer: one page and its assets, bundled from `web/` by `build.rs` and held by the binary.
 
 use super::App;
+use super::compression::StaticFile;
 use super::error::Error;
 use super::reply::unless_known;
 use axum::extract::Path;
@@ -9,6 +10,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::{Router, routing};
 use sha2::{Digest, Sha256};
+use std::collections::HashMap;
 use std::sync::LazyLock;
 
 // `INDEX`, the page, and `ASSETS`, whose names carry a hash of their content.
@@ -19,6 +21,11 @@ include!(concat!(env!("OUT_DIR"), "/viewer/list.rs"));
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
     connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
     frame-ancestors 'none'";
+
+static PAGE: LazyLock<StaticFile> = LazyLock::new(|| StaticFile::new(INDEX));
+
+static FILES: LazyLock<HashMap<&str, StaticFile>> =
+    LazyLock::new(|| ASSETS.iter().map(|(name, bytes)| (*name, StaticFile::new(*bytes))).collect());
 
 static INDEX_TAG: LazyLock<String> = LazyLock::new(|| {
     let sum: String = Sha256::digest(INDEX).iter().take(16).map(|byte| format!("{byte:02x}")).collect();
@@ -38,21 +45,21 @@ async fn typed(address: Uri) -> Response {
 }
 
 async fn index(headers: HeaderMap) -> Response {
-    unless_known(&headers, &INDEX_TAG, || file("text/html; charset=utf-8", "no-cache", INDEX))
+    unless_known(&headers, &INDEX_TAG, || file("text/html; charset=utf-8", "no-cache", PAGE.answer(&headers)))
 }
 
 /// Returns an asset. Its name changes with its content, so a browser never has to revalidate it.
-async fn asset(name: Result<Path<String>, PathRejection>) -> Result<Response, Error> {
-    let wanted = name.map_err(|_| Error::NoSuchRoute)?.0;
-    let (name, bytes) = ASSETS.iter().find(|(name, _)| *name == wanted).ok_or(Error::NoSuchRoute)?;
-    Ok(file(media_type(name), "public, max-age=31536000, immutable", bytes))
+async fn asset(name: Result<Path<String>, PathRejection>, headers: HeaderMap) -> Result<Response, Error> {
+    let name = name.map_err(|_| Error::NoSuchRoute)?.0;
+    let found = FILES.get(name.as_str()).ok_or(Error::NoSuchRoute)?;
+    Ok(file(media_type(&name), "public, max-age=31536000, immutable", found.answer(&headers)))
 }
 
 fn media_type(name: &str) -> &'static str {
     if name.ends_with(".css") { "text/css; charset=utf-8" } else { "text/javascript; charset=utf-8" }
 }
 
-fn file(media_type: &'static str, caching: &'static str, bytes: &'static [u8]) -> Response {
+fn file(media_type: &'static str, caching: &'static str, answer: Response) -> Response {
     let headers: [(HeaderName, HeaderValue); 5] = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
         (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY)),
@@ -60,5 +67,5 @@ fn file(media_type: &'static str, caching: &'static str, bytes: &'static [u8]) -
         (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
         (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
     ];
-    (headers, bytes).into_response()
+    (headers, answer).into_response()
 }

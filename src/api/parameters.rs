@@ -1,4 +1,4 @@
-//! Query parameters that an operation does not have are refused, as unknown members of a body are: a misspelled
+//! Query parameters that an operation does not have, or that are sent twice, are refused, as unknown members of a body are: a misspelled
 //! filter or `dry_run` would otherwise do something else than its sender means.
 
 use super::error::Error;
@@ -56,7 +56,7 @@ fn of_query(operation: &Operation) -> Vec<String> {
     operation.parameters.iter().flatten().filter_map(name).collect()
 }
 
-/// Middleware that refuses a request with a query parameter that its operation does not have.
+/// Middleware that refuses a request with a query parameter that its operation does not have, or with one twice.
 pub(super) async fn refuse_unknown(
     State(parameters): State<Parameters>,
     request: Request,
@@ -66,10 +66,16 @@ pub(super) async fn refuse_unknown(
     if let Some(query) = request.uri().query()
         && let Some(known) = parameters.of_operation(path, request.method())
     {
-        let mut names = form_urlencoded::parse(query.as_bytes()).map(|(name, _)| name);
-        if let Some(unknown) = names.find(|name| !known.iter().any(|known| known == name)) {
-            let name = unknown.chars().take(MAX_NAME_CHARACTERS).collect();
-            return Err(Error::UnknownParameter { name, known: known.clone() });
+        let mut seen = Vec::new();
+        for (name, _) in form_urlencoded::parse(query.as_bytes()) {
+            if !known.iter().any(|known| *known == name) {
+                let name = name.chars().take(MAX_NAME_CHARACTERS).collect();
+                return Err(Error::UnknownParameter { name, known: known.clone() });
+            }
+            if seen.contains(&name) {
+                return Err(Error::RepeatedParameter { name: name.into_owned() });
+            }
+            seen.push(name);
         }
     }
     Ok(next.run(request).await)

@@ -73,6 +73,15 @@ impl IntoResponses for CommonProblems {
     }
 }
 
+/// Problems of operations on a revision of a map.
+pub(super) struct MapProblems;
+
+impl IntoResponses for MapProblems {
+    fn responses() -> Responses {
+        responses(&[("410", "The revision is not kept any more: `map-revision-removed`")])
+    }
+}
+
 /// Problems of the export of a home.
 pub(super) struct ExportProblems;
 
@@ -120,9 +129,38 @@ impl IntoResponses for FileProblems {
             ),
             (
                 "422",
-                "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ...",
+                "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ... Or reading it takes too long: `took-too-long`. Or its `Idempotency-Key` came with another file: `idempotency-key-reused`",
             ),
             ("507", "The service or the tenant has no room left: `storage-full`, `tenant-full`"),
         ])
+    }
+}
+
+/// Problems of operations that take bytes of an upload in parts: those of all operations and files, and its own.
+pub(super) struct UploadProblems;
+
+impl IntoResponses for UploadProblems {
+    fn responses() -> Responses {
+        let mut all = CommonProblems::responses();
+        all.extend(FileProblems::responses());
+        for (status, own) in [
+            ("400", "Or `Upload-Checksum` has another algorithm: `unknown-checksum-algorithm`"),
+            ("403", "Or a final upload takes no bytes: `upload-final`"),
+            ("413", "Or the file came in too many pieces: `too-many-pieces`"),
+            ("422", "Or a process that opened the file died: `upload-unreadable`"),
+            (
+                "429",
+                "Or too many uploads of the home or of the tenant are unfinished, without `Retry-After`: `too-many-uploads`",
+            ),
+            (
+                "503",
+                "Or the service is stopping, or the body of a PATCH pauses for too long; the received bytes are kept: `stopping`, `body-stalled`",
+            ),
+        ] {
+            if let Some(RefOr::T(response)) = all.get_mut(status) {
+                response.description = format!("{}. {own}", response.description);
+            }
+        }
+        all
     }
 }

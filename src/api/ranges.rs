@@ -4,8 +4,8 @@
 //! out. A request for several ranges gets the whole answer, as does one that accepts a compressed answer of a compressible
 //! type, because its bytes would be others.
 
+use super::compression::is_text_or_points;
 use super::error::Error;
-use super::layers::is_text_or_points;
 use super::reply::is_wanted;
 use crate::storage::{BlobParts, StorageError};
 use axum::body::{Body, HttpBody};

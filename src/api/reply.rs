@@ -73,10 +73,11 @@ pub(super) fn may_repeat(headers: &HeaderMap) -> bool {
     !headers.contains_key(header::IF_NONE_MATCH)
 }
 
-/// Returns whether `If-Match` has the tag, or is absent (RFC 9110, section 13.1.1).
+/// Returns whether `If-Match` has the tag, or is absent (RFC 9110, section 13.1.1). Beyond the RFC, the weak tag of a
+/// compressed answer counts: it names the same document.
 pub(super) fn is_wanted(headers: &HeaderMap, tag: &str) -> bool {
     let wanted = headers.get_all(header::IF_MATCH).iter().filter_map(|value| value.to_str().ok());
-    let mut wanted = wanted.flat_map(|list| list.split(',')).map(str::trim);
+    let mut wanted = wanted.flat_map(|list| list.split(',')).map(|one| one.trim().trim_start_matches("W/"));
     !headers.contains_key(header::IF_MATCH) || wanted.any(|one| one == "*" || one == tag)
 }
 
@@ -100,7 +101,7 @@ pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
         answer.headers_mut().insert(header::ETAG, tag);
     }
     answer.headers_mut().insert(header::CACHE_CONTROL, REVALIDATED);
-    answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
+    answer.headers_mut().append(header::VARY, HeaderValue::from_static("accept"));
     answer
 }
 

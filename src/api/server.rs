@@ -3,7 +3,8 @@
 use super::bodies::BodyParams;
 use super::connections::{ConnectionParams, TenantOf};
 use super::fairness::{
-    ExportPlaces, FailedKeyParams, FailedKeys, LimitParams, Limits, Makers, ReaderParams, Readers, Turns,
+    Arrivals, ExportPlaces, FailedKeyParams, FailedKeys, LimitParams, Limits, Makers, ReaderParams, Readers,
+    Turns,
 };
 use super::layers::Origin;
 use super::uploads::{UploadParams, clean};
@@ -11,12 +12,18 @@ use super::{App, Shared, access, changes, connections, homes, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
+use futures::FutureExt;
 use std::net::SocketAddr;
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::{TcpListener, TcpSocket};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
+
+/// Pause before a task that panicked starts again.
+const RESTART_AFTER: Duration = Duration::from_secs(1);
 
 /// Parameters of [`serve`].
 #[derive(Debug, Clone)]
@@ -88,6 +95,11 @@ pub async fn serve(
         limits: Limits::new(&params.limits),
         turns: Turns::default(),
         bodies: params.bodies,
+        arrivals: Arrivals::new(
+            params.bodies.process_bytes,
+            params.bodies.tenant_bytes,
+            params.max_upload_bytes,
+        ),
         failed_keys: FailedKeys::new(params.failed_keys),
         is_on_loopback: params.listen.ip().is_loopback(),
         webhooks: params.webhooks,
@@ -100,8 +112,11 @@ pub async fn serve(
         exports: ExportPlaces::default(),
         stop: stop.clone(),
     }));
-    tasks.spawn(clean(app.clone()));
-    tasks.spawn(app.queue.clone().notify_watchers(stop.clone()));
+    let cleaned = app.clone();
+    tasks.spawn(kept_up("cleaner", RESTART_AFTER, move || clean(cleaned.clone())));
+    let (watched, ended) = (app.queue.clone(), stop.clone());
+    let notify = move || watched.clone().notify_watchers(ended.clone());
+    tasks.spawn(kept_up("watchers", RESTART_AFTER, notify));
     let has_admin_listener = admin_listener.is_some();
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));
@@ -200,13 +215,31 @@ fn begin_work(
 ) -> JoinSet<()> {
     let mut tasks = JoinSet::new();
     for _ in 0..workers {
-        tasks.spawn(jobs::work(queue.clone(), params.clone(), stop.clone()));
+        let (queue, params, stop) = (queue.clone(), params.clone(), stop.clone());
+        let work = move || jobs::work(queue.clone(), params.clone(), stop.clone());
+        tasks.spawn(kept_up("worker", RESTART_AFTER, work));
     }
     if workers > 0 {
-        tasks.spawn(webhooks::deliver(storage.clone(), webhooks, queue.changed(), stop.clone()));
+        let (queue, storage, stop) = (queue.clone(), storage.clone(), stop.clone());
+        let deliver = move || webhooks::deliver(storage.clone(), webhooks, queue.changed(), stop.clone());
+        tasks.spawn(kept_up("webhooks", RESTART_AFTER, deliver));
     }
-    tasks.spawn(queue.clone().exchange_signals(stop.clone()));
+    let (queue, stop) = (queue.clone(), stop.clone());
+    let exchange = move || queue.clone().exchange_signals(stop.clone());
+    tasks.spawn(kept_up("signals", RESTART_AFTER, exchange));
     tasks
+}
+
+/// Runs a task, again after each panic: otherwise a part of the service would rest until the next start of the process.
+async fn kept_up<F: Future<Output = ()>>(name: &'static str, pause: Duration, start: impl Fn() -> F) {
+    loop {
+        let task = AssertUnwindSafe(start()).catch_unwind();
+        if task.await.is_ok() {
+            return;
+        }
+        error!(task = name, "a task of the service panicked; it starts again");
+        tokio::time::sleep(pause).await;
+    }
 }
 
 async fn end(mut tasks: JoinSet<()>, storage: &Storage, stop: &CancellationToken) {
@@ -214,4 +247,20 @@ async fn end(mut tasks: JoinSet<()>, storage: &Storage, stop: &CancellationToken
     while tasks.join_next().await.is_some() {}
     storage.close().await;
     info!("stopped");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    #[tokio::test]
+    async fn a_task_that_panics_starts_again() {
+        let starts = &AtomicU32::new(0);
+        let start = || async move {
+            assert!(starts.fetch_add(1, Ordering::Relaxed) >= 2, "the first two times");
+        };
+        kept_up("test", Duration::ZERO, start).await;
+        assert_eq!(starts.load(Ordering::Relaxed), 3);
+    }
 }

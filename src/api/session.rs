@@ -66,7 +66,8 @@ pub(super) async fn put_session(
 ) -> Result<(StatusCode, HeaderMap), Error> {
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
     let key = access::key(&app, peer::client(&extensions, &headers), &secret).await?;
-    let token = app.storage.begin_session(key.id, Timestamp::now()).await?;
+    let begin = app.storage.begin_session(key.id, Timestamp::now());
+    let token = access::in_turn(&app, &key.tenant, &extensions, begin).await??;
     Ok((StatusCode::NO_CONTENT, set(token.show(), SESSION_LIFE.as_secs(), is_secure(&app, &headers))))
 }
 
@@ -82,7 +83,10 @@ pub(super) async fn delete_session(
     if let Some(token) = token {
         // Everybody may send a token, so an invalid one counts as a failed attempt and reaches no writer.
         match access::session(&app, peer::client(&extensions, &headers), &token).await {
-            Ok(_) => app.storage.end_session(&token).await?,
+            Ok(key) => {
+                let end = app.storage.end_session(&token);
+                access::in_turn(&app, &key.tenant, &extensions, end).await??;
+            }
             Err(Error::Defence(Defence::SessionEnded)) => {}
             Err(error) => return Err(error),
         }

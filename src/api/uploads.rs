@@ -4,6 +4,7 @@
 //! The state of an upload is only in storage, so every request of an upload may reach another process.
 
 mod answer;
+mod begin;
 mod checksum;
 mod clean;
 mod finish;
@@ -22,19 +23,18 @@ use super::access::Caller;
 use super::bodies::{FileBytes, content_length, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::UploadPath;
-use super::problems::{CommonProblems, FileProblems};
+use super::problems::{CommonProblems, UploadProblems};
 use super::reply::Document;
 use crate::jobs::ChildParams;
-use crate::storage::{Joining, NewUpload, UploadError, UploadKind, UploadLimits};
+use crate::storage::UploadLimits;
 use answer::UploadDocument;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use headers::{Concat, Length};
+use headers::Length;
 use jiff::Timestamp;
-use metadata::Metadata;
 use receive::Append;
 use std::time::Duration;
 use utoipa_axum::router::OpenApiRouter;
@@ -136,59 +136,18 @@ async fn speak_tus(request: Request, next: Next) -> Response {
                 ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
                     GET the upload until it is `finished` or `refused`. A partial upload has none"),
                 ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
-        (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
-            content_type = "application/problem+json"),
         (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`", body = Problem,
             content_type = "application/problem+json"),
         (status = 410, description = "A partial upload has expired or was joined already: `upload-gone`", body = Problem,
             content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
             content_type = "application/problem+json"),
-        (status = 429, description = "Too many uploads of the home or of the tenant are unfinished: `too-many-uploads`",
-            body = Problem, content_type = "application/problem+json"),
         (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
             content_type = "application/problem+json"),
-        (status = 503, description = "The service is stopping: `stopping`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, FileProblems))]
+        UploadProblems))]
 async fn create_upload(State(app): State<App>, caller: Caller, request: Request) -> Result<Response, Error> {
     let (parts, body) = request.into_parts();
-    let sent = headers::metadata(&parts.headers)?;
-    let metadata = Metadata::parse(&sent)?;
-    let has_body = headers::has_body(&parts.headers);
-    if has_body {
-        headers::check_media_type(&parts.headers)?;
-    }
-    let (id, append) = match headers::concat(&parts.headers)? {
-        Concat::Final { ids, sent: concat } => {
-            if has_body || headers::length(&parts.headers)?.is_some() {
-                return Err(UploadError::Final.into());
-            }
-            let home = caller.home(&metadata.home()?)?;
-            let tenant = caller.tenant.clone();
-            let max_bytes = app.max_upload_bytes;
-            let joining = Joining { parts: ids, tenant, home, metadata: sent, concat, max_bytes };
-            (app.storage.join_uploads(&joining, &app.uploads.limits, Timestamp::now()).await?.id, None)
-        }
-        concat => {
-            let is_partial = concat == Concat::Partial;
-            let length = headers::length(&parts.headers)?.ok_or_else(headers::no_length)?;
-            headers::check_length(length, app.max_upload_bytes)?;
-            let new = NewUpload {
-                kind: if is_partial { UploadKind::Partial } else { UploadKind::Whole },
-                tenant: caller.tenant.clone(),
-                home: if is_partial { None } else { Some(caller.home(&metadata.home()?)?) },
-                metadata: sent,
-                concat: is_partial.then(|| "partial".to_owned()),
-                length_bytes: length.known(),
-            };
-            let checksum = checksum::asked_for(&parts.headers)?;
-            let (limits, max_bytes) = (&app.uploads.limits, app.limits.storage_bytes);
-            let id = app.storage.create_upload(new, limits, max_bytes, Timestamp::now()).await?.id;
-            let body_bytes = content_length(&parts.headers);
-            (id, has_body.then_some(Append { id, offset: 0, length_bytes: None, body_bytes, checksum }))
-        }
-    };
+    let (id, append) = begin::begin(&app, &caller, &parts.headers).await?;
     to_the_end(async move {
         if let Some(append) = append
             && let Err(error) = receive::receive(&app, append, body).await
@@ -268,8 +227,6 @@ async fn head_upload(
                 ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
                     GET the upload until it is `finished` or `refused`. A partial upload has none"),
                 ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
-        (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
-            content_type = "application/problem+json"),
         (status = 409, description = "The service has another number of bytes, or another request has resumed it: \
             `upload-offset-mismatch`. HEAD returns the offset", body = Problem, content_type = "application/problem+json"),
         (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
@@ -279,9 +236,7 @@ async fn head_upload(
             content_type = "application/problem+json"),
         (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
             content_type = "application/problem+json"),
-        (status = 503, description = "The service is stopping; the received bytes are kept: `stopping`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, FileProblems))]
+        UploadProblems))]
 async fn append_to_upload(
     State(app): State<App>,
     UploadPath { upload: id }: UploadPath,
@@ -305,7 +260,7 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
         checksum: checksum::asked_for(sent)?,
     };
     to_the_end(async move {
-        receive::receive(&app, append, body).await?;
+        receive::receive(&app, append, body).await.map_err(receive::may_go_on)?;
         finish::finish(&app, id).await?;
         Ok((StatusCode::NO_CONTENT, answer::state(&app, id).await?).into_response())
     })
@@ -348,15 +303,11 @@ async fn delete_upload(
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream"),
     responses(
         (status = 204, description = "As for PATCH or DELETE"),
-        (status = 403, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 405, description = "The header names another method, or is missing: `method-not-allowed`",
-            body = Problem, content_type = "application/problem+json"),
         (status = 409, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
         (status = 410, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
         (status = 412, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
         (status = 460, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        CommonProblems, FileProblems))]
+        UploadProblems))]
 async fn override_method(
     State(app): State<App>,
     UploadPath { upload }: UploadPath,
@@ -369,7 +320,8 @@ async fn override_method(
     } else if method == Some(b"DELETE") {
         Ok(delete_upload(State(app), UploadPath { upload }).await?.into_response())
     } else {
-        Err(Error::MethodNotAllowed)
+        let detail = "X-HTTP-Method-Override is PATCH or DELETE".to_owned();
+        Err(Error::InvalidHeader { field: "X-HTTP-Method-Override", detail })
     }
 }
 

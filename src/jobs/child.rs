@@ -33,7 +33,7 @@ const MAX_SAID_BYTES: u64 = 2000;
 /// Words of a Rust program whose allocation the system refused, before it aborts.
 const NO_MEMORY: &str = "memory allocation of ";
 /// Exit status of a Rust program that panicked.
-const PANICKED: i32 = 101;
+pub const PANICKED: i32 = 101;
 
 /// Command that starts another process of this program.
 #[derive(Debug, Clone)]

@@ -3,6 +3,7 @@
 mod assembling;
 mod describing;
 mod error;
+mod finishing;
 
 pub use describing::{Described, Earlier, LeftMap, describe};
 
@@ -15,6 +16,7 @@ use crate::storage::{
 use assembling::assemble;
 use bytes::Bytes;
 pub(super) use error::MergeError;
+use finishing::Finishing;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use jiff::Timestamp;
 use rayon::prelude::*;
@@ -39,21 +41,23 @@ const FILES_AT_A_TIME: usize = 8;
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
 
-/// Merges one home; gives it back after an error, and when `stop` comes first. Returns whether the home has a new
-/// revision.
+/// Merges one home; gives it back after an error, and when `stop` comes first. A merge that writes its files then has the
+/// time `grace`. Returns whether the home has a new revision.
 pub(super) async fn merge(
     queue: &Queue,
     claim: &MergeClaim,
     surface: SurfaceLabels,
-    lease: Duration,
+    (lease, grace): (Duration, Duration),
     stop: &CancellationToken,
 ) -> bool {
-    let begun = Instant::now();
-    let merged = tokio::select! {
-        merged = try_merge(&queue.storage, claim, surface) => merged,
-        () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
-        () = stop.cancelled() => Ok(Merged::Stopped),
+    let (begun, finishing) = (Instant::now(), Finishing::default());
+    let early = async {
+        tokio::select! {
+            () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
+            () = stop.cancelled() => Ok(Merged::Stopped),
+        }
     };
+    let merged = finishing.end(try_merge(&queue.storage, claim, surface, &finishing), early, grace).await;
     let took = begun.elapsed();
     let outcome = match &merged {
         Ok(Merged::Revision { .. }) => "revision",
@@ -137,12 +141,13 @@ async fn try_merge(
     storage: &Arc<Storage>,
     claim: &MergeClaim,
     surface: SurfaceLabels,
+    finishing: &Finishing,
 ) -> Result<Merged, MergeError> {
     let last = readable(&claim.home, storage.last_manifest(claim).await)?;
-    match merge_from(&last, storage, claim, surface.clone()).await {
+    match merge_from(&last, storage, claim, surface.clone(), finishing).await {
         Err(damage @ MergeError::DamagedMap) => {
             error!(home = %claim.home, %damage, "the map is made again from its clips");
-            merge_from(&Manifest::default(), storage, claim, surface).await
+            merge_from(&Manifest::default(), storage, claim, surface, finishing).await
         }
         merged => merged,
     }
@@ -164,6 +169,7 @@ async fn merge_from(
     storage: &Arc<Storage>,
     claim: &MergeClaim,
     surface: SurfaceLabels,
+    finishing: &Finishing,
 ) -> Result<Merged, MergeError> {
     let (claim, assembly) = assemble_readable(storage, claim, manifest).await?;
     let claim = &claim;
@@ -189,6 +195,7 @@ async fn merge_from(
         on_own_thread(move || revision(label()?, &levels))?.await.unwrap_or(Err(MergeError::Panicked))?;
     remove_others(&mut new, &last_tiles);
     let tiles = new.tiles.len();
+    finishing.begin();
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }

@@ -124,7 +124,7 @@ impl Worker {
         claim.home.tenant().clone_into(merged);
         let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
         let surface = params.align.align.label.surface.clone();
-        if merge(queue, &claim, surface, params.lease, stop).instrument(span).await {
+        if merge(queue, &claim, surface, (params.lease, params.grace), stop).instrument(span).await {
             tokio::spawn(make_meshes(queue.storage.clone(), claim.home));
         }
         true

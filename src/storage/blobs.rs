@@ -90,6 +90,12 @@ impl Blobs {
         Ok(limits::within(self.limits.removal, tries).await?)
     }
 
+    /// [`Blobs::remove_all`] for recorded deletions, which no sweep removes: a slow store has more time.
+    pub async fn remove_recorded(&self, keys: &[String]) -> Result<(), StorageError> {
+        let tries = tried("removing blobs", || self.remove(keys));
+        Ok(self.limits.bound(tries).await?)
+    }
+
     /// Removes blobs that no row refers to any more. If the store fails, a sweep removes the rest.
     pub async fn discard(&self, keys: &[String]) {
         if let Err(error) = self.remove_all(keys).await {

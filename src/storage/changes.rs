@@ -28,6 +28,9 @@ pub const CURSOR_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
 /// Time that deletions stay in the feed. The extra day covers clock differences and slow requests.
 const TOLD: SignedDuration = SignedDuration::from_hours(31 * 24);
 
+/// Maximum number of old removals that one removal deletes.
+const FORGOTTEN_AT_ONCE: i64 = 1_000;
+
 const HOUR: SignedDuration = SignedDuration::from_hours(1);
 
 /// Most changes that are numbered in one transaction.
@@ -324,14 +327,16 @@ pub(super) async fn record_home_removed(
     forget(connection, now).await
 }
 
-/// Deletes the removals older than [`TOLD`]. Every removal calls this, so the feed holds the existing items
-/// and a month of removals.
+/// Deletes removals older than [`TOLD`]. Every removal calls this, so the feed holds the existing items
+/// and a month of removals. Of many old removals each call deletes a part: the caller holds its home.
 async fn forget(connection: &mut Connection, now: Timestamp) -> Result<(), StorageError> {
     let old = connection.either(
-        "DELETE FROM changes WHERE deleted = 1 AND at < $1",
         "DELETE FROM changes WHERE (home_id, kind, clip_id) IN (
-            SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 FOR UPDATE SKIP LOCKED)",
+            SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 LIMIT $2)",
+        "DELETE FROM changes WHERE (home_id, kind, clip_id) IN (
+            SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 LIMIT $2
+            FOR UPDATE SKIP LOCKED)",
     );
-    query(old).bind((now - TOLD).as_millisecond()).execute(connection).await?;
+    query(old).bind((now - TOLD).as_millisecond()).bind(FORGOTTEN_AT_ONCE).execute(connection).await?;
     Ok(())
 }

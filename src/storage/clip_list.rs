@@ -4,6 +4,7 @@ use super::columns::Columns;
 use super::database::{Query, Row, query};
 use super::{Clip, ClipState, HomeId, Page, Storage, StorageError, clips, homes, jobs};
 use jiff::Timestamp;
+use std::collections::HashMap;
 use uuid::Uuid;
 
 /// Filter of a list of clips.
@@ -57,5 +58,12 @@ impl Storage {
         let rows = rows.fetch_all(&mut snapshot).await?;
         let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
         rows.iter().map(clip).collect()
+    }
+
+    /// Returns the keys of the results of a home's clips by clip. The same key has the same files.
+    pub async fn result_keys(&self, home: &HomeId) -> Result<HashMap<Uuid, String>, StorageError> {
+        let rows = query("SELECT id, result_key FROM clips WHERE home_id = $1 AND result_key IS NOT NULL");
+        let rows = rows.bind(home.key()).fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(|row| Ok((row.id("id")?, row.text("result_key")?))).collect()
     }
 }

@@ -11,6 +11,11 @@ const LONGEST_LEASE: Duration = Duration::from_mins(10);
 /// Longer than any pause between the attempts at a job or a merge.
 const LONGEST_PAUSE: Duration = Duration::from_mins(40);
 
+/// Longer than any lead of a job's turn over the time at which it is queued.
+const LONGEST_TURN: Duration = Duration::from_hours(3);
+/// Longer than any delay of a delivery.
+const LONGEST_DELAY: Duration = Duration::from_hours(25);
+
 /// Returns the time after which a lease can only be of a clock that was ahead, in milliseconds.
 pub(super) fn no_lease_after(now: Timestamp) -> i64 {
     (now + LONGEST_LEASE).as_millisecond()
@@ -19,4 +24,14 @@ pub(super) fn no_lease_after(now: Timestamp) -> i64 {
 /// Returns the time after which the due time of a job or a merge can only be of a clock that was ahead, in milliseconds.
 pub(super) fn no_pause_after(now: Timestamp) -> i64 {
     (now + LONGEST_PAUSE).as_millisecond()
+}
+
+/// Returns the time after which the turn of a queued job can only be of a clock that was ahead, in milliseconds.
+pub(super) fn no_turn_after(now: Timestamp) -> i64 {
+    (now + LONGEST_TURN).as_millisecond()
+}
+
+/// Returns the time after which the due time of a delivery can only be of a clock that was ahead, in milliseconds.
+pub(super) fn no_delivery_after(now: Timestamp) -> i64 {
+    (now + LONGEST_DELAY).as_millisecond()
 }

@@ -130,6 +130,13 @@ fn home(id: &str) -> HomeId {
     id.parse().unwrap()
 }
 
+/// Runs a statement with one value, as a process of another version or a person would.
+async fn execute(storage: &Storage, statement: &'static str, value: &str) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    database::query(statement).bind(value).execute(&mut transaction).await.unwrap();
+    transaction.commit().await.unwrap();
+}
+
 async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
     let mut incoming = storage.incoming().unwrap();
     for piece in bytes.chunks(3) {
@@ -177,7 +184,7 @@ async fn put_registered(
     let file = arrived(storage, bytes).await;
     let (info, image_png) = (lidar_info(), b"picture".to_vec());
     let new = NewLidarMap { level, file, file_name: None, info, from_earlier, image_png };
-    storage.put_lidar_map(home, new, |_| true, at(0)).await
+    storage.put_lidar_map(home, new, None, |_| true, at(0)).await
 }
 
 /// Creates a home with a map and one queued clip.

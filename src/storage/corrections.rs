@@ -175,7 +175,10 @@ impl Storage {
         let level = level.ok_or(CorrectionError::NoMap)?;
         let files = self.home_map_files(home, map.revision, level.level, map_file::SCENE).await?;
         let file = files.first().ok_or(CorrectionError::NoMap)?;
-        let scene = self.map_scene(file).await?.ok_or(CorrectionError::NoMap)?;
+        let Some(scene) = self.map_scene(file).await? else {
+            self.check_map_file_removed(file).await?;
+            return Err(CorrectionError::NoMap);
+        };
         let history = scene.history();
         Ok(Current { revision: map.revision, lidar_map_revision: level.lidar_map_revision, scene, history })
     }

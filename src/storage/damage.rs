@@ -1,4 +1,4 @@
-//! Files that lost bytes since they were stored.
+//! Files that were lost, or lost bytes, since they were stored.
 
 use super::StorageError;
 use super::columns::Columns;
@@ -9,4 +9,13 @@ pub(super) fn check_size(row: Option<&Row>, key: String, found: u64) -> Result<(
     let Some(row) = row else { return Ok(()) };
     let expected = row.count("size_bytes")?;
     if found == expected { Ok(()) } else { Err(StorageError::DamagedFile { key, found, expected }) }
+}
+
+/// Returns an error if a row names a file that the store does not have; without a row the file was removed meanwhile.
+pub(super) fn check_removed(row: Option<&Row>, key: String) -> Result<(), StorageError> {
+    if row.is_none() {
+        return Ok(());
+    }
+    let source = "the database names it, and the store does not have it".into();
+    Err(object_store::Error::NotFound { path: key, source }.into())
 }

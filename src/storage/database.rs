@@ -13,6 +13,7 @@ pub(super) use query::{Query, Row, query};
 
 use super::StorageError;
 use health::{Verdict, WriteHealth};
+use jiff::{SignedDuration, Timestamp};
 use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPool, PgPoolOptions};
 use sqlx::sqlite::{
@@ -31,6 +32,12 @@ pub const POSTGRES_CONNECTIONS: u32 = 8;
 
 /// Timeout for a free connection; then the service counts as busy.
 const ACQUIRE: Duration = Duration::from_secs(10);
+
+/// A statement that waits this long for a lock shows a bug of ours, and is aborted.
+const LOCK_TIMEOUT: &str = "10s";
+
+/// Difference of this machine's clock and the database's beyond which a process warns: leases are compared across machines.
+const MAX_CLOCK_DIFFERENCE: SignedDuration = SignedDuration::from_secs(5);
 
 /// Timeout of the write that checks whether the database can write.
 const CHECK: Duration = Duration::from_secs(3);
@@ -77,6 +84,18 @@ async fn unreachable(options: &PgConnectOptions, error: sqlx::Error) -> StorageE
     StorageError::NoDatabase { host: options.get_host().to_owned(), port: options.get_port(), source }
 }
 
+/// Warns if this machine's clock and the database's differ: processes would take each other's leases for expired.
+async fn compare_clocks(pool: &PgPool) -> Result<(), StorageError> {
+    let now = "SELECT CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)";
+    let theirs_ms: i64 = sqlx::query_scalar(now).fetch_one(pool).await?;
+    let ahead = SignedDuration::from_millis(Timestamp::now().as_millisecond() - theirs_ms);
+    if ahead.abs() > MAX_CLOCK_DIFFERENCE {
+        let seconds = ahead.as_secs_f64();
+        tracing::warn!(seconds, "the clock of this machine differs from the database's; set both, as by NTP");
+    }
+    Ok(())
+}
+
 impl Database {
     fn new(pools: Pools) -> Database {
         Database { pools, health: Arc::default() }
@@ -101,12 +120,11 @@ impl Database {
     /// Opens PostgreSQL. `url` is as for libpq: `postgres://user:password@host:port/database?sslmode=...`. Connections are
     /// named `viola` unless it has an `application_name`.
     pub async fn open_postgres(url: &str, connections: u32) -> Result<Database, StorageError> {
-        // A statement that waits this long for a lock shows a bug of ours, and is aborted.
         let options = PgConnectOptions::from_str(url)?;
         let name = options.get_application_name().unwrap_or("viola").to_owned();
         let options = options
             .application_name(&name)
-            .options([("lock_timeout", "10s"), ("idle_in_transaction_session_timeout", "60s")]);
+            .options([("lock_timeout", LOCK_TIMEOUT), ("idle_in_transaction_session_timeout", "60s")]);
         let pool = PgPoolOptions::new()
             .max_connections(connections.max(2))
             .acquire_timeout(ACQUIRE)
@@ -116,7 +134,8 @@ impl Database {
             Ok(pool) => pool,
             Err(error) => return Err(unreachable(&options, error).await),
         };
-        tables::postgres().run(&pool).await?;
+        tables::migrate_postgres(&options).await?;
+        compare_clocks(&pool).await?;
         Ok(Database::new(Pools::Postgres(pool)))
     }
 

@@ -14,6 +14,7 @@ pub use objects::{HomeObject, MapObject, ObjectFilter};
 pub use scene::{MapHistory, MapRoom, MapScene};
 
 use super::columns::Columns;
+use super::damage::check_removed;
 use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
@@ -211,6 +212,13 @@ impl Storage {
     /// Returns a file of a revision in one piece.
     pub async fn map_file_bytes(&self, file: &MapFile) -> Result<Option<bytes::Bytes>, StorageError> {
         self.blobs.read_if_there(&file.key).await
+    }
+
+    /// Returns an error if a file that the store does not have is still one of a kept revision.
+    pub async fn check_map_file_removed(&self, file: &MapFile) -> Result<(), StorageError> {
+        let row = query("SELECT blob_key FROM home_map_files WHERE blob_key = $1").bind(&file.key);
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        check_removed(row.as_ref(), file.key.clone())
     }
 
     #[cfg(test)]

@@ -91,7 +91,8 @@ macro_rules! select_homes {
         concat!(
             "SELECT homes.*,
                 (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
-                (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id) AS lidar_map_revision, ",
+                (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id AND removed_at IS NULL)
+                    AS lidar_map_revision, ",
             clips_in!("uploaded"),
             ", ",
             clips_in!("queued"),

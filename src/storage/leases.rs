@@ -10,9 +10,9 @@ pub use retry::{Fault, RetryPolicy};
 use super::clips::{self, Outcome};
 use super::clock;
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Transaction, query};
+use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
-use again::{RetryState, requeue, requeue_after_fault};
+use again::{RetryState, requeue, requeue_after_fault, set_aside};
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -89,14 +89,14 @@ macro_rules! claim {
                 ORDER BY order_at, id LIMIT 1 ",
             $lock,
             ")
-            RETURNING id, fence"
+            RETURNING id, fence, attempts, max_attempts, faults, first_fault_at"
         )
     };
 }
 
 impl Storage {
     /// Claims a due job for a worker; returns `None` if there is none. Jobs of lost workers are due after
-    /// [`Storage::release_lost`].
+    /// [`Storage::release_lost`]. A job whose rows cannot be read is an error, and rests.
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
         let mut transaction = self.database.begin().await?;
         // Jobs that another worker is taking are skipped, so that workers do not wait for each other. If no other one is due,
@@ -117,16 +117,16 @@ impl Storage {
         }
         let Some(row) = row else { return Ok(None) };
         let id = row.id("id")?;
-        change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;
-        let job = jobs::find(&mut transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
-        let claim = Claim {
-            lidar_maps: lidar_maps::levels(&mut transaction, &job.home).await?,
-            job,
-            fencing_token: row.number("fence")?,
-            result_bytes: Arc::default(),
-        };
+        let claimed = claimed(&mut transaction, id, &row, now).await;
+        if let Err(unreadable @ StorageError::Column { .. }) = &claimed {
+            tracing::error!(job = %id, %unreadable, "a job rests: its rows cannot be read");
+            // Otherwise it would be the next one at every claim.
+            set_aside(&mut transaction, &row, now).await?;
+        } else if claimed.is_err() {
+            return claimed.map(Some);
+        }
         transaction.commit().await?;
-        Ok(Some(claim))
+        claimed.map(Some)
     }
 
     /// Renews a lease and records the progress; returns false if the job is no longer this worker's.
@@ -185,7 +185,10 @@ impl Storage {
         homes::lock(&mut transaction, &claim.job.home).await?;
         let held = end_attempt(&mut transaction, claim, ending, retry, now).await?;
         transaction.commit().await?;
-        self.discard_unless_kept(&claim.result_key()).await?;
+        // The end is recorded, whatever becomes of files that nobody refers to.
+        if let Err(error) = self.discard_unless_kept(&claim.result_key()).await {
+            tracing::warn!(job = %claim.job.id, %error, "files of an attempt may be left; a sweep removes them");
+        }
         Ok(held)
     }
 
@@ -220,6 +223,23 @@ impl Storage {
         transaction.commit().await?;
         Ok(job)
     }
+}
+
+/// Returns the claim on a job that was just taken.
+async fn claimed(
+    transaction: &mut Transaction,
+    id: Uuid,
+    row: &Row,
+    now: Timestamp,
+) -> Result<Claim, StorageError> {
+    change_clip(transaction, id, ClipState::Aligning, &[], now).await?;
+    let job = jobs::find(transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
+    Ok(Claim {
+        lidar_maps: lidar_maps::levels(transaction, &job.home).await?,
+        job,
+        fencing_token: row.number("fence")?,
+        result_bytes: Arc::default(),
+    })
 }
 
 async fn end_attempt(

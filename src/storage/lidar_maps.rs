@@ -6,7 +6,7 @@ mod remove;
 pub use put::NewLidarMap;
 
 use super::columns::Columns;
-use super::damage::check_size;
+use super::damage::{check_removed, check_size};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
@@ -138,20 +138,37 @@ impl Storage {
 
     /// Returns the preview picture of a revision.
     pub async fn lidar_map_image(&self, map: &LidarMapRevision) -> Result<BlobReader, StorageError> {
-        self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
+        match self.blobs.read(&image_key(map.id)).await? {
+            Some(image) => Ok(image),
+            None => Err(self.removed_or_lost(map.id, image_key(map.id)).await),
+        }
     }
 
     /// Returns the file of a revision, to be sent.
     pub async fn lidar_map_blob(&self, map: &LidarMapRevision) -> Result<BlobReader, StorageError> {
-        self.blobs.read(&file_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
+        let Some(blob) = self.blobs.read(&file_key(map.id)).await? else {
+            return Err(self.removed_or_lost(map.id, file_key(map.id)).await);
+        };
+        check_size(self.lidar_map_size_row(map.id).await?.as_ref(), file_key(map.id), blob.size_bytes)?;
+        Ok(blob)
+    }
+
+    /// Returns the error for a file that the store does not have.
+    async fn removed_or_lost(&self, id: Uuid, key: String) -> StorageError {
+        let row = self.lidar_map_size_row(id).await;
+        row.and_then(|row| check_removed(row.as_ref(), key)).err().unwrap_or(StorageError::NoLidarMap)
+    }
+
+    /// Returns the row of a map that is kept.
+    async fn lidar_map_size_row(&self, id: Uuid) -> Result<Option<Row>, StorageError> {
+        let row = query("SELECT size_bytes FROM lidar_maps WHERE id = $1 AND removed_at IS NULL");
+        Ok(row.bind(id.to_string()).fetch_optional(&mut self.database.reader().await?).await?)
     }
 
     /// Returns the file of a revision.
     pub async fn lidar_map_file(&self, id: Uuid) -> Result<bytes::Bytes, StorageError> {
         let bytes = self.blobs.read_all(&file_key(id)).await?;
-        let row = query("SELECT size_bytes FROM lidar_maps WHERE id = $1").bind(id.to_string());
-        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        check_size(row.as_ref(), file_key(id), bytes.len() as u64)?;
+        check_size(self.lidar_map_size_row(id).await?.as_ref(), file_key(id), bytes.len() as u64)?;
         Ok(bytes)
     }
 

@@ -11,23 +11,25 @@ use uuid::Uuid;
 /// Deletions that are read at a time.
 const AT_ONCE: i64 = 100;
 
-/// Records blobs to remove. `owner` names the deleted resource.
+/// Maximum number of blobs of one deletion: the store removes as many with one request.
+const BLOBS_OF_ROW: usize = 1000;
+
+/// Records blobs to remove, in as many deletions as they need. `owner` names the deleted resource.
 pub(super) async fn add(
     transaction: &mut Transaction,
     owner: &str,
     keys: &[String],
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    if keys.is_empty() {
-        return Ok(());
+    for keys in keys.chunks(BLOBS_OF_ROW) {
+        query("INSERT INTO doomed_blobs (id, owner, blob_keys, created_at) VALUES ($1, $2, $3, $4)")
+            .bind(Uuid::now_v7().to_string())
+            .bind(owner)
+            .bind(to_json(&keys))
+            .bind(now.as_millisecond())
+            .execute(&mut *transaction)
+            .await?;
     }
-    query("INSERT INTO doomed_blobs (id, owner, blob_keys, created_at) VALUES ($1, $2, $3, $4)")
-        .bind(Uuid::now_v7().to_string())
-        .bind(owner)
-        .bind(to_json(&keys))
-        .bind(now.as_millisecond())
-        .execute(transaction)
-        .await?;
     Ok(())
 }
 
@@ -72,6 +74,7 @@ impl Storage {
     /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
         let (mut finished, mut failed) = (0, None);
+        let mut timed_out = false;
         let mut after = (i64::MIN, String::new());
         loop {
             let rows = query(
@@ -82,10 +85,13 @@ impl Storage {
             let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
             for row in &rows {
                 after = (row.number("created_at")?, row.text("id")?);
-                match self.remove_row(row.id("id")?, row.json("blob_keys")?).await {
+                let removed = self.remove_row(row.id("id")?, row.json("blob_keys")?).await;
+                let earlier_timed_out = timed_out;
+                timed_out = removed.as_ref().is_err_and(StorageError::is_timeout);
+                match removed {
                     Ok(()) => finished += 1,
-                    // Each further one would wait as long for the silent store.
-                    Err(error) if error.is_timeout() => return Err(error),
+                    // The store is silent: each further one would wait as long.
+                    Err(error) if timed_out && earlier_timed_out => return Err(error),
                     // One failure does not stop the others.
                     Err(error) => failed = Some(error),
                 }
@@ -97,7 +103,10 @@ impl Storage {
     }
 
     async fn remove_row(&self, id: Uuid, keys: Vec<String>) -> Result<(), StorageError> {
-        self.blobs.remove_all(&keys).await?;
+        // Rows of earlier versions have more keys.
+        for keys in keys.chunks(BLOBS_OF_ROW) {
+            self.blobs.remove_recorded(keys).await?;
+        }
         let mut transaction = self.database.begin().await?;
         query("DELETE FROM doomed_blobs WHERE id = $1")
             .bind(id.to_string())

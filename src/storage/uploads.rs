@@ -6,6 +6,7 @@
 //! serve any request.
 
 mod append;
+mod begun;
 mod expire;
 mod finish;
 mod join;

@@ -272,6 +272,12 @@ async fn a_tenant_has_its_share_of_requests() {
         }
     }
     assert!(refused > 0, "40 requests at once, and 5 a second are allowed");
+    // A sign-in counts as well.
+    let (_, secret) = server.key("acme", Role::Uploader, None).await;
+    let sign_in = || server.request(Method::PUT, "/v1/session").json(&json!({"key": secret.show()}));
+    let begun = futures::future::join_all((0..40).map(|_| server.send(sign_in()))).await;
+    let refused = begun.into_iter().find(|answer| answer.status != 204);
+    refused.expect("5 sessions a second are allowed").problem(429, "too-many-requests");
     bolt.get("/v1/session").await.ok(200);
 }
 

@@ -61,6 +61,18 @@ async fn heads_are_bounded() {
 }
 
 #[tokio::test]
+async fn a_request_names_one_host() {
+    let server = Server::start().await;
+    for hosts in ["", "host: localhost\r\nhost: localhost\r\n"] {
+        let mut connection = connect(&server);
+        let request = format!("GET /healthz HTTP/1.1\r\n{hosts}connection: close\r\n\r\n");
+        connection.write_all(request.as_bytes()).unwrap();
+        let answer = until_closed(connection).await;
+        assert!(answer.starts_with("HTTP/1.1 400 ") && answer.contains("\"Host\""), "{answer}");
+    }
+}
+
+#[tokio::test]
 async fn json_bombs_are_refused() {
     let server = Server::start().await;
     let deep = "[".repeat(60_000);

@@ -107,8 +107,9 @@ async fn a_change_of_an_old_state_is_refused() {
     let clip = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
     let old = server.get(&clip).await.header("etag").to_owned();
     let title = json!({"title": "Kitchen"});
-    for _ in 0..2 {
-        with(&server, Method::PATCH, &clip, ("if-match", &old), &title).await.ok(200);
+    // The tag of a compressed answer is weak.
+    for tag in [format!("W/{old}"), old.clone()] {
+        with(&server, Method::PATCH, &clip, ("if-match", &tag), &title).await.ok(200);
     }
     with(&server, Method::PATCH, &clip, ("if-match", &old), &json!({"title": null}))
         .await

@@ -183,7 +183,9 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
         last = without["revision"].clone();
     }
     assert!(last.as_i64() >= Some(11), "{last}");
-    server.get(&format!("{home}/map/changes?from=1&to=2")).await.problem(410, "map-revision-removed");
+    for path in ["map/changes?from=1&to=2", "map?revision=1", "map/plan?revision=1"] {
+        server.get(&format!("{home}/{path}")).await.problem(410, "map-revision-removed");
+    }
     // The same room in another frame: turned by a quarter, and moved.
     let turned = |x: f64, y: f64| [3.0 - y, x + 1.0];
     server.put(&format!("{home}/lidar-map"), room::lidar_csv_moved(turned)).await.ok(201);

@@ -39,6 +39,42 @@ fn resolved<'a>(document: &'a serde_json::Value, part: &'a serde_json::Value) ->
     document.pointer(name.strip_prefix('#').unwrap()).unwrap()
 }
 
+/// An answer of an operation was once replaced by the common one of the same status.
+#[test]
+fn no_description_of_an_answer_is_lost() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let mut told = std::collections::HashSet::new();
+    for operations in document["paths"].as_object().unwrap().values() {
+        for operation in operations.as_object().unwrap().values() {
+            for (status, answer) in operation["responses"].as_object().unwrap() {
+                let description = resolved(&document, answer)["description"].as_str().unwrap();
+                told.insert((status.as_str(), description));
+            }
+        }
+    }
+    let mut folders = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/api")];
+    let mut answers = 0;
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            // A line that ends with a backslash goes on in the next one.
+            let source = std::fs::read_to_string(&path).unwrap();
+            let source: String = source.split("\\\n").map(str::trim_start).collect();
+            for answer in source.split("(status = ").skip(1) {
+                let Some((status, rest)) = answer.split_once(", description = \"") else { continue };
+                let (description, _) = rest.split_once('"').unwrap();
+                assert!(told.contains(&(status, description)), "{status} {description}");
+                answers += 1;
+            }
+        }
+    }
+    assert!(answers > 100, "{answers}");
+}
+
 /// Collects every `$ref` in a part of the document.
 fn references(part: &serde_json::Value, into: &mut Vec<String>) {
     match part {

@@ -95,6 +95,15 @@ async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
         assert_eq!(server.send(known).await.status, 304, "{path}");
         assert!(server.get(&path).await.bytes == answer.bytes, "{path}: other bytes");
     }
+    // A recording has the cameras of the clips' present results.
+    let revision = server.get(&format!("{home}/map")).await.ok(200)["revision"].to_string();
+    let recording = format!("{home}/map/recording?revision={revision}");
+    let tag = server.get(&recording).await.header("etag").to_owned();
+    let clip = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    server.post(&format!("{clip}/align"), "").await.ok(202);
+    server.settled(&clip).await;
+    let known = server.request(Method::GET, &recording).header("if-none-match", &tag);
+    assert_eq!(server.send(known).await.status, 200);
     let accepted =
         server.request(Method::GET, &format!("{home}/map/points")).header("accept", "text/x, model/e57;q=1");
     assert_eq!(server.send(accepted).await.header("content-type"), "model/e57");

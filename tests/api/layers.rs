@@ -14,6 +14,16 @@ async fn text_is_compressed_for_those_who_accept_it() {
         let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
         let packed = server.send(request).await;
         assert_eq!(packed.header("content-encoding"), encoding);
+        // Each encoding has other bytes, so the tag is weak.
+        let tag = packed.header("etag").to_owned();
+        assert_eq!(tag, format!("W/{}", plain.header("etag")), "{encoding}");
+        let known = server.request(Method::GET, "/openapi.json").header("if-none-match", &tag);
+        assert_eq!(server.send(known.header("accept-encoding", encoding)).await.status, 304);
+        // Its gzip is made once.
+        let length = if encoding == "gzip" { packed.bytes.len().to_string() } else { String::new() };
+        assert_eq!(packed.header("content-length"), length, "{encoding}");
+        let vary: Vec<_> = packed.headers.get_all("vary").iter().collect();
+        assert!(vary.iter().any(|names| *names == "accept-encoding"), "{encoding}: {vary:?}");
         let (packed_bytes, plain_bytes) = (packed.bytes.len(), plain.bytes.len());
         assert!(4 * packed_bytes < plain_bytes, "{encoding}: {packed_bytes} of {plain_bytes} bytes");
         let mut text = Vec::new();

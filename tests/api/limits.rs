@@ -2,11 +2,12 @@
 
 use crate::clips::small_clip;
 use crate::server::Server;
-use reqwest::Method;
+use futures::{StreamExt, stream};
+use reqwest::{Body, Method};
 use viola::api::LimitParams;
 use viola::storage::{Role, TenantLimits};
 use viola_testing::client::Client;
-use viola_testing::room;
+use viola_testing::{eventually, room};
 
 const MIB: usize = 1 << 20;
 
@@ -97,4 +98,40 @@ async fn a_tenant_with_too_many_uploads_locks_out_nobody() {
     assert_eq!((&usage["uploads"], &usage["max_uploads"]), (&0.into(), &20.into()));
     let for_one_home = server.client("acme", Role::Reader, Some("h")).await;
     for_one_home.get("/v1/usage").await.problem(403, "forbidden");
+}
+
+/// Dry runs and bodies without a length once filled the disk beyond every quota.
+#[tokio::test]
+async fn bytes_that_arrive_are_bounded() {
+    let server = Server::with(|params| {
+        params.max_upload_bytes = MIB as u64;
+        params.bodies.process_bytes = 2 * MIB as u64;
+        params.bodies.tenant_bytes = MIB as u64;
+    })
+    .await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    let bolt = server.client("bolt", Role::Admin, None).await;
+    acme.make_home("h").await;
+    bolt.make_home("h").await;
+    let path = "/v1/homes/h/clips?dry_run=true";
+    let endless = stream::iter([Ok::<_, std::io::Error>(vec![7; 3 * MIB / 4])]).chain(stream::pending());
+    let held = acme.request(Method::POST, path).body(Body::wrap_stream(endless));
+    let held = tokio::spawn(held.send());
+    eventually("the bytes have arrived", || async {
+        let sizes = server.blobs().into_iter().filter_map(|file| file.metadata().ok());
+        (sizes.map(|file| file.len()).sum::<u64>() == 3 * MIB as u64 / 4).then_some(())
+    })
+    .await;
+    let refused = acme.post(path, vec![7; MIB / 2]).await;
+    assert!(!refused.header("retry-after").is_empty());
+    refused.problem(503, "unavailable");
+    // No length is announced.
+    let pieces = stream::iter((0..8).map(|_| Ok::<_, std::io::Error>(vec![7; MIB / 16])));
+    acme.post(path, Body::wrap_stream(pieces)).await.problem(503, "unavailable");
+    bolt.post(path, vec![7; MIB / 2]).await.problem(415, "unknown-layout");
+    held.abort();
+    eventually("the bytes are free", || async {
+        (acme.post(path, vec![7; MIB / 2]).await.status == 415).then_some(())
+    })
+    .await;
 }

@@ -22,7 +22,7 @@ async fn bad_requests_are_told_apart() {
         (Method::PUT, "/v1/homes/a%2Fb".to_owned(), 400, "invalid-path", Some("home")),
         (Method::PUT, "/v1/homes/%2e%2e%2fetc".to_owned(), 400, "invalid-path", Some("home")),
         (Method::PUT, "/v1/homes/a%00".to_owned(), 400, "invalid-path", Some("home")),
-        (Method::PUT, "/v1/homes/%ff".to_owned(), 400, "invalid-path", None),
+        (Method::PUT, "/v1/homes/%ff".to_owned(), 400, "invalid-path", Some("home")),
         (Method::GET, "/v1/homes/h/clips/7".to_owned(), 400, "invalid-path", Some("clip")),
         (Method::GET, "/v1/jobs/seven".to_owned(), 400, "invalid-path", Some("job")),
         (Method::GET, format!("/v1/homes/h/clips/{ID}"), 404, "clip-not-found", None),
@@ -36,7 +36,7 @@ async fn bad_requests_are_told_apart() {
         (Method::GET, "/v1/homes?limit=201".to_owned(), 400, "invalid-query", Some("limit")),
         (Method::GET, "/v1/homes?limit=-1".to_owned(), 400, "invalid-query", Some("limit")),
         (Method::GET, "/v1/homes?limit=ten".to_owned(), 400, "invalid-query", Some("limit")),
-        (Method::GET, "/v1/homes?limit=1&limit=2".to_owned(), 400, "invalid-query", None),
+        (Method::GET, "/v1/homes?limit=1&limit=2".to_owned(), 400, "invalid-query", Some("limit")),
         (Method::GET, "/v1/homes?after=*".to_owned(), 400, "invalid-query", Some("after")),
         (Method::GET, "/v1/homes?after=Li4".to_owned(), 400, "invalid-query", Some("after")),
         (Method::GET, "/v1/homes/h/clips?after=Li4".to_owned(), 400, "invalid-query", Some("after")),
@@ -53,7 +53,13 @@ async fn bad_requests_are_told_apart() {
         (Method::GET, "/v1/homes/h/clips?state=done".to_owned(), 400, "invalid-query", Some("state")),
         (Method::GET, "/v1/homes/h/clips?state=failed,".to_owned(), 400, "invalid-query", Some("state")),
         (Method::GET, "/v1/homes/h/clips?state=Failed".to_owned(), 400, "invalid-query", Some("state")),
-        (Method::GET, "/v1/homes/h/clips?state=failed&state=queued".to_owned(), 400, "invalid-query", None),
+        (
+            Method::GET,
+            "/v1/homes/h/clips?state=failed&state=queued".to_owned(),
+            400,
+            "invalid-query",
+            Some("state"),
+        ),
         (Method::GET, "/v1/homes/none/clips?state=failed".to_owned(), 404, "home-not-found", None),
         (
             Method::GET,
@@ -100,6 +106,11 @@ async fn bad_json_is_told_apart() {
         assert_eq!(problem["field"].as_str(), field, "{what}: {problem}");
     }
     server.get("/v1/homes/h").await.problem(404, "home-not-found");
+    let missing = server.send(server.request(Method::PUT, "/v1/session").json(&json!({}))).await;
+    assert_eq!(missing.problem(422, "invalid-body")["field"], "key");
+    // A body of no bytes is absent.
+    let empty = server.request(Method::PUT, "/v1/homes/h").header("content-type", json_type).body("");
+    server.send(empty).await.ok(201);
 }
 
 #[tokio::test]

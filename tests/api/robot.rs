@@ -104,3 +104,22 @@ async fn a_map_of_points_has_zones_in_metres_and_no_segments() {
     }
     server.get("/v1/homes/nowhere/map/robot?format=nav2").await.problem(404, "home-not-found");
 }
+
+#[tokio::test]
+async fn a_file_of_the_map_that_the_store_lost_is_a_fault_of_the_service() {
+    let server = start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_valetudo()).await.ok(201);
+    add(&server, &home, 24).await;
+    list(&server, &home, "rooms", |list| list["rooms"] != json!([])).await;
+    for path in server.blobs().iter().filter(|path| path.to_string_lossy().contains("home-maps")) {
+        // The worker may rename a file of the mesh meanwhile.
+        let _ = std::fs::remove_file(path);
+    }
+    for of_map in ["rooms", "plan", "robot?format=matter", "robot?format=nav2", "robot?format=calibration"] {
+        server.get(&format!("{home}/map/{of_map}")).await.problem(500, "internal-error");
+    }
+    patch(&server, &format!("{home}/map/rooms/16"), &json!({"name": "Hall"}))
+        .await
+        .problem(500, "internal-error");
+}

@@ -79,3 +79,28 @@ async fn homes_are_counted_and_found() {
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     assert_eq!(server.get(home).await.ok(200)["needs_attention"], json!([]));
 }
+
+#[tokio::test]
+async fn a_file_that_the_store_lost_is_a_fault_of_the_service() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let recording = format!("{home}/clips/{}/recording", clip["id"].as_str().unwrap());
+    let map_file = format!("{home}/lidar-maps/main/revisions/1/file");
+    let image = format!("{home}/lidar-map/image.png");
+    let is_map =
+        |path: &std::path::Path| path.ends_with("file") && path.to_string_lossy().contains("lidar-maps");
+    for path in server.blobs().iter().filter(|path| is_map(path)) {
+        std::fs::write(path, "x").unwrap();
+    }
+    server.get(&map_file).await.problem(500, "internal-error");
+    for path in server.blobs() {
+        std::fs::remove_file(path).unwrap();
+    }
+    for path in [&recording, &map_file, &image] {
+        server.get(path).await.problem(500, "internal-error");
+    }
+    server.delete(&home).await.ok(204);
+    server.get(&recording).await.problem(404, "home-not-found");
+}

@@ -5,7 +5,7 @@ use crate::server::Server;
 use futures::stream::FuturesUnordered;
 use futures::{FutureExt, StreamExt, stream};
 use reqwest::{Body, Method};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 use tokio::io::AsyncReadExt;
@@ -86,4 +86,36 @@ async fn if_all_connections_are_taken_a_newcomer_is_still_served() {
     let held: Vec<TcpStream> = (0..100).map(|_| stalled(&server)).collect();
     server.lives().await;
     drop(held);
+}
+
+/// A client that sends its whole body before it reads once saw a broken connection in place of the refusal.
+#[tokio::test]
+async fn an_early_refusal_reaches_a_client_that_still_sends() {
+    const BODY: usize = 32 << 20;
+    let server = Server::without_workers().await;
+    let connection = connect(&server);
+    let sent = tokio::task::spawn_blocking(move || {
+        let mut connection = connection;
+        let head = format!(
+            "POST /v1/homes/none/clips HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\ncontent-length: {BODY}\r\n\r\n"
+        );
+        connection.write_all(head.as_bytes())?;
+        connection.write_all(&vec![7; BODY])?;
+        let mut answer = String::new();
+        connection.read_to_string(&mut answer)?;
+        Ok::<_, std::io::Error>(answer)
+    });
+    let answer = sent.await.unwrap().unwrap();
+    assert!(answer.starts_with("HTTP/1.1 404 ") && answer.contains("home-not-found"), "{answer}");
+}
+
+/// A client that waits to be asked for its body sends none of it.
+#[tokio::test]
+async fn a_body_that_is_refused_is_not_asked_for() {
+    let server = Server::without_workers().await;
+    let mut connection = connect(&server);
+    let head = b"POST /v1/homes/none/clips HTTP/1.1\r\nhost: localhost\r\ncontent-length: 100\r\nexpect: 100-continue\r\n\r\n";
+    connection.write_all(head).unwrap();
+    let answer = until_closed(connection).await;
+    assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
 }

@@ -246,12 +246,12 @@ async fn going_on_is_refused_for_a_reason() {
             "tus-version-unsupported",
             "Tus-Resumable",
         ),
-        (server.tus(Method::POST, upload), 405, "method-not-allowed", ""),
+        (server.tus(Method::POST, upload), 400, "invalid-header", "X-HTTP-Method-Override"),
         (
             server.tus(Method::POST, upload).header("X-HTTP-Method-Override", "PUT"),
-            405,
-            "method-not-allowed",
-            "",
+            400,
+            "invalid-header",
+            "X-HTTP-Method-Override",
         ),
     ];
     for (request, status, code, field) in cases {
@@ -532,4 +532,33 @@ async fn metadata_tells_of_the_clip() {
     upload(other).await.problem(422, "idempotency-key-reused");
     assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
     assert_eq!(server.blobs().len(), 1);
+}
+
+#[tokio::test]
+async fn a_repeated_beginning_returns_the_upload_without_bytes() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    server.make_home("other").await;
+    let begin = async |told: &[(&str, &str)], length: usize| {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", length);
+        let begun = server.send(request.header("Upload-Metadata", metadata(told))).await;
+        assert_eq!(begun.status, 201);
+        begun.header("location").to_owned()
+    };
+    let clip = small_clip();
+    let told = [("home", "h"), ("idempotency_key", "k")];
+    let first = begin(&told, clip.len()).await;
+    assert_eq!(begin(&told, clip.len()).await, first);
+    let others: [(&[(&str, &str)], usize); 4] = [
+        (&told, clip.len() + 1),
+        (&[("home", "other"), told[1]], clip.len()),
+        (&[told[0], ("idempotency_key", "l")], clip.len()),
+        (&told[..1], clip.len()),
+    ];
+    for (told, length) in others {
+        assert_ne!(begin(told, length).await, first, "{told:?}");
+    }
+    assert_ne!(begin(&told[..1], clip.len()).await, begin(&told[..1], clip.len()).await, "without a key");
+    server.send(server.patch(&first, 0, &clip[..9])).await.ok(204);
+    assert_ne!(begin(&told, clip.len()).await, first, "another sender has begun");
 }

@@ -127,3 +127,36 @@ fn shells_and_man_get_their_files() {
     // Commands that only other processes of viola call have no page.
     assert!(!folder.path().join("pages/viola-open-clip.1").exists());
 }
+
+#[test]
+fn wrong_arguments_have_an_exit_code_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, code, words) in [
+        (&["openapi", "--config", "missing.toml"][..], 2, "--config"),
+        (&["serve", "--config"], 2, "--config needs"),
+        (&["config", "align"], 2, "`align` has no configuration"),
+        (
+            &[
+                "align",
+                "--clip",
+                "c",
+                "--lidar",
+                "m",
+                "--out",
+                "o",
+                "--complete",
+                "never",
+                "--complete-always",
+            ],
+            2,
+            "never",
+        ),
+        (&["surfaces", "--frames", "0", "--out", "o"], 2, "--frames"),
+        // An empty variable is one that is not set.
+        (&["config"], 0, ""),
+    ] {
+        let output = viola(arguments, folder.path()).env("VIOLA_CONFIG", "").output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(code) && stderr.contains(words), "{arguments:?}: {stderr}");
+    }
+}

@@ -233,7 +233,10 @@ async fn metrics_and_readiness_are_for_operators() {
     assert_eq!(operators.get("/v1/homes").await.status, 404);
     let probe = |base: &str| {
         let address = base.strip_prefix("http://").unwrap();
-        viola().args(["health", "--address", address]).output().unwrap().status.success()
+        viola().args(["health", "--address", address]).output().unwrap()
     };
-    assert!(probe(&operators.base) && !probe(&server.client.base));
+    let refused = probe(&server.client.base);
+    assert!(probe(&operators.base).status.success() && !refused.status.success());
+    let told = String::from_utf8_lossy(&refused.stderr);
+    assert!(told.contains("`--admin-listen`") && told.contains("--address"), "{told}");
 }

@@ -27,6 +27,8 @@ pub(in crate::api) enum Defence {
     ReadersBusy { wait: Duration },
     #[error("other files are being made or sent, and none of them ended within {} s; ask again later", .wait.as_secs_f64())]
     MakersBusy { wait: Duration },
+    #[error("as many bytes of files arrive as may at once; send the file again later")]
+    ArrivalsFull,
     #[error("reading the file took longer than {} s; split the recording into several clips", .limit.as_secs_f64())]
     TookTooLong { limit: Duration },
 }
@@ -50,6 +52,9 @@ impl Defence {
             Defence::MakersBusy { .. } => {
                 (S::SERVICE_UNAVAILABLE, "makers_busy", "Too many files are being made")
             }
+            Defence::ArrivalsFull => {
+                (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
+            }
             Defence::TookTooLong { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "took_too_long", "The file takes too long to read")
             }
@@ -64,6 +69,7 @@ impl Defence {
             Defence::TooManyFailures { .. }
             | Defence::ReadersBusy { .. }
             | Defence::MakersBusy { .. }
+            | Defence::ArrivalsFull
             | Defence::TookTooLong { .. } => None,
         }
     }
@@ -72,7 +78,9 @@ impl Defence {
     pub(super) fn retry_after(&self) -> Option<Duration> {
         match self {
             Defence::TooManyFailures { wait } => Some(*wait),
-            Defence::ReadersBusy { .. } | Defence::MakersBusy { .. } => Some(BUSY_RETRY_AFTER),
+            Defence::ReadersBusy { .. } | Defence::MakersBusy { .. } | Defence::ArrivalsFull => {
+                Some(BUSY_RETRY_AFTER)
+            }
             _ => None,
         }
     }

@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/changes`: the changes between two revisions of a map.
 
+use super::no_revision;
 use super::scene::scene;
 use crate::api::App;
 use crate::api::error::{Error, Problem};
@@ -72,11 +73,8 @@ struct Revision {
 
 impl Revision {
     async fn of(app: &App, home: &HomeId, revision: i64, current: i64) -> Result<Revision, Error> {
-        let gone = || {
-            let oldest = (current - storage::KEPT_REVISIONS + 1).max(1);
-            if revision < oldest { Error::MapRevisionRemoved { revision, oldest } } else { Error::NoSuchMap }
-        };
-        let map = app.storage.home_map(home, Some(revision)).await?.ok_or_else(gone)?;
+        let map = app.storage.home_map(home, Some(revision)).await?;
+        let map = map.ok_or_else(|| no_revision(revision, current))?;
         let mut levels = Vec::new();
         for level in &map.levels {
             levels.push((level.clone(), scene(app, home, &map, level.level).await?));

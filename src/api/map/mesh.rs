@@ -4,7 +4,7 @@ use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
-use crate::api::problems::CommonProblems;
+use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
 use crate::storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
 use axum::extract::State;
@@ -90,7 +90,7 @@ fn triangles(asked: Option<&str>) -> Result<usize, Error> {
 #[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery, LevelQuery),
     responses((status = 200, description = "The mesh", content(
             (FileBytes = "model/gltf-binary"), (FileBytes = "model/vnd.usdz+zip"), (FileBytes = "model/obj"))),
-        (status = 304, description = "The client has it"), CommonProblems))]
+        (status = 304, description = "The client has it"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_mesh(
     State(app): State<App>,
     HomePath { home }: HomePath,

@@ -6,7 +6,7 @@ use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
-use crate::api::problems::CommonProblems;
+use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
 use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
@@ -143,7 +143,7 @@ impl PointsQuery {
         (status = 200, description = "The points", content(
             (FileBytes = "model/ply"), (FileBytes = "model/gltf-binary"), (FileBytes = "model/e57"),
             (FileBytes = "application/vnd.laszip"))),
-        (status = 304, description = "The client has them"), CommonProblems))]
+        (status = 304, description = "The client has them"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_points(
     State(app): State<App>,
     HomePath { home }: HomePath,

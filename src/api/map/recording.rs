@@ -7,11 +7,9 @@ use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
-use crate::api::problems::CommonProblems;
+use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
-use crate::storage::{
-    HomeId, HomeMap, MapClip, MapLevel, MapObject, Page, StorageError, map_file, result_file,
-};
+use crate::storage::{HomeId, HomeMap, MapClip, MapObject, StorageError, map_file, result_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -54,7 +52,7 @@ pub(in crate::api) enum RecordingFormat {
     params(HomePath, RecordingQuery, LevelQuery),
     responses(
         (status = 200, description = "The recording", content((FileBytes = "application/vnd.mcap"))),
-        (status = 304, description = "The client has it"), CommonProblems))]
+        (status = 304, description = "The client has it"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_recording(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -67,7 +65,20 @@ pub(in crate::api) async fn get_map_recording(
     }
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
-    let tag = tag_of_file(&map, &[level.level.as_str().as_bytes(), MCAP.as_bytes()]);
+    let lidar_map = app.storage.lidar_map_revision(&home, level.level, level.lidar_map_revision).await?;
+    // The cameras are those of the clips' present results, and the LiDAR map may be removed before the revision is.
+    let results = app.storage.result_keys(&home).await?;
+    let results: Vec<&str> =
+        map.clips.iter().map(|clip| results.get(&clip.clip).map_or("", String::as_str)).collect();
+    let tag = tag_of_file(
+        &map,
+        &[
+            level.level.as_str().as_bytes(),
+            MCAP.as_bytes(),
+            results.join(",").as_bytes(),
+            &[u8::from(lidar_map.is_some())],
+        ],
+    );
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
@@ -79,7 +90,10 @@ pub(in crate::api) async fn get_map_recording(
         time_ms: map.clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),
         paths: paths(&app, &home, &map, level.level).await?,
         objects: scene(&app, &home, &map, level.level).await?.objects,
-        lidar: lidar_file(&app, &home, level).await?,
+        lidar: match &lidar_map {
+            Some(map) => Some(app.storage.lidar_map_file(map.id()).await?),
+            None => None,
+        },
     };
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
     let points = Points { app, clips, filter: PointFilter::default() };
@@ -140,16 +154,5 @@ async fn views(app: &App, home: &HomeId, clip: &MapClip) -> Result<Option<Bytes>
         Ok(clip) => app.storage.clip_result_bytes(&clip, result_file::VIEWS).await,
         Err(StorageError::NoSuchClip) => Ok(None),
         Err(error) => Err(error),
-    }
-}
-
-/// Returns the file of the level's LiDAR map; `None` if this revision of it was removed since.
-async fn lidar_file(app: &App, home: &HomeId, level: &MapLevel) -> Result<Option<Bytes>, StorageError> {
-    let wanted = level.lidar_map_revision;
-    let page = Page { limit: 1, after: Some(wanted + 1) };
-    let found = app.storage.lidar_map_revisions(home, level.level, &page).await?;
-    match found.first().filter(|found| found.revision == wanted) {
-        Some(found) => app.storage.lidar_map_file(found.id()).await.map(Some),
-        None => Ok(None),
     }
 }

@@ -1,11 +1,11 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
 use super::scene::scene;
-use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
-use crate::api::problems::CommonProblems;
+use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
 use crate::storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
 use axum::extract::State;
@@ -76,7 +76,7 @@ impl RobotFormat {
 #[utoipa::path(get, path = "/v1/homes/{home}/map/robot", tag = "map", params(HomePath, RobotQuery, LevelQuery),
     responses((status = 200, description = "The file", content(
             (Object = "application/json"), (FileBytes = "application/zip"))),
-        (status = 304, description = "The client has it"), CommonProblems))]
+        (status = 304, description = "The client has it"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_robot(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -153,8 +153,9 @@ impl Source {
         let (lidar, valetudo, mut ground) = read.await?;
         if let Some(ground) = &mut ground {
             for file in storage.home_map_files(home, map.revision, level.level, map_file::TILE).await? {
-                // A tile is missing if its revision was removed meanwhile.
-                let bytes = storage.map_file_bytes(&file).await?.ok_or(Error::NoSuchMap)?;
+                let Some(bytes) = storage.map_file_bytes(&file).await? else {
+                    return Err(missing(app, &file).await);
+                };
                 ground.add(&Tile::read(&bytes).map_err(|error| damaged("tile", &error.to_string()))?);
             }
         }
@@ -180,7 +181,7 @@ impl Source {
 async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<PlanImage, Error> {
     let files = app.storage.home_map_files(home, map.revision, level, map_file::PLAN_JSON).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
-    let json = app.storage.map_file_bytes(file).await?.ok_or(Error::NoSuchMap)?;
+    let Some(json) = app.storage.map_file_bytes(file).await? else { return Err(missing(app, file).await) };
     PlanImage::in_plan_json(&json).ok_or_else(|| Error::InvalidQuery {
         field: Some("revision"),
         detail: format!(

@@ -1,10 +1,10 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
-use super::{App, LevelQuery, level, revision, tag_of_file};
+use super::{App, LevelQuery, level, missing, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
-use crate::api::problems::CommonProblems;
+use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{Document, is_known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
 use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
@@ -100,7 +100,7 @@ pub(in crate::api) struct PlanQuery {
 /// Get the rooms of a home
 #[utoipa::path(get, path = "/v1/homes/{home}/map/rooms", tag = "map", params(HomePath, RoomsQuery),
     responses((status = 200, description = "The rooms", body = MapRooms),
-        (status = 304, description = "The client has them"), CommonProblems))]
+        (status = 304, description = "The client has them"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_rooms(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -115,7 +115,7 @@ pub(in crate::api) async fn get_map_rooms(
 /// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
 #[utoipa::path(get, path = "/v1/homes/{home}/map/objects", tag = "map", params(HomePath, ObjectsQuery),
     responses((status = 200, description = "The objects", body = MapObjects),
-        (status = 304, description = "The client has them"), CommonProblems))]
+        (status = 304, description = "The client has them"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_objects(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -132,7 +132,7 @@ pub(in crate::api) async fn get_map_objects(
 /// Get the part of the LiDAR map that the clips have seen, as a whole and by room
 #[utoipa::path(get, path = "/v1/homes/{home}/map/coverage", tag = "map", params(HomePath, LevelQuery),
     responses((status = 200, description = "The shares", body = MapCoverage),
-        (status = 304, description = "The client has them"), CommonProblems))]
+        (status = 304, description = "The client has them"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_coverage(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -152,7 +152,7 @@ pub(in crate::api) async fn get_map_coverage(
     responses((status = 200, description = "The plan", content(
             (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/pdf"),
             (Object = "application/geo+json"), (FileBytes = "image/vnd.dxf"), (Object = "application/json"))),
-        (status = 304, description = "The client has it"), CommonProblems))]
+        (status = 304, description = "The client has it"), CommonProblems, MapProblems))]
 pub(in crate::api) async fn get_map_plan(
     State(app): State<App>,
     HomePath { home }: HomePath,
@@ -169,7 +169,7 @@ pub(in crate::api) async fn get_map_plan(
     }
     let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
-    let blob = app.storage.read_map_file(file).await?.ok_or(Error::NoSuchMap)?;
+    let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(&app, file).await) };
     Ok(tagged(send(blob, format.media_type()), &tag))
 }
 
@@ -268,5 +268,8 @@ pub(super) async fn scene(
 ) -> Result<MapScene, Error> {
     let files = app.storage.home_map_files(home, map.revision, level, map_file::SCENE).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
-    app.storage.map_scene(file).await?.ok_or(Error::NoSuchMap)
+    match app.storage.map_scene(file).await? {
+        Some(scene) => Ok(scene),
+        None => Err(missing(app, file).await),
+    }
 }

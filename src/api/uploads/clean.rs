@@ -2,13 +2,23 @@
 
 use super::finish::finish_if_free;
 use crate::api::App;
-use crate::storage::StorageError;
+use crate::storage::Tenant;
+use futures::FutureExt;
 use jiff::Timestamp;
+use std::collections::{BTreeMap, HashMap};
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::sleep;
-use tracing::{info, warn};
+use tracing::{error, info, warn};
+use uuid::Uuid;
 
-/// Maximum number of uploads made into clips per pass.
-const BATCH: u32 = 100;
+/// Maximum number of uploads of one tenant that are made into clips one after the other.
+const OF_TENANT: u32 = 100;
+
+/// Maximum number of uploads that are made into clips at once. Tenants take turns.
+const AT_ONCE: usize = 8;
 
 /// Cleans at the start and then periodically until the server stops. Several processes may do so at once. A pass that the
 /// stop cuts off is repeated by any process: claims have leases, and deletions are recorded.
@@ -23,24 +33,74 @@ pub(in crate::api) async fn clean(app: App) {
 
 /// Makes complete uploads into clips, periodically.
 async fn make_clips(app: &App) {
+    let mut tasks = TenantTasks::new(AT_ONCE);
     loop {
-        if let Err(error) = make_due_clips(app).await {
-            warn!(%error, "complete uploads could not be found; it is tried again");
+        match app.storage.due_uploads(OF_TENANT, Timestamp::now()).await {
+            Ok(due) => {
+                let app = app.clone();
+                tasks.begin(due, move |id| make_clip(app.clone(), id));
+            }
+            Err(error) => warn!(%error, "complete uploads could not be found; it is tried again"),
         }
         sleep(app.uploads.clean_every).await;
     }
 }
 
-async fn make_due_clips(app: &App) -> Result<(), StorageError> {
-    for id in app.storage.due_uploads(BATCH, Timestamp::now()).await? {
-        // A refusal is stored with the upload; after a fault, a later pass retries.
-        match finish_if_free(app, id).await {
-            Ok(false) => {}
-            Ok(true) => info!(upload = %id, "an upload that was left alone is a clip"),
-            Err(error) => info!(upload = %id, %error, "an upload that was left alone is not a clip"),
+async fn make_clip(app: App, id: Uuid) {
+    // A refusal is stored with the upload; after a fault, a later pass retries.
+    match finish_if_free(&app, id).await {
+        Ok(false) => {}
+        Ok(true) => info!(upload = %id, "an upload that was left alone is a clip"),
+        Err(error) => info!(upload = %id, %error, "an upload that was left alone is not a clip"),
+    }
+}
+
+/// One task for each tenant with complete uploads, so that slow files of one tenant do not delay those of others. Dropping
+/// the value ends the tasks.
+struct TenantTasks {
+    tasks: JoinSet<()>,
+    running: HashMap<Tenant, AbortHandle>,
+    places: Arc<Semaphore>,
+}
+
+impl TenantTasks {
+    fn new(at_once: usize) -> TenantTasks {
+        TenantTasks {
+            tasks: JoinSet::new(),
+            running: HashMap::new(),
+            places: Arc::new(Semaphore::new(at_once)),
         }
     }
-    Ok(())
+
+    /// Starts a task for each tenant that has none. It calls `make` for the tenant's uploads, one after the other.
+    fn begin<F: Future<Output = ()> + Send + 'static>(
+        &mut self,
+        due: Vec<(Tenant, Uuid)>,
+        make: impl Fn(Uuid) -> F + Clone + Send + 'static,
+    ) {
+        while self.tasks.try_join_next().is_some() {}
+        self.running.retain(|_, task| !task.is_finished());
+        let mut of_tenants: BTreeMap<Tenant, Vec<Uuid>> = BTreeMap::new();
+        for (tenant, id) in due {
+            if !self.running.contains_key(&tenant) {
+                of_tenants.entry(tenant).or_default().push(id);
+            }
+        }
+        for (tenant, ids) in of_tenants {
+            let (make, places) = (make.clone(), self.places.clone());
+            let task = self.tasks.spawn(async move {
+                for id in ids {
+                    let _place = places.acquire().await;
+                    // A reader that panics loses its claim, which counts as a lost attempt. The others go on.
+                    let made = AssertUnwindSafe(make(id)).catch_unwind();
+                    if made.await.is_err() {
+                        error!(upload = %id, "making a clip of an upload panicked");
+                    }
+                }
+            });
+            self.running.insert(tenant, task);
+        }
+    }
 }
 
 /// Removes idle uploads, and the files of earlier deletions whose store failed, periodically.
@@ -57,5 +117,41 @@ async fn delete(app: &App) {
             Err(error) => warn!(%error, "files of what had been deleted are still there; it is tried again"),
         }
         sleep(app.uploads.clean_every).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tokio::sync::mpsc;
+
+    fn tenant(name: &str) -> Tenant {
+        name.parse().unwrap()
+    }
+
+    #[tokio::test]
+    async fn a_panic_and_slow_files_of_one_tenant_leave_others_their_turns() {
+        let [slow, panics, next, other, late] = [0; 5].map(|_| Uuid::now_v7());
+        let (made, mut done) = mpsc::unbounded_channel();
+        let make = move |id: Uuid| {
+            let made = made.clone();
+            async move {
+                assert!(id != panics, "a reader panics");
+                if id == slow {
+                    std::future::pending().await
+                }
+                made.send(id).unwrap();
+            }
+        };
+        let [acme, bolt, core] = ["acme", "bolt", "core"].map(tenant);
+        let mut tasks = TenantTasks::new(2);
+        tasks.begin(vec![(acme.clone(), slow), (bolt.clone(), panics), (bolt.clone(), next)], make.clone());
+        assert_eq!(done.recv().await, Some(next));
+        // A tenant whose task still runs gets no second one.
+        tasks.begin(vec![(acme.clone(), late), (core.clone(), other)], make);
+        assert_eq!(done.recv().await, Some(other));
+        assert!(tasks.running.contains_key(&acme) && !tasks.running[&acme].is_finished());
+        drop(tasks);
+        assert_eq!(done.recv().await, None, "no task is left");
     }
 }

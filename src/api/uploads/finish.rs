@@ -64,8 +64,9 @@ impl Next {
             Error::Defence(Defence::TookTooLong { .. })
                 | Error::Upload(UploadRefusal::State(UploadError::Lost))
         );
+        let is_old_fault = is_old && matches!(error, Error::Opener(_));
         if !error.is_refusal() {
-            Next::Retry { after: PAUSE }
+            Next::Retry { after: if is_old_fault { LONG_PAUSE } else { PAUSE } }
         } else if is_doubtful && !is_old {
             Next::Retry { after: LONG_PAUSE }
         } else {
@@ -100,16 +101,32 @@ pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
                 }
                 Next::Retry { after } => {
                     storage.give_back_upload(&claim, after, now).await?;
-                    // The client must not take the error for a refusal, and send all bytes again.
-                    Err(if error.is_refusal() {
-                        UploadRefusal::Waits { cause: error.to_string(), pause: after }.into()
-                    } else {
-                        error
-                    })
+                    Err(waits(error, after))
                 }
             }
         }
     }
+}
+
+/// Returns the answer after an attempt that the cleaner retries. The client must not take it for a refusal and send all bytes
+/// again.
+fn waits(error: Error, pause: Duration) -> Error {
+    if let Error::Storage(fault) = &error
+        && fault.is_full()
+    {
+        // Its own answer says that acknowledged bytes are kept.
+        return error;
+    }
+    let cause = match &error {
+        Error::Defence(Defence::ReadersBusy { .. }) => "other files are being read".to_owned(),
+        Error::Upload(UploadRefusal::State(UploadError::Lost)) => "a part of it cannot be read".to_owned(),
+        error if error.is_refusal() => error.to_string(),
+        fault => {
+            tracing::error!(cause = %fault, "a complete upload could not be made a clip");
+            "the service had a fault".to_owned()
+        }
+    };
+    UploadRefusal::Waits { cause, pause }.into()
 }
 
 async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
@@ -157,6 +174,7 @@ async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::storage::StorageError;
 
     #[test]
     fn a_fault_that_may_be_the_services_refuses_only_an_old_upload() {
@@ -167,7 +185,8 @@ mod tests {
         let cases = [
             (busy(), false, &soon),
             (busy(), true, &soon),
-            (Error::Opener("no descriptors".to_owned()), true, &soon),
+            (Error::Opener("no descriptors".to_owned()), false, &soon),
+            (Error::Opener("no descriptors".to_owned()), true, &later),
             (slow(), false, &later),
             (slow(), true, &Next::Refuse),
             (lost(), false, &later),
@@ -179,8 +198,26 @@ mod tests {
         for (error, is_old, expected) in cases {
             assert_eq!(Next::after(&error, is_old), *expected, "{error}, {is_old}");
         }
-        assert!(
-            !Error::from(UploadRefusal::Waits { cause: slow().to_string(), pause: LONG_PAUSE }).is_refusal()
-        );
+    }
+
+    #[test]
+    fn a_client_is_never_told_to_send_acknowledged_bytes_again() {
+        let slow = Error::from(Defence::TookTooLong { limit: Duration::from_secs(120) });
+        let busy = Error::from(Defence::ReadersBusy { wait: Duration::from_secs(60) });
+        for (error, cause) in [
+            (slow, "took longer than 120 s"),
+            (busy, "other files are being read"),
+            (Error::from(UploadError::Lost), "a part of it cannot be read"),
+            (Error::Opener("a secret".to_owned()), "the service had a fault"),
+            (Error::Storage(StorageError::WritesFail { is_full: false }), "the service had a fault"),
+        ] {
+            let told = waits(error, PAUSE);
+            let problem = told.problem();
+            assert!(!told.is_refusal() && problem.status == 503, "{problem:?}");
+            assert!(problem.detail.contains("do not send it again"), "{problem:?}");
+            assert!(problem.detail.contains(cause) && !problem.detail.contains("secret"), "{problem:?}");
+        }
+        let full = waits(Error::Storage(StorageError::WritesFail { is_full: true }), PAUSE).problem();
+        assert!(full.status == 507 && full.detail.contains("acknowledged bytes are kept"), "{full:?}");
     }
 }

@@ -3,7 +3,7 @@
 
 use super::refusal::UploadRefusal;
 use crate::api::error::{Defence, Error, Problem};
-use crate::jobs::ChildParams;
+use crate::jobs::{ChildParams, PANICKED};
 use crate::storage::Arrived;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -48,8 +48,10 @@ pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived
         Ok(Opened::Clip(info)) => Ok((file, *info)),
         Ok(Opened::Refused(problem)) => Err(Error::Told(problem)),
         Ok(Opened::Failed(cause)) => Err(failed(cause)),
-        // By a signal: it aborted, or took too much memory.
-        Err(_) if output.status.code().is_none() && !was_asked_to_stop(output.status) => {
+        // It panicked, or a signal ended it: it aborted, or took too much memory.
+        Err(_)
+            if matches!(output.status.code(), None | Some(PANICKED)) && !was_asked_to_stop(output.status) =>
+        {
             Err(UploadRefusal::Unreadable.into())
         }
         Err(error) => Err(failed(format!("{}: {error}", output.status))),
@@ -75,8 +77,10 @@ mod tests {
 
     #[tokio::test]
     async fn a_file_that_ends_its_process_is_refused_and_a_fault_of_ours_is_not() {
-        let refused = open_by("kill -9 $$").await.unwrap_err();
-        assert_eq!(refused.problem().kind, "urn:viola:problem:upload-unreadable");
+        for by_file in ["kill -9 $$", "exit 101"] {
+            let refused = open_by(by_file).await.unwrap_err();
+            assert_eq!(refused.problem().kind, "urn:viola:problem:upload-unreadable", "{by_file}");
+        }
         for ours in ["exit 3", "kill -15 $$", "echo '{\"failed\":\"no descriptors\"}'", "echo {"] {
             assert!(!open_by(ours).await.unwrap_err().is_refusal(), "{ours}");
         }

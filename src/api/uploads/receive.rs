@@ -42,6 +42,11 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
         return Err(too_large());
     }
     let mut left = room;
+    // Other bodies are kept piece by piece, and their bytes count for the tenant.
+    let mut arrival = match checksum {
+        Some(_) => Some(app.arrivals.begin(writer.tenant.name(), body_bytes.unwrap_or_default())?),
+        None => None,
+    };
     let mut piece: Option<Piece> = None;
     let mut chunks = body.into_data_stream();
     let mut pace = Pace::new(app.bodies.window);
@@ -59,6 +64,9 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
             continue;
         }
         left = left.checked_sub(chunk.len() as u64).ok_or_else(too_large)?;
+        if let Some(arrival) = &mut arrival {
+            arrival.grow(chunk.len() as u64)?;
+        }
         let growing = match &mut piece {
             Some(piece) => piece,
             None => piece.insert(Piece { file: app.storage.incoming()?, begun: Instant::now() }),
@@ -82,6 +90,14 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
             checksum.check()?;
             keep(app, &mut writer, piece).await
         }
+    }
+}
+
+/// Returns the error of a body that continues an upload. Clients of tus give up at 408, but a stalled one loses nothing.
+pub(super) fn may_go_on(error: Error) -> Error {
+    match error {
+        Error::BodyStalled(least) => UploadRefusal::Stalled(least).into(),
+        error => error,
     }
 }
 

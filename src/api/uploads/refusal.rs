@@ -19,6 +19,8 @@ pub(in crate::api) enum UploadRefusal {
     ChecksumMismatch,
     #[error("the service is stopping; retry in a few seconds")]
     Stopping,
+    #[error("the body is too slow: {0}; ask for the offset (HEAD) and go on there")]
+    Stalled(String),
     #[error("the process that opened this file died; the file is damaged or malicious")]
     Unreadable,
     /// The attempt failed for this cause, for which the service may be at fault.
@@ -59,6 +61,9 @@ impl UploadRefusal {
                 (status, "checksum_mismatch", "The body was damaged on its way")
             }
             UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
+            UploadRefusal::Stalled(_) => {
+                (S::SERVICE_UNAVAILABLE, "body_stalled", "The body did not arrive in time")
+            }
             UploadRefusal::Waits { .. } => {
                 (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
             }
@@ -93,6 +98,15 @@ impl UploadRefusal {
                     (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
                 }
             },
+        }
+    }
+
+    /// Returns the time after which a retry may succeed.
+    pub fn retry_after(&self) -> Option<Duration> {
+        match self {
+            UploadRefusal::Waits { pause, .. } => Some(*pause),
+            UploadRefusal::Stalled(_) => Some(Duration::from_secs(1)),
+            _ => None,
         }
     }
 

@@ -9,6 +9,7 @@ const HOUR: i64 = 3600;
 on_every_back_end!(
     jobs_go_on_after_the_clock_was_set_back,
     jobs_go_on_after_the_clock_was_set_forward,
+    a_job_of_a_clock_that_was_ahead_comes_before_newer_ones,
     merges_go_on_after_the_clock_was_set_back,
     uploads_go_on_after_the_clock_was_set_back,
 );
@@ -61,6 +62,22 @@ async fn jobs_go_on_after_the_clock_was_set_forward(storage: Storage) {
     assert!(storage.finish(&second, &done, &retry, at(HOUR + 1)).await.unwrap());
 }
 
+async fn a_job_of_a_clock_that_was_ahead_comes_before_newer_ones(storage: Storage) {
+    let (home, first) = one_job(&storage).await;
+    let now = -4 * HOUR;
+    assert_eq!(release_at(&storage, now).await, 0);
+    let newer = NewClip {
+        file: arrived(&storage, b"newer").await,
+        info: clip_info(),
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    };
+    storage.add_clip(&home, newer, None, at(now)).await.unwrap();
+    assert_eq!(claim_at(&storage, now + 1).await.expect("a job is due").job.clip, first.id);
+}
+
 async fn merges_go_on_after_the_clock_was_set_back(storage: Storage) {
     one_job(&storage).await;
     align(&storage, AlignmentState::Aligned).await;
@@ -91,7 +108,7 @@ async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
     storage.append(&mut writer, arrived(&storage, b"clip").await, &limits, at(-HOUR)).await.unwrap();
     let lost = storage.claim_upload(id, LEASE, at(0)).await.unwrap();
     assert!(lost.is_some());
-    assert_eq!(storage.due_uploads(9, at(-HOUR)).await.unwrap(), [id]);
+    assert_eq!(storage.due_uploads(9, at(-HOUR)).await.unwrap(), [(Tenant::default(), id)]);
     assert!(storage.claim_upload(id, LEASE, at(-HOUR)).await.unwrap().is_some());
     assert!(storage.claim_upload(id, LEASE, at(-HOUR + 1)).await.unwrap().is_none());
 }

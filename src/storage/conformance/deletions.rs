@@ -1,6 +1,6 @@
 //! Deletions remove the last byte, and succeed only then.
 
-use super::faults::removals_fail;
+use super::faults::{removals_fail, removals_fail_times};
 use super::home_maps::{align, due, finish};
 use super::*;
 
@@ -8,9 +8,11 @@ on_every_back_end!(
     a_tenant_goes_whole,
     who_deletes_is_told_the_truth,
     one_pass_finishes_all_deletions,
+    a_deletion_that_times_out_does_not_stop_the_others,
     a_deletion_is_of_the_resource_as_it_was_read,
     files_that_a_change_replaces_are_deleted_once_the_store_works,
     a_home_is_removed_with_the_files_that_its_maps_left,
+    a_removal_forgets_a_part_of_many_old_ones,
 );
 
 /// Creates a home with a map, a clip with results, and an unfinished upload.
@@ -101,6 +103,17 @@ async fn one_pass_finishes_all_deletions(storage: Storage) {
     transaction.commit().await.unwrap();
     assert_eq!(storage.finish_deletions().await.unwrap(), 250);
     assert_eq!(storage.finish_deletions().await.unwrap(), 0);
+}
+
+async fn a_deletion_that_times_out_does_not_stop_the_others(mut storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    let keys: Vec<String> = (0..2001).map(|number| format!("clips/{number}/file")).collect();
+    pending_deletes::add(&mut transaction, "home:h", &keys, at(0)).await.unwrap();
+    transaction.commit().await.unwrap();
+    // All tries of the first of three deletions.
+    let _ = removals_fail_times(&mut storage, 3);
+    assert!(storage.finish_deletions().await.is_err());
+    assert_eq!(storage.finish_deletions().await.unwrap(), 1);
 }
 
 async fn who_deletes_is_told_the_truth(mut storage: Storage) {
@@ -216,6 +229,35 @@ async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storag
     repair();
     storage.delete_home(&home, |_| true, at(301)).await.unwrap();
     assert_eq!(pending_of_maps(&storage).await, 0);
+}
+
+async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
+    use crate::storage::columns::Columns;
+    use crate::storage::database::query;
+    let (id, clip) = one_job(&storage).await;
+    let mut transaction = storage.database.begin().await.unwrap();
+    for number in 0..1_200 {
+        query(
+            "INSERT INTO changes (home_id, kind, clip_id, at, deleted, ticket)
+            VALUES ('gone', 'clip', $1, $2, 1, $1)",
+        )
+        .bind(format!("{number:04}"))
+        .bind(at(0).as_millisecond())
+        .execute(&mut transaction)
+        .await
+        .unwrap();
+    }
+    transaction.commit().await.unwrap();
+    let old = async || {
+        let old = query("SELECT COUNT(*) AS n FROM changes WHERE home_id = 'gone'");
+        let old = old.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+        old.count::<u64>("n").unwrap()
+    };
+    let later = at(40 * 24 * 3600);
+    storage.delete_clip(&id, clip.id, |_| true, later).await.unwrap();
+    assert_eq!(old().await, 200);
+    storage.delete_home(&id, |_| true, later).await.unwrap();
+    assert_eq!(old().await, 0);
 }
 
 async fn pending_of_maps(storage: &Storage) -> u64 {

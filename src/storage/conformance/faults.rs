@@ -10,7 +10,7 @@ use std::fmt;
 use std::future::Future;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
 use viola_geometry::Pose2;
 use viola_home::TileKey;
@@ -21,7 +21,8 @@ struct Faulty {
     inner: Arc<dyn ObjectStore>,
     writes: Arc<AtomicU32>,
     fails: fn(u32) -> bool,
-    removals_fail: Arc<AtomicBool>,
+    /// Number of the next removals that time out.
+    removals_fail: Arc<AtomicU32>,
 }
 
 impl fmt::Display for Faulty {
@@ -56,8 +57,11 @@ impl ObjectStore for Faulty {
     }
 
     fn delete_stream(&self, keys: BoxStream<'static, Result<Key>>) -> BoxStream<'static, Result<Key>> {
-        if self.removals_fail.load(Ordering::Relaxed) {
-            let fail = |_| Err(Error::Generic { store: "faulty", source: "this removal fails".into() });
+        let left = self.removals_fail.load(Ordering::Relaxed);
+        if left > 0 {
+            self.removals_fail.store(left - 1, Ordering::Relaxed);
+            let timed_out = || std::io::Error::from(std::io::ErrorKind::TimedOut);
+            let fail = move |_| Err(Error::Generic { store: "faulty", source: timed_out().into() });
             return keys.map(fail).boxed();
         }
         self.inner.delete_stream(keys)
@@ -136,13 +140,18 @@ fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32>
 
 /// Makes the removals of a storage fail until the returned function is called.
 pub fn removals_fail(storage: &mut Storage) -> impl Fn() + use<> {
+    removals_fail_times(storage, u32::MAX)
+}
+
+/// Makes the next removals of a storage fail, at most until the returned function is called.
+pub fn removals_fail_times(storage: &mut Storage, times: u32) -> impl Fn() + use<> {
     let nothing = Arc::new(object_store::memory::InMemory::new());
     let inner = std::mem::replace(&mut storage.blobs.store, nothing);
-    let removals_fail = Arc::new(AtomicBool::new(true));
+    let removals_fail = Arc::new(AtomicU32::new(times));
     let faulty =
         Faulty { inner, writes: Arc::default(), fails: |_| false, removals_fail: removals_fail.clone() };
     storage.blobs.store = Arc::new(faulty);
-    move || removals_fail.store(false, Ordering::Relaxed)
+    move || removals_fail.store(0, Ordering::Relaxed)
 }
 
 #[tokio::test]

@@ -20,6 +20,7 @@ on_every_back_end!(
     a_refused_clip_fails_at_once,
     a_job_given_up_is_not_held_against_it,
     cancelling_ends_what_waits_or_runs,
+    jobs_that_cannot_be_read_let_others_pass,
 );
 
 /// Returns the claim of a worker at this moment.
@@ -305,4 +306,25 @@ async fn cancelling_ends_what_waits_or_runs(storage: Storage) {
     storage.cancel_job(waiting, at(8)).await.unwrap();
     assert_eq!(clip_of(&storage, &done).await.state, ClipState::Aligned);
     assert_eq!(storage.cancel_job(Uuid::now_v7(), at(8)).await.unwrap(), None);
+}
+
+async fn jobs_that_cannot_be_read_let_others_pass(storage: Storage) {
+    let (home, first) = one_job(&storage).await;
+    let second = add(&storage, &home, b"second").await;
+    let third = add(&storage, &home, b"third").await;
+    let later = "UPDATE clips SET choice = 'of a later version' WHERE id = $1";
+    execute(&storage, later, &first.id.to_string()).await;
+    let later = "UPDATE jobs SET error = 'of a later version' WHERE clip_id = $1";
+    execute(&storage, later, &second.id.to_string()).await;
+    for _ in 0..2 {
+        let refused = storage.claim(LEASE, at(1)).await;
+        assert!(matches!(refused, Err(StorageError::Column { .. })), "{refused:?}");
+    }
+    assert_eq!(claim(&storage, 1).await.job.clip, third.id);
+    assert!(due(&storage, 5).await.is_none(), "both rest");
+    execute(&storage, "UPDATE clips SET choice = NULL WHERE id = $1", &first.id.to_string()).await;
+    for clip in [first.id, second.id] {
+        let held = claim(&storage, 6).await;
+        assert_eq!((held.job.clip, held.job.attempts), (clip, 1));
+    }
 }

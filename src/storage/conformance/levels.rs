@@ -152,6 +152,7 @@ async fn a_level_is_removed(storage: Storage) {
     assert!(matches!(gone, Err(StorageError::NoLidarMap)), "{gone:?}");
     let last = storage.delete_lidar_map(&home, LevelName::MAIN, |_| true, at(3)).await;
     assert!(matches!(last, Err(StorageError::LastLevel)), "{last:?}");
+    assert_eq!(storage.home(&home).await.unwrap().lidar_map_revision, Some(1));
     // The clip is aligned again, without the choice whose frame is gone.
     let waiting = storage.clip(&home, clip.id).await.unwrap();
     assert_eq!((waiting.state, waiting.choice), (ClipState::Queued, None));

@@ -11,6 +11,7 @@ on_every_back_end!(
     uploads_are_limited_for_each_tenant,
     uploads_at_once_do_not_fill_the_same_room,
     a_used_key_gives_no_room,
+    lidar_maps_have_no_room_beyond_the_quota,
 );
 
 /// Returns the size of all blobs.
@@ -159,4 +160,29 @@ async fn a_used_key_gives_no_room(storage: Storage) {
     let large = add(b"twelve bytes", "key").await;
     assert!(matches!(large, Err(StorageError::TenantFull { used: 0, limit: 10 })), "{large:?}");
     assert!(storage.blobs_that_exist().await.is_empty());
+}
+
+async fn lidar_maps_have_no_room_beyond_the_quota(storage: Storage) {
+    let id = home("h");
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
+    let put = async |bytes: &[u8]| {
+        let new = NewLidarMap {
+            level: LevelName::MAIN,
+            file: arrived(&storage, bytes).await,
+            file_name: None,
+            info: lidar_info(),
+            from_earlier: None,
+            image_png: vec![0],
+        };
+        storage.put_lidar_map(&id, new, Some(10), |_| true, at(0)).await
+    };
+    let (first, _) = put(b"small").await.unwrap();
+    let full = put(b"four").await;
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 6, limit: 10 })), "{full:?}");
+    let (again, is_new) = put(b"small").await.unwrap();
+    assert_eq!((again.revision, is_new), (first.revision, false));
+    let (second, _) = put(b"map").await.unwrap();
+    let full = storage.restore_lidar_map(&id, &first, None, Some(10), |_| true, at(1)).await;
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 10, limit: 10 })), "{full:?}");
+    assert_eq!(storage.lidar_map(&id, LevelName::MAIN).await.unwrap(), second);
 }

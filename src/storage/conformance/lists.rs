@@ -152,15 +152,16 @@ async fn an_earlier_lidar_map_comes_back(storage: Storage) {
     let (id, clip) = one_job(&storage).await;
     let (first, _) = put_map(&storage, &id, b"map").await;
     put_map(&storage, &id, b"another map").await;
-    let (current, is_new) = storage.restore_lidar_map(&id, &first, None, |_| true, at(5)).await.unwrap();
+    let (current, is_new) =
+        storage.restore_lidar_map(&id, &first, None, None, |_| true, at(5)).await.unwrap();
     assert_eq!((current.revision, is_new, &current.sha256), (3, true, &first.sha256));
     assert_eq!(storage.lidar_map_file(current.id()).await.unwrap(), &b"map"[..]);
     let job = storage.clip(&id, clip.id).await.unwrap().job.unwrap();
     assert_eq!((job.state, job.lidar_map_revision), (JobState::Queued, 3));
-    let (again, is_new) = storage.restore_lidar_map(&id, &first, None, |_| true, at(6)).await.unwrap();
+    let (again, is_new) = storage.restore_lidar_map(&id, &first, None, None, |_| true, at(6)).await.unwrap();
     assert_eq!((again, is_new), (current.clone(), false));
     let expected = |map: Option<&LidarMapRevision>| map.is_some_and(|map| map.revision == 2);
-    let refused = storage.restore_lidar_map(&id, &first, None, expected, at(7)).await;
+    let refused = storage.restore_lidar_map(&id, &first, None, None, expected, at(7)).await;
     assert!(matches!(refused, Err(StorageError::Changed { .. })));
     assert_eq!(storage.lidar_map(&id, LevelName::MAIN).await.unwrap(), current);
 }

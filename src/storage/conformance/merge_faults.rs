@@ -8,6 +8,7 @@ on_every_back_end!(
     a_merge_that_fails_rests_longer_each_time,
     a_merge_that_loses_its_worker_rests_from_the_second_time,
     a_result_ends_the_faults_of_a_home,
+    a_home_that_cannot_be_read_lets_others_pass,
 );
 
 async fn one_due(storage: &Storage) -> (HomeId, Clip) {
@@ -59,4 +60,23 @@ async fn a_result_ends_the_faults_of_a_home(storage: Storage) {
     let (claim, now) = after_pause(&storage, 300, 0).await;
     storage.fail_merge(&claim, true, at(now)).await.unwrap();
     after_pause(&storage, now, 0).await;
+}
+
+async fn a_home_that_cannot_be_read_lets_others_pass(storage: Storage) {
+    let (_, clip) = one_due(&storage).await;
+    let other = home("other");
+    storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
+    put_map(&storage, &other, b"map").await;
+    add(&storage, &other, b"clip").await;
+    align(&storage, AlignmentState::Aligned).await;
+    let later = "UPDATE clips SET alignment = 'of a later version' WHERE id = $1";
+    execute(&storage, later, &clip.id.to_string()).await;
+    let is_unreadable = async |seconds| {
+        let claimed = storage.claim_merge("", LEASE, at(seconds)).await;
+        matches!(claimed, Err(StorageError::Column { .. }))
+    };
+    assert!(is_unreadable(200).await);
+    assert_eq!(due(&storage, 200).await.expect("a home is due").home, other);
+    assert!(due(&storage, 204).await.is_none());
+    assert!(is_unreadable(205).await);
 }

@@ -7,6 +7,7 @@ on_every_back_end!(
     a_writer_that_was_overtaken_changes_nothing,
     two_writers_at_one_offset_are_one,
     only_one_makes_the_clip,
+    each_tenant_has_its_due_uploads,
     a_claim_that_was_lost_ends_nothing,
     a_refused_upload_tells_why,
     joining_is_all_or_nothing,
@@ -21,17 +22,14 @@ fn limits() -> UploadLimits {
 }
 
 async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -> Uuid {
-    let of = home("h");
+    begin_of(storage, Tenant::default(), kind, length_bytes).await
+}
+
+async fn begin_of(storage: &Storage, tenant: Tenant, kind: UploadKind, length_bytes: Option<u64>) -> Uuid {
+    let of = tenant.home(&home("h"));
     storage.put_home(&of, None, |_| true, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
-    let new = NewUpload {
-        kind,
-        tenant: Tenant::default(),
-        home,
-        metadata: "home aA==".to_owned(),
-        concat: None,
-        length_bytes,
-    };
+    let new = NewUpload { kind, tenant, home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
     storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id
 }
 
@@ -46,7 +44,11 @@ async fn write(storage: &Storage, writer: &mut UploadWriter, bytes: &[u8]) -> Re
 
 /// Creates an upload with all its bytes.
 async fn whole(storage: &Storage, bytes: &[u8]) -> Uuid {
-    let id = begin(storage, UploadKind::Whole, Some(bytes.len() as u64)).await;
+    whole_of(storage, Tenant::default(), bytes).await
+}
+
+async fn whole_of(storage: &Storage, tenant: Tenant, bytes: &[u8]) -> Uuid {
+    let id = begin_of(storage, tenant, UploadKind::Whole, Some(bytes.len() as u64)).await;
     write(storage, &mut writer(storage, id, 0).await.unwrap(), bytes).await.unwrap();
     id
 }
@@ -87,7 +89,7 @@ async fn pieces_become_the_file(storage: Storage) {
     let again = storage.begin_append(id, 13, Some(14), &limits(), at(1)).await;
     assert!(matches!(again, Err(UploadError::LengthTold)), "{again:?}");
 
-    assert_eq!(storage.due_uploads(9, at(3)).await.unwrap(), [id]);
+    assert_eq!(storage.due_uploads(9, at(3)).await.unwrap(), [(Tenant::default(), id)]);
     let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
     let Some(Added::New(clip)) = finish(&storage, &claim).await else { panic!("a clip is made") };
     assert_eq!(bytes_of(storage.clip_recording(clip.id).await.unwrap()).await, b"one two three");
@@ -148,7 +150,7 @@ async fn only_one_makes_the_clip(storage: Storage) {
     let claims = futures::future::join_all(claims).await;
     let claims: Vec<UploadClaim> = claims.into_iter().filter_map(|claim| claim.unwrap()).collect();
     assert_eq!(claims.len(), 1);
-    assert_eq!(storage.due_uploads(9, at(3)).await.unwrap(), Vec::<Uuid>::new());
+    assert!(storage.due_uploads(9, at(3)).await.unwrap().is_empty());
     // Given back, it is due after a pause, and the attempt does not count.
     storage.give_back_upload(&claims[0], Duration::from_secs(10), at(3)).await.unwrap();
     assert!(storage.claim_upload(id, LEASE, at(12)).await.unwrap().is_none());
@@ -159,6 +161,25 @@ async fn only_one_makes_the_clip(storage: Storage) {
     assert!(storage.claim_upload(id, LEASE, at(49)).await.unwrap().is_none());
     let next = storage.claim_upload(id, LEASE, at(50)).await.unwrap().expect("its lease ran out");
     assert_eq!(next.lost_attempts, 1);
+}
+
+async fn each_tenant_has_its_due_uploads(storage: Storage) {
+    let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
+    let mut of_acme = Vec::new();
+    for _ in 0..4 {
+        of_acme.push(whole_of(&storage, acme.clone(), b"a clip").await);
+    }
+    let of_bolt = whole_of(&storage, bolt.clone(), b"a clip").await;
+    let due = async |seconds| storage.due_uploads(3, at(seconds)).await.unwrap();
+    let of = |tenant: &Tenant, ids: &[Uuid]| ids.iter().map(|id| (tenant.clone(), *id)).collect::<Vec<_>>();
+    let [first, second, third, fourth] = of_acme[..] else { unreachable!() };
+    let expected = [of(&acme, &[first]), of(&bolt, &[of_bolt]), of(&acme, &[second, third])].concat();
+    assert_eq!(due(3).await, expected);
+    // One that was tried comes after those that were not.
+    let claim = storage.claim_upload(first, LEASE, at(3)).await.unwrap().expect("it is due");
+    storage.give_back_upload(&claim, Duration::ZERO, at(4)).await.unwrap();
+    let expected = [of(&acme, &[second]), of(&bolt, &[of_bolt]), of(&acme, &[third, fourth])].concat();
+    assert_eq!(due(5).await, expected);
 }
 
 async fn a_claim_that_was_lost_ends_nothing(storage: Storage) {

@@ -11,6 +11,8 @@ on_every_back_end!(
     an_address_that_is_away_is_not_drowned,
     there_are_at_most_ten,
     the_log_is_a_tenants_own,
+    a_webhook_that_cannot_be_read_lets_others_pass,
+    messages_of_a_clock_that_was_ahead_are_due,
 );
 
 const MINUTE: Duration = Duration::from_secs(60);
@@ -236,4 +238,26 @@ async fn the_log_is_a_tenants_own(storage: Storage) {
     storage.fan_out(at(31 * 24 * 3600)).await.unwrap();
     let events: Vec<String> = log(&storage, id).await.into_iter().map(|delivery| delivery.event).collect();
     assert_eq!(events, ["home.changed"]);
+}
+
+async fn a_webhook_that_cannot_be_read_lets_others_pass(storage: Storage) {
+    let mut ids = Vec::new();
+    for _ in 0..3 {
+        ids.push(webhook(&storage, &ChangeKind::ALL).await);
+    }
+    let later = "UPDATE webhooks SET kinds = 'of a later version' WHERE id = $1";
+    execute(&storage, later, &ids[1].to_string()).await;
+    put(&storage, "h", "one").await;
+    assert!(!storage.fan_out(at(0)).await.unwrap());
+    for id in [ids[0], ids[2]] {
+        assert_eq!(log(&storage, id).await.len(), 1);
+    }
+}
+
+async fn messages_of_a_clock_that_was_ahead_are_due(storage: Storage) {
+    webhook(&storage, &ChangeKind::ALL).await;
+    put(&storage, "h", "one").await;
+    let day = 24 * 3600;
+    storage.fan_out(at(2 * day)).await.unwrap();
+    assert_eq!(send_all(&storage, &Sent::Delivered { status: 200 }, at(0)).await.len(), 1);
 }

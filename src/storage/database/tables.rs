@@ -1,7 +1,10 @@
 //! The tables: one set of migrations for both databases.
 
-use sqlx::migrate::{Migration, MigrationType, Migrator};
-use sqlx::{AssertSqlSafe, SqlSafeStr};
+use super::LOCK_TIMEOUT;
+use crate::storage::StorageError;
+use sqlx::migrate::{Migrate as _, Migration, MigrationType, Migrator};
+use sqlx::postgres::PgConnectOptions;
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, SqlSafeStr};
 use std::borrow::Cow;
 
 /// Number, name and statements of each migration. sqlx's own macro compiles every driver twice.
@@ -42,13 +45,50 @@ pub fn sqlite() -> Migrator {
 
 /// Compares text byte by byte, as SQLite does: pages of lists depend on it, and it keeps indexes of ids small
 /// and fast in every locale. Processes that start at once take turns.
-pub fn postgres() -> Migrator {
+fn postgres() -> Migrator {
     migrator(|sql| sql.replace(" TEXT", " TEXT COLLATE \"C\"").into())
+}
+
+/// Migrates PostgreSQL on a connection of its own. A process waits for another one that migrates as long as that takes; a
+/// statement of a migration waits for a table only as long as any other, since all that comes later waits behind it.
+pub async fn migrate_postgres(options: &PgConnectOptions) -> Result<(), StorageError> {
+    let mut connection = options.clone().options([("lock_timeout", "0")]).connect().await?;
+    connection.lock().await?;
+    sqlx::query(AssertSqlSafe(format!("SET lock_timeout = '{LOCK_TIMEOUT}'")))
+        .execute(&mut connection)
+        .await?;
+    // It takes the same lock once more, and releases it once.
+    postgres().run_direct(None, &mut connection, false).await?;
+    connection.close().await?;
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::str::FromStr;
+    use viola_testing::postgres::Schema;
+
+    /// A long migration of one process must not end the others, which wait for its lock.
+    #[tokio::test]
+    async fn a_process_waits_for_one_that_migrates() {
+        let Some(schema) = Schema::new().await else { return };
+        let options = PgConnectOptions::from_str(&schema.url()).unwrap();
+        let mut other = options.connect().await.unwrap();
+        other.lock().await.unwrap();
+        let waiting =
+            tokio::spawn(async move { migrate_postgres(&options.options([("lock_timeout", "1ms")])).await });
+        // Longer than the timeout of its other statements.
+        let waits = "SELECT COUNT(*) FROM pg_stat_activity
+            WHERE application_name = current_setting('application_name') AND wait_event = 'advisory'
+                AND clock_timestamp() - query_start > INTERVAL '5 milliseconds'";
+        while sqlx::query_scalar::<_, i64>(waits).fetch_one(&mut other).await.unwrap() == 0 {
+            assert!(!waiting.is_finished());
+        }
+        other.unlock().await.unwrap();
+        waiting.await.unwrap().unwrap();
+        schema.remove().await;
+    }
 
     #[test]
     fn every_file_is_a_row() {

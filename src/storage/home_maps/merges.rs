@@ -105,7 +105,7 @@ macro_rules! claim {
 
 impl Storage {
     /// Claims a home whose map is due; returns `None` if there is none. Tenants take turns: the first one with a due home
-    /// after the tenant named `after` comes first.
+    /// after the tenant named `after` comes first. A home whose rows cannot be read is an error, and rests.
     pub async fn claim_merge(
         &self,
         after: &str,
@@ -136,23 +136,16 @@ impl Storage {
             return Ok(None);
         };
         let home = row.home("id")?;
-        let lidar_maps = lidar_maps::levels(&mut transaction, &home).await?;
-        let last = newest(&mut transaction, &home).await?;
-        let claim = MergeClaim {
-            members: members(&mut transaction, &home).await?,
-            lidar_map_revision: lidar_maps.iter().map(|map| map.revision).max().unwrap_or(0),
-            lidar_maps,
-            corrections: corrections::of_home(&mut transaction, &home).await?,
-            last_revision: last.as_ref().map_or(0, |map| map.revision),
-            last_levels: last.map(|map| map.levels).unwrap_or_default(),
-            wanted: row.number("map_wanted")?,
-            fencing_token: row.number("map_fence")?,
-            faults: row.count("map_faults")?,
-            home_created_at: row.time("created_at")?,
-            home,
-        };
+        let claimed = read_claim(&mut transaction, &home, &row).await;
+        if let Err(unreadable @ StorageError::Column { .. }) = &claimed {
+            tracing::error!(%home, %unreadable, "a home's map rests: its rows cannot be read");
+            // Otherwise it would be the next one at every claim.
+            faults::set_aside(&mut transaction, &row, now).await?;
+        } else if claimed.is_err() {
+            return claimed.map(Some);
+        }
         transaction.commit().await?;
-        Ok(Some(claim))
+        claimed.map(Some)
     }
 
     /// Renews a lease; returns false if the home is no longer this worker's.
@@ -322,6 +315,29 @@ impl Storage {
         transaction.commit().await?;
         Ok(())
     }
+}
+
+/// Returns the claim on a home that was just taken.
+async fn read_claim(
+    connection: &mut Connection,
+    home: &HomeId,
+    row: &Row,
+) -> Result<MergeClaim, StorageError> {
+    let lidar_maps = lidar_maps::levels(connection, home).await?;
+    let last = newest(connection, home).await?;
+    Ok(MergeClaim {
+        members: members(connection, home).await?,
+        lidar_map_revision: lidar_maps.iter().map(|map| map.revision).max().unwrap_or(0),
+        lidar_maps,
+        corrections: corrections::of_home(connection, home).await?,
+        last_revision: last.as_ref().map_or(0, |map| map.revision),
+        last_levels: last.map(|map| map.levels).unwrap_or_default(),
+        wanted: row.number("map_wanted")?,
+        fencing_token: row.number("map_fence")?,
+        faults: row.count("map_faults")?,
+        home_created_at: row.time("created_at")?,
+        home: home.clone(),
+    })
 }
 
 async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<HomeMap>, StorageError> {

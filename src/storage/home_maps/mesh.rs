@@ -39,12 +39,18 @@ impl Storage {
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
         let mut tiles = Vec::new();
         for file in self.home_map_files(home, revision, level, map_file::TILE).await? {
-            let Some(bytes) = self.map_file_bytes(&file).await? else { return Ok(None) };
+            let Some(bytes) = self.map_file_bytes(&file).await? else {
+                self.check_map_file_removed(&file).await?;
+                return Ok(None);
+            };
             tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
         }
         let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
         let Some(file) = files.first() else { return Ok(None) };
-        let Some(scene) = self.map_scene(file).await? else { return Ok(None) };
+        let Some(scene) = self.map_scene(file).await? else {
+            self.check_map_file_removed(file).await?;
+            return Ok(None);
+        };
         Ok(Some(LevelSurface { tiles, objects: scene.objects }))
     }
 

@@ -49,11 +49,13 @@ impl RetryState {
 }
 
 impl Storage {
-    /// Requeues the jobs whose lease expired, and returns their number.
+    /// Requeues the jobs whose lease expired, and returns their number. Jobs that were queued while the clock was ahead have
+    /// their turns now.
     ///
     /// The end of such a worker is unknown: anything may have killed its process, so the attempt does not
     /// count.
     pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
+        self.advance_turns(now).await?;
         let rows = query(
             "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
             WHERE jobs.state = 'running' AND (jobs.lease_until <= $1 OR jobs.lease_until > $2)
@@ -87,6 +89,46 @@ impl Storage {
             transaction.commit().await?;
         }
         Ok(released)
+    }
+
+    /// Gives the jobs that were queued while the clock was ahead the turns of jobs that are queued now.
+    async fn advance_turns(&self, now: Timestamp) -> Result<(), StorageError> {
+        let ahead = query("SELECT id FROM jobs WHERE state = 'queued' AND order_at > $1 LIMIT 1");
+        let ahead = ahead.bind(clock::no_turn_after(now));
+        if ahead.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
+            return Ok(());
+        }
+        let mut transaction = self.database.begin().await?;
+        let advance = transaction.either(
+            "UPDATE jobs SET order_at = $2 WHERE state = 'queued' AND order_at > $1",
+            "UPDATE jobs SET order_at = $2 WHERE id IN (SELECT id FROM jobs
+                WHERE state = 'queued' AND order_at > $1 ORDER BY id FOR UPDATE SKIP LOCKED)",
+        );
+        let advance = query(advance).bind(clock::no_turn_after(now)).bind(now.as_millisecond());
+        advance.execute(&mut transaction).await?;
+        transaction.commit().await
+    }
+}
+
+/// Requeues a job whose rows this version cannot read, after a pause: a process of a later version may read them, and other
+/// jobs have their turns. `row` is that of its claim.
+pub(super) async fn set_aside(
+    transaction: &mut Transaction,
+    row: &Row,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let (id, retries, retry) = (row.id("id")?, RetryState::from_row(row)?, RetryPolicy::default());
+    match requeue_after_fault(transaction, id, retries, Fault::Storage, &retry, now).await {
+        // The job is changed, and the clip could not be read. It still waits, or fails with its job.
+        Err(StorageError::Column { .. }) => {
+            let clip = query(
+                "UPDATE clips SET state = 'failed', updated_at = $2
+                WHERE job_id = $1 AND EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND state = 'failed')",
+            );
+            clip.bind(id.to_string()).bind(now.as_millisecond()).execute(transaction).await?;
+            Ok(())
+        }
+        requeued => requeued,
     }
 }
 

@@ -6,6 +6,7 @@ use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
+use crate::storage::quota::{self, QuotaCheck};
 use crate::storage::{HomeId, Storage, StorageError, choices, home_maps, homes, jobs, pending_deletes};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -38,11 +39,12 @@ impl NewLidarMap {
 impl Storage {
     /// Adds a revision of a level and queues every clip of the home for it, if the level's current revision is as
     /// `expected`. The same file as that of the current revision changes nothing. Returns the revision and whether it
-    /// is new.
+    /// is new. `max_bytes` is the quota of a tenant without one of its own.
     pub async fn put_lidar_map(
         &self,
         home: &HomeId,
         new: NewLidarMap,
+        max_bytes: Option<u64>,
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
@@ -56,6 +58,7 @@ impl Storage {
             file_name: new.file_name,
             info: new.info,
             from_earlier: new.from_earlier,
+            quota: QuotaCheck::Enforce { max_bytes },
         };
         // Concurrently: a slow store delays this once.
         let (file_key, image_key) = (file_key(id), image_key(id));
@@ -72,6 +75,7 @@ impl Storage {
         home: &HomeId,
         earlier: &LidarMapRevision,
         from_earlier: Option<FromEarlier>,
+        max_bytes: Option<u64>,
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
@@ -87,6 +91,7 @@ impl Storage {
             file_name: earlier.file_name.clone(),
             info: earlier.info.clone(),
             from_earlier,
+            quota: QuotaCheck::Enforce { max_bytes },
         };
         let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) = tokio::join!(
@@ -147,6 +152,8 @@ impl Storage {
             }
             _ => {}
         }
+        let new_bytes = new.size_bytes + new.image_bytes;
+        quota::check(&mut transaction, home.tenant(), new_bytes, new.quota).await?;
         // Revisions count removed maps, too.
         let last = query("SELECT COALESCE(MAX(revision), 0) AS last FROM lidar_maps WHERE home_id = $1");
         let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
@@ -169,7 +176,7 @@ impl Storage {
         .bind(from_earlier.as_ref().map(to_json))
         .execute(&mut transaction)
         .await?;
-        homes::grow(&mut transaction, home, (new.size_bytes + new.image_bytes) as i64).await?;
+        homes::grow(&mut transaction, home, new_bytes as i64).await?;
         if let Some(from_earlier) = &from_earlier {
             // Jobs before clips, as everywhere.
             jobs::lock_of_home(&mut transaction, home).await?;
@@ -197,4 +204,5 @@ struct NewRow {
     file_name: Option<String>,
     info: LidarInfo,
     from_earlier: Option<FromEarlier>,
+    quota: QuotaCheck,
 }

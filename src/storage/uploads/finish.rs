@@ -6,7 +6,7 @@ use crate::storage::clips::{self, Added, NewClip};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
 use crate::storage::quota::QuotaCheck;
-use crate::storage::{Arrived, HomeId, StorageError, clock, pending_deletes};
+use crate::storage::{Arrived, HomeId, StorageError, Tenant, clock, pending_deletes};
 use futures::TryStreamExt;
 use jiff::Timestamp;
 use std::time::Duration;
@@ -74,17 +74,22 @@ impl Storage {
         Ok(renewed > 0)
     }
 
-    /// Returns complete uploads that wait to become clips and that no process has claimed.
-    pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<Uuid>, StorageError> {
+    /// Returns complete uploads that wait to become clips and that no process has claimed: at most `limit` of each tenant,
+    /// those first that nobody has tried, or whose last attempt was longest ago.
+    pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<(Tenant, Uuid)>, StorageError> {
         let rows = query(
-            "SELECT id FROM uploads
-            WHERE state = 'arrived' AND kind <> 'partial'
-                AND (lease_until IS NULL OR lease_until <= $1 OR lease_until > $3)
-            ORDER BY expires_at, id LIMIT $2",
+            "SELECT tenant, id FROM (
+                SELECT tenant, id, ROW_NUMBER() OVER (
+                    PARTITION BY tenant ORDER BY COALESCE(lease_until, 0), expires_at, id) AS place
+                FROM uploads
+                WHERE state = 'arrived' AND kind <> 'partial'
+                    AND (lease_until IS NULL OR lease_until <= $1 OR lease_until > $3)
+            ) AS due
+            WHERE place <= $2 ORDER BY place, tenant",
         );
         let rows = rows.bind(now.as_millisecond()).bind(i64::from(limit)).bind(clock::no_lease_after(now));
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.id("id")).collect()
+        rows.iter().map(|row| Ok((row.tenant("tenant")?, row.id("id")?))).collect()
     }
 
     /// Assembles the file from its pieces.

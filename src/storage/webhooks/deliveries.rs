@@ -112,7 +112,7 @@ macro_rules! claim {
             "UPDATE webhooks SET lease_until = $2, fence = fence + 1
             WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
                 AND EXISTS (SELECT 1 FROM webhook_deliveries
-                    WHERE webhook_id = webhooks.id AND state = 'pending' AND due_at <= $1)
+                    WHERE webhook_id = webhooks.id AND state = 'pending' AND (due_at <= $1 OR due_at > $4))
                 ORDER BY lease_until, id LIMIT 1 ",
             $lock,
             ") RETURNING id, url, secret, fence"
@@ -135,18 +135,21 @@ impl Storage {
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
             .bind(clock::no_lease_after(now))
+            .bind(clock::no_delivery_after(now))
             .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };
         let webhook = row.id("id")?;
         let due = query(
             "SELECT id, body, attempts FROM webhook_deliveries
-            WHERE webhook_id = $1 AND state = 'pending' AND due_at <= $2 ORDER BY due_at, id LIMIT $3",
+            WHERE webhook_id = $1 AND state = 'pending' AND (due_at <= $2 OR due_at > $4)
+            ORDER BY due_at, id LIMIT $3",
         );
         let due = due
             .bind(webhook.to_string())
             .bind(now.as_millisecond())
             .bind(i64::from(limit))
+            .bind(clock::no_delivery_after(now))
             .fetch_all(&mut transaction)
             .await?;
         let to_send = |row: &Row| {

@@ -3,7 +3,7 @@
 
 use super::MergeClaim;
 use crate::storage::columns::Columns;
-use crate::storage::database::{Transaction, query};
+use crate::storage::database::{Row, Transaction, query};
 use crate::storage::{RetryPolicy, Storage, StorageError, clock};
 use jiff::Timestamp;
 use std::time::Duration;
@@ -39,6 +39,23 @@ impl Storage {
         .await?;
         transaction.commit().await
     }
+}
+
+/// Ends a claim whose home this version cannot read, which counts as a fault. `row` is that of the claim.
+pub(super) async fn set_aside(
+    transaction: &mut Transaction,
+    row: &Row,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let due = now + pause(row.count("map_faults")?, false);
+    query(
+        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1 WHERE id = $1",
+    )
+    .bind(row.text("id")?)
+    .bind(due.as_millisecond())
+    .execute(transaction)
+    .await?;
+    Ok(())
 }
 
 /// Ends the claims whose lease expired. The merge may have killed its worker, so each counts as a fault.
