@@ -195,21 +195,18 @@ mod tests {
         }
     }
 
+    /// A run on one thread, without a journal and pictures.
+    fn alone<'a>(suite: &'a Untold, methods: &'a [Method], observe: &'a AlignParams) -> Run<'a> {
+        Run { suite, methods, observe, workers: 1, journal: None, program: "", pictures: None }
+    }
+
     #[test]
     fn clips_without_a_true_pose_are_counted_once_for_all_methods() {
         let case = |name: &str| Case { name: name.into(), set: "home".into(), frames: 5 };
         let suite = Untold(["a", "b", "c"].map(case).to_vec());
         let methods = ["viola", "paper"].map(|name| Method::named(name, 0, None).unwrap());
         let observe = AlignParams::default();
-        let run = Run {
-            suite: &suite,
-            methods: &methods,
-            observe: &observe,
-            workers: 1,
-            journal: None,
-            program: "",
-            pictures: None,
-        };
+        let run = alone(&suite, &methods, &observe);
         let results = run.results(&Silent, &|_| {}).unwrap();
         assert_eq!((results.len(), run.total(), run.left_out(&results)), (0, 6, 3));
     }
@@ -225,6 +222,7 @@ mod tests {
             assert_eq!(has_failed(&result), failed, "{foreign} {state:?}");
         }
     }
+
     #[test]
     fn a_clip_that_has_not_failed_keeps_no_picture() {
         let folder = std::env::temp_dir().join(format!("viola-lab-run-{}", std::process::id()));
@@ -236,15 +234,7 @@ mod tests {
         let suite = Untold(vec![case(&right), case(&wrong)]);
         let methods = [Method::named("viola", 0, None).unwrap()];
         let observe = AlignParams::default();
-        let run = Run {
-            suite: &suite,
-            methods: &methods,
-            observe: &observe,
-            workers: 1,
-            journal: None,
-            program: "",
-            pictures: Some(&folder),
-        };
+        let run = Run { pictures: Some(&folder), ..alone(&suite, &methods, &observe) };
         let path = folder.join("results.jsonl");
         let journal = Journal::open(&path).unwrap();
         let pictures = suite.cases().iter().map(|case| run.picture(case, "viola").unwrap());
