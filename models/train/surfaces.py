@@ -3,6 +3,8 @@ from pathlib import Path
 
 import numpy as np
 
+from smear import smeared
+
 # viola-lab, surfaces.rs.
 RECORD = np.dtype([("mm", "<i2", 3), ("normal", "i1", 3), ("color", "u1", 3), ("label", "u1"), ("zero", "u1"),
                    ("instance", "<u2")])
@@ -77,6 +79,8 @@ def augmented(surface: dict, random: np.random.Generator, vary: bool = True) -> 
     objects["centre"] *= scale
     objects["size"] *= scale
     xyz *= scale
+    surface = smeared(surface, random)
+    xyz = surface["xyz"]
     rough(surface, random)
     # The floor's height and tilt are measured, too.
     shift = np.array([*random.uniform(0, CELL_M, 2), random.normal(0, 0.02)], np.float32)

@@ -8,8 +8,8 @@ use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
-    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
-    ros_yaml, valetudo_json, write_scannet_zip,
+    Catalogue, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv,
+    ros_pgm, ros_yaml, valetudo_json, write_scannet_zip,
 };
 
 /// More clips than one home needs; each is a file of megabytes.
@@ -36,6 +36,10 @@ pub struct SimulateArguments {
     /// Error of the device's poses after one metre of path, in metres.
     #[arg(long, default_value_t = ClipParams::default().drift, value_parser = numbers::drift_m)]
     drift: f64,
+    /// Folder of furniture meshes, which replace pieces of their class and about their size: CLASS-NAME.ply in metres, the
+    /// width along x, the back at +y, z up.
+    #[arg(long, value_name = "DIR")]
+    furniture: Option<PathBuf>,
     /// Output folder, created if it is missing.
     #[arg(long)]
     out: PathBuf,
@@ -45,7 +49,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     print_line("making a home and mapping it with its vacuum");
-    let home = Home::generate(&HomeParams::new(arguments.set, arguments.seed));
+    let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
+    let home = Home::furnished(&HomeParams::new(arguments.set, arguments.seed), &catalogue);
     let survey = home.survey();
     let params = ClipParams {
         frames: arguments.frames,

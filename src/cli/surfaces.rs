@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use viola_align::AlignParams;
 use viola_geometry::progress::Silent;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set};
+use viola_lab::simulate::{Catalogue, ClipParams, Home, HomeParams, Sensor, Set};
 use viola_lab::surfaces::labelled_surface;
 
 #[derive(clap::Args)]
@@ -26,6 +26,10 @@ pub struct SurfacesArguments {
     /// Errors of the device's poses after one metre of path, in metres, taken in turn.
     #[arg(long, value_delimiter = ',', default_value = "0.002,0.005,0.01", value_parser = numbers::drift_m)]
     drift: Vec<f64>,
+    /// Folder of furniture meshes, which replace pieces of their class and about their size: CLASS-NAME.ply in metres, the
+    /// width along x, the back at +y, z up. models/train/furniture.py makes them.
+    #[arg(long, value_name = "DIR")]
+    furniture: Option<PathBuf>,
     /// Output folder, created if it is missing. Surfaces that it has already are kept.
     #[arg(long)]
     out: PathBuf,
@@ -34,20 +38,27 @@ pub struct SurfacesArguments {
 pub fn run(arguments: &SurfacesArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let seeds = arguments.seeds.end.saturating_sub(arguments.seeds.start);
     let steps = Steps::new(seeds * arguments.set.len() as u64);
     let mut turn = 0;
     for seed in arguments.seeds.clone() {
         for &set in &arguments.set {
-            surfaces_of_home(arguments, set, seed, &mut turn)?;
+            surfaces_of_home(arguments, &catalogue, set, seed, &mut turn)?;
             steps.advance(&format!("{} {seed}", set.name()));
         }
     }
     Ok(())
 }
 
-fn surfaces_of_home(arguments: &SurfacesArguments, set: Set, seed: u64, turn: &mut usize) -> Result<()> {
-    let home = Home::generate(&HomeParams::new(set, seed));
+fn surfaces_of_home(
+    arguments: &SurfacesArguments,
+    catalogue: &Catalogue,
+    set: Set,
+    seed: u64,
+    turn: &mut usize,
+) -> Result<()> {
+    let home = Home::furnished(&HomeParams::new(set, seed), catalogue);
     let (survey, objects) = (home.survey(), home.objects_alone());
     for (index, &frames) in (0..).zip(&arguments.frames) {
         *turn += 1;

@@ -4,11 +4,12 @@
 //! [`Home::generate`] makes a floor plan and furnishes it; [`Home::survey`] drives the vacuum through it and
 //! returns its map; [`Home::clip`] walks through it with a phone and returns RGB-D frames, rendered one at a
 //! time. Everything is a function of the parameters: the same bytes on any number of threads. Nothing here
-//! reads a clock or a file; the writers write to the given output.
+//! reads a clock; only [`Catalogue::open`] reads files; the writers write to the given output.
 //!
 //! The frame `home` is in metres, z up, with the floor at z = 0 and the walls mostly along x and y. The seed
 //! rotates and moves the map's frames and each clip's world against it.
 
+mod catalogue;
 mod change;
 mod clearance;
 mod clip;
@@ -19,6 +20,7 @@ mod furnish;
 mod home;
 mod in_memory;
 mod lidar_files;
+mod model;
 mod movement;
 mod optics;
 mod picture;
@@ -36,6 +38,7 @@ mod symmetry;
 mod walk;
 mod warp;
 
+pub use catalogue::{Catalogue, CatalogueError};
 pub use clip::{ClipParams, ClipTruth, LabelImage, SimulatedClip};
 pub use export::write_scannet_zip;
 pub use home::{Home, HomeObject, HomeParams, HomeTruth, Set};

@@ -1,7 +1,7 @@
 //! Errors of an evaluation.
 
-use super::mesh::MeshError;
 use super::survey::SurveyError;
+use crate::mesh::MeshError;
 use std::path::PathBuf;
 use viola_align::AlignError;
 use viola_formats::clip::ClipError;

@@ -58,7 +58,7 @@ fn stamp(grid: &mut Grid<bool>, primitive: &Primitive, band_m: [f64; 2]) {
             let covered = match primitive.shape {
                 _ if primitive.class == Class::Ceiling => is_low(),
                 _ if !upright => true,
-                Shape::Block | Shape::Cushion => spot.contains(&centre),
+                Shape::Block | Shape::Cushion | Shape::Mesh(_) => spot.contains(&centre),
                 Shape::Cylinder | Shape::Ball => {
                     (centre - spot.centre).norm() <= primitive.half.x.max(primitive.half.y) + pad
                 }

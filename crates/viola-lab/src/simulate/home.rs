@@ -1,5 +1,6 @@
 //! A home: its plan, its furniture on two days, and the people on the second.
 
+use super::catalogue::Catalogue;
 use super::piece::Piece;
 use super::plan::Plan;
 use super::rng::Rng;
@@ -155,6 +156,11 @@ pub struct HomeTruth {
 impl Home {
     /// Generates and furnishes the home of these parameters.
     pub fn generate(params: &HomeParams) -> Home {
+        Home::furnished(params, &Catalogue::default())
+    }
+
+    /// Generates a home with models of a catalogue among its furniture.
+    pub fn furnished(params: &HomeParams, catalogue: &Catalogue) -> Home {
         let rng = Rng::new(params.seed).fork(params.set.name(), 0);
         let mut plan_rng = rng.fork("plan", 0);
         let plan = match params.set {
@@ -165,6 +171,7 @@ impl Home {
         // The building is the same on all storeys; everything else has random streams of its own.
         let rng = if params.storey > 0 { rng.fork("storey", params.storey) } else { rng };
         let mut pieces = furnish::furnish(&plan, params.set == Set::Crowded, &rng.fork("furniture", 0));
+        catalogue.dress(&mut pieces, &mut rng.fork("catalogue", 0));
         if params.set == Set::Repeated {
             pieces = change::break_symmetry(&plan, pieces, &mut rng.fork("likeness", 0));
         }

@@ -85,7 +85,7 @@ fn outline_of(primitive: &Primitive) -> Vec<Point2> {
         primitive.centre.xy() + offset.xy()
     };
     match primitive.shape {
-        Shape::Block => {
+        Shape::Block | Shape::Mesh(_) => {
             [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y)).into()
         }
         Shape::Cylinder | Shape::Ball | Shape::Cushion => (0..20)

@@ -282,6 +282,19 @@ impl Candidate {
                     leave[lane] = if square < 0.0 { -1.0 } else { out };
                 }
             }
+            Shape::Mesh(model) => {
+                for lane in 0..TILE {
+                    let toward = [dx[lane], dy[lane], dz[lane]];
+                    let (from, to) = slabs(&self.origin, toward);
+                    enter[lane] = f32::INFINITY;
+                    if from <= to && to > NEAR_M as f32 && from < depth[lane] {
+                        let wide = |v: [f32; 3]| Vector3::from(v.map(f64::from));
+                        let hit = model.cast(&wide(self.origin), &wide(toward), f64::from(depth[lane]));
+                        enter[lane] = hit.map_or(f32::INFINITY, |t| t as f32);
+                    }
+                    leave[lane] = enter[lane];
+                }
+            }
             Shape::Ball => {
                 for lane in 0..TILE {
                     (enter[lane], leave[lane]) = ball(&self.origin, [dx[lane], dy[lane], dz[lane]], 1.0);

@@ -77,6 +77,7 @@ impl Primitive {
             (x0.max(y0).max(z0), x1.min(y1).min(z1))
         };
         let (enter, leave) = match self.shape {
+            Shape::Mesh(model) => return model.cast(&o, &d, f64::INFINITY),
             Shape::Block => block(),
             Shape::Cylinder => {
                 let ((r0, r1), (z0, z1)) = (round(&[0, 1], 1.0), slab(2));
@@ -103,7 +104,8 @@ impl Primitive {
     pub fn contains(&self, point: &Point3) -> bool {
         let local = self.unit_from_home * (point - self.centre);
         match self.shape {
-            Shape::Block => local.amax() <= 1.0,
+            // Its triangles need not be closed.
+            Shape::Block | Shape::Mesh(_) => local.amax() <= 1.0,
             Shape::Cylinder => local.x.hypot(local.y) <= 1.0 && local.z.abs() <= 1.0,
             Shape::Ball => local.norm() <= 1.0,
             Shape::Cushion => local.amax() <= 1.0 && local.norm() <= CUSHION_RADIUS,
@@ -115,6 +117,7 @@ impl Primitive {
         let local = self.unit_from_home * (point - self.centre);
         let normal = match self.shape {
             Shape::Ball => local,
+            Shape::Mesh(model) => model.normal(&local),
             Shape::Cushion if local.norm() > CUSHION_RADIUS * local.amax() => local,
             Shape::Cylinder if local.z.abs() < local.x.hypot(local.y) => Vector3::new(local.x, local.y, 0.0),
             Shape::Cylinder => Vector3::new(0.0, 0.0, local.z.signum()),

@@ -110,7 +110,7 @@ fn lit(primitive: &Primitive, point: &Point3, ray: &Vector3, light: &Light, soli
 pub(super) fn texture_coordinates(primitive: &Primitive, local: &Vector3) -> (f32, f32) {
     let metres = local.component_mul(&primitive.half);
     match primitive.shape {
-        Shape::Block | Shape::Cushion => match local.iamax() {
+        Shape::Block | Shape::Cushion | Shape::Mesh(_) => match local.iamax() {
             0 => (metres.y as f32, metres.z as f32),
             1 => (metres.x as f32, metres.z as f32),
             _ => (metres.x as f32, metres.y as f32),

@@ -1,6 +1,7 @@
 //! Basic shapes of all solids.
 
 use super::finish::Finish;
+use super::model::Model;
 use nalgebra::{Matrix3, Rotation3};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Pose2, Vector3};
@@ -14,6 +15,8 @@ pub(super) enum Shape {
     Ball,
     /// The block without its edges and corners: its intersection with a ball of [`CUSHION_RADIUS`].
     Cushion,
+    /// A surface of triangles.
+    Mesh(&'static Model),
 }
 
 /// Radius of the ball that rounds a cushion, in half sides of its block: more than 1, which is a ball, and
@@ -58,7 +61,7 @@ impl Solid {
         }
     }
 
-    /// Returns its mirror image, x to -x.
+    /// Returns its mirror image, x to -x; triangles are only moved.
     pub fn mirrored(&self) -> Solid {
         let centre = Point3::new(-self.centre.x, self.centre.y, self.centre.z);
         Solid { centre, yaw_rad: -self.yaw_rad, roll_rad: -self.roll_rad, ..*self }
@@ -87,7 +90,7 @@ impl Solid {
         let block = Vector3::from_fn(|row, _| axes.row(row).iter().map(|v| v.abs()).sum());
         match self.shape {
             Shape::Ball => ball,
-            Shape::Block => block,
+            Shape::Block | Shape::Mesh(_) => block,
             Shape::Cushion => block.inf(&(ball * CUSHION_RADIUS)),
             Shape::Cylinder => {
                 Vector3::from_fn(|row, _| axes[(row, 0)].hypot(axes[(row, 1)]) + axes[(row, 2)].abs())

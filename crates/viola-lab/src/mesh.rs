@@ -1,4 +1,4 @@
-//! Triangles of a scene's mesh, as PLY.
+//! Triangle meshes, as PLY: of scenes, and of furniture.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
