@@ -40,6 +40,31 @@ pub(super) struct CurrentMap {
     map: types::HomeMap,
     /// The home's other clips, with the reasons for which they are not in the map.
     left_out: Vec<LeftOut>,
+    /// State of the home's newest map, also beside an earlier revision.
+    state: MapState,
+}
+
+/// State of a home's newest map
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum MapState {
+    /// It has every change of the home.
+    Current,
+    /// Changes of the home wait for the next merge.
+    Due,
+    /// The same, and at least two merges in a row have failed; the service tries again.
+    Failing,
+}
+
+impl MapState {
+    /// Returns the state from the failed merges in a row, if a merge is due.
+    fn new(due: Option<u32>) -> MapState {
+        match due {
+            None => MapState::Current,
+            Some(0 | 1) => MapState::Due,
+            Some(_) => MapState::Failing,
+        }
+    }
 }
 
 /// The query of everything that belongs to a map.
@@ -116,8 +141,8 @@ fn tag_of_file(map: &HomeMap, parts: &[&[u8]]) -> String {
 
 /// Get the fused map of a home: its clips, the clips left out with their reasons, and its contents
 ///
-/// Every change of the clips, their results or their choices creates a new revision shortly afterwards. A
-/// request with `If-None-Match` and the `ETag` of an earlier answer gets 304 if nothing has changed.
+/// Every change of the clips, their results or their choices creates a new revision shortly afterwards; until then
+/// `state` is `due`. A request with `If-None-Match` and the `ETag` of an earlier answer gets 304 if nothing has changed.
 #[utoipa::path(get, path = "/v1/homes/{home}/map", tag = "map", params(HomePath, RevisionQuery),
     responses(
         (status = 200, description = "The revision", body = CurrentMap),
@@ -127,10 +152,12 @@ pub(super) async fn get_map(
     HomePath { home }: HomePath,
     Query(query): Query<RevisionQuery>,
 ) -> Result<Document<CurrentMap>, Error> {
+    // A merge that ends between the two reads must not make an earlier revision `current`.
+    let state = MapState::new(app.storage.due_merge(&home).await?);
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let left_out = app.storage.clips_left_out(&home).await?;
     let left_out = left_out.into_iter().map(LeftOut::from).collect();
-    Ok(Document(CurrentMap { map: map.into(), left_out }))
+    Ok(Document(CurrentMap { map: map.into(), left_out, state }))
 }
 
 /// List the revisions of a home's map that are kept, newest first

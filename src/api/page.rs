@@ -6,6 +6,7 @@ use super::error::Error;
 use super::reply::unless_known;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
+use axum::http::uri::PathAndQuery;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::{Router, routing};
@@ -41,7 +42,8 @@ pub(super) fn routes() -> Router<App> {
 
 /// Leads from an address as a person types it to that of the page, which is behind a `#`.
 async fn typed(address: Uri) -> Response {
-    Redirect::to(&format!("/#{}", address.path())).into_response()
+    let place = address.path_and_query().map_or(address.path(), PathAndQuery::as_str);
+    Redirect::to(&format!("/#{place}")).into_response()
 }
 
 async fn index(headers: HeaderMap) -> Response {
@@ -68,4 +70,17 @@ fn file(media_type: &'static str, caching: &'static str, answer: Response) -> Re
         (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
     ];
     (headers, answer).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_typed_address_keeps_its_query() {
+        for place in ["/homes/demo", "/homes/demo?at=object.bed-1&view=3d"] {
+            let answer = typed(place.parse().unwrap()).await;
+            assert_eq!(answer.headers()[header::LOCATION], format!("/#{place}"));
+        }
+    }
 }

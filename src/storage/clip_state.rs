@@ -15,7 +15,7 @@ pub enum ClipState {
     Aligning,
     /// One pose stands out, or a person chose one.
     Aligned,
-    /// Several poses explain the clip about equally well: see the alignment's alternatives.
+    /// No pose is certain enough: see the reasons and the alignment's alternatives.
     Ambiguous,
     /// No pose can be given; the reasons say why.
     Failed,

@@ -158,6 +158,15 @@ impl Storage {
         row.as_ref().map(from_row).transpose()
     }
 
+    /// Returns the number of merges in a row that failed, if a change of the home is not in its newest map yet.
+    pub async fn due_merge(&self, home: &HomeId) -> Result<Option<u32>, StorageError> {
+        let row = query("SELECT map_wanted, map_made, map_faults FROM homes WHERE id = $1").bind(home.key());
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        let row = row.ok_or(StorageError::NoSuchHome)?;
+        let is_due = row.number("map_made")? < row.number("map_wanted")?;
+        is_due.then(|| row.count("map_faults")).transpose()
+    }
+
     /// Returns a page of the revisions below `after`, newest first.
     pub async fn home_map_revisions(
         &self,

@@ -1,6 +1,7 @@
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use viola::storage::{HomeId, map_file};
 use viola_geometry::LevelName;
 use viola_testing::{eventually, room, zips};
@@ -91,6 +92,22 @@ async fn what_a_reader_has_is_not_sent_again() {
     let left_out = map.ok(200)["left_out"].clone();
     assert_eq!((&left_out[0]["clip"], &left_out[0]["state"]), (&short["id"], &state));
     assert!(left_out[0]["reasons"][0]["code"].is_string());
+    the_state_of_the_map_is_told(&server, &home).await;
+}
+
+/// A change that waits for its merge is told, and so are merges that fail.
+async fn the_state_of_the_map_is_told(server: &Server, home: &str) {
+    let state = || async { server.get(&format!("{home}/map")).await.ok(200)["state"].clone() };
+    eventually("the last merge ends", || async { (state().await == "current").then_some(()) }).await;
+    let due_ms =
+        (SystemTime::now() + Duration::from_secs(600)).duration_since(UNIX_EPOCH).unwrap().as_millis();
+    for (ahead, faults, expected) in [(0, 0, "current"), (1, 0, "due"), (1, 1, "due"), (1, 2, "failing")] {
+        let statement = format!(
+            "UPDATE homes SET map_wanted = map_made + {ahead}, map_faults = {faults}, map_due_at = {due_ms}"
+        );
+        server.execute(&statement).await;
+        assert_eq!(state().await, expected, "{ahead} {faults}");
+    }
 }
 
 /// Returns the vertices of a binary PLY, of 38 bytes each.

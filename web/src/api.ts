@@ -3,9 +3,14 @@
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
 import type {
-  Changes, Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, LidarRevision, List, MapChanges, Room, RoomPatch, Scan, Session,
+  Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, LidarRevision, List, MapChanges, Room, RoomPatch, Scan, Session,
   Thing, ThingPatch, Upload,
 } from "./types.ts";
+
+/** Time until a document must be complete. */
+const LONGEST_READ_MS = 60_000;
+/** Ids that are tried for a new home. */
+const MOST_IDS = 5;
 
 /** The service said no; the message is its own explanation. */
 export class Refusal extends Error {
@@ -56,8 +61,20 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
   throw new Refusal(answer.status, explanation(answer.status, await answer.text()), delay_s(answer.headers.get("retry-after")));
 }
 
+/** Reads a document with its headers. An answer that stalls counts as none. */
+async function read<T>(path: string, signal: AbortSignal): Promise<[T, Headers]> {
+  const limit = AbortSignal.timeout(LONGEST_READ_MS);
+  try {
+    const answer = await ask(path, { signal: AbortSignal.any([signal, limit]) });
+    return [(await answer.json()) as T, answer.headers];
+  } catch (error) {
+    if (limit.aborted && !signal.aborted && !(error instanceof Refusal)) throw new Refusal(0, explanation(0, ""));
+    throw error;
+  }
+}
+
 async function get<T>(path: string, signal: AbortSignal): Promise<T> {
-  return (await (await ask(path, { signal })).json()) as T;
+  return (await read<T>(path, signal))[0];
 }
 
 /** Null where there is nothing (404). */
@@ -70,14 +87,15 @@ async function getIfThere<T>(path: string, signal: AbortSignal): Promise<T | nul
   }
 }
 
-async function send<T>(method: string, path: string, body?: unknown, headers: Record<string, string> = {}): Promise<T | null> {
+async function send(method: string, path: string, body?: unknown, headers: Record<string, string> = {}): Promise<Response> {
   const options: RequestInit = { method, headers };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
     options.headers = { ...headers, "content-type": "application/json" };
   }
-  const text = await (await ask(path, options)).text();
-  return text ? (JSON.parse(text) as T) : null;
+  const answer = await ask(path, options);
+  await answer.text();
+  return answer;
 }
 
 /** Begins a session with a key; its token goes into a cookie. */
@@ -110,23 +128,27 @@ export function homes(asked: Asked, signal: AbortSignal): Promise<List<Home>> {
   return get(`/v1/homes?${query}`, signal);
 }
 
-/** The changes of all homes after a cursor; null is the start of the feed. Waits for a change at the end of the feed. */
-export function feed(after: string | null, signal: AbortSignal): Promise<Changes> {
-  const cursor = after ? `&after=${encodeURIComponent(after)}` : "";
-  return get(`/v1/changes?limit=200&wait=30${cursor}`, signal);
-}
-
 export function home(id: string, signal: AbortSignal): Promise<Home> {
   return get(homePath(id), signal);
 }
 
-/** Makes a home; its id is made of its name, with a number if another home has it. */
-export async function makeHome(name: string): Promise<Home | null> {
-  const { signal } = new AbortController();
-  for (let number = 1; ; number++) {
-    const id = number === 1 ? idOf(name) : `${idOf(name)}-${number}`;
-    if (!(await getIfThere(homePath(id), signal))) return send("PUT", homePath(id), { name });
+/** Makes a home and returns its id, which is made of its name, with random letters if another home has it. */
+export async function makeHome(name: string): Promise<string> {
+  for (let tries = 1; ; tries++) {
+    const id = tries === 1 ? idOf(name) : `${idOf(name)}-${randomLetters()}`;
+    try {
+      const { status } = await send("PUT", homePath(id), { name }, { "if-none-match": "*" });
+      if (status === 201) return id;
+    } catch (error) {
+      if (!(error instanceof Refusal && error.status === 412)) throw error;
+    }
+    // 200 and 412: another home has this id.
+    if (tries === MOST_IDS) throw new Error("Other homes have the ids of this name. Choose another name.");
   }
+}
+
+function randomLetters(): string {
+  return [...crypto.getRandomValues(new Uint8Array(4))].map((value) => String.fromCharCode(97 + (value % 26))).join("");
 }
 
 /** Gives a home another name; null takes its name away. */
@@ -170,6 +192,12 @@ export function upload(path: string, signal: AbortSignal): Promise<Upload | null
   return getIfThere(path, signal);
 }
 
+/** The clips of a home that are being aligned: as many as there are workers. */
+export async function clipsAtWork(home: string, signal: AbortSignal): Promise<Clip[]> {
+  const page: List<Clip> = await get(homePath(home, "clips?state=aligning&limit=200"), signal);
+  return page.items;
+}
+
 /** All clips of a home, the oldest first. */
 export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> {
   const items: Clip[] = [];
@@ -187,9 +215,8 @@ export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> 
 const tags = new WeakMap<Clip, string>();
 
 export async function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
-  const answer = await ask(homePath(home, "clips", id), { signal });
-  const clip = (await answer.json()) as Clip;
-  const tag = answer.headers.get("etag");
+  const [clip, headers] = await read<Clip>(homePath(home, "clips", id), signal);
+  const tag = headers.get("etag");
   if (tag) tags.set(clip, tag);
   return clip;
 }

@@ -18,8 +18,8 @@ const STATE_MEANING: Record<ClipState, string> = {
   queued: "Waits for its turn.",
   aligning: "The pose is being computed.",
   aligned: "Its place in the map is known.",
-  ambiguous: "Several places explain it about equally well. Choose one, or upload a longer clip.",
-  failed: "No pose was found in the map.",
+  ambiguous: "Its place is not certain.",
+  failed: "It has no place in the map.",
 };
 
 /** The order in which a clip goes through them. */
@@ -64,7 +64,7 @@ export function plain(code: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
-/** Letters of an id that is made of a name: an id has at most 64, and a number may follow. */
+/** Letters of an id that is made of a name: an id has at most 64, and random letters may follow. */
 const MOST_LETTERS = 56;
 
 /** The id of a home of this name: "Flat 3, Elm Street" becomes "flat-3-elm-street". */

@@ -165,6 +165,7 @@ async function themesAndPhones() {
     await page.screenshot({ path: join(pictures, `${name}-whole.png`), animations: "disabled", fullPage: true });
     for (const px of [360, 390]) {
       await page.setViewportSize({ width: px, height: 844 });
+      await theBreadcrumbCanBeHit();
       const width = await page.evaluate(() => document.documentElement.scrollWidth);
       assert.ok(width <= px, `${hash} is ${width} px wide on a phone of ${px} px`);
     }
@@ -180,10 +181,25 @@ async function themesAndPhones() {
   await page.getByRole("button", { name: /Theme/ }).click();
 }
 
+/** Also on the page of a clip with a long name. */
+async function theBreadcrumbCanBeHit() {
+  const widths = await page.evaluate(() => {
+    document.querySelector(".crumbs [aria-current]").textContent = "long name ".repeat(20);
+    return [...document.querySelectorAll(".crumbs a")].map((link) => link.getBoundingClientRect().width);
+  });
+  assert.ok(widths.every((width) => width >= 24), `the links are ${widths} px wide`);
+}
+
 async function theCardLiesBelowTheMap() {
   await page.locator(".thing-row").first().click();
   const [views, card] = [await boxOf(page.locator(".views")), await boxOf(page.locator(".details"))];
   assert.ok(views.y + views.height <= card.y, "the card covers the selected object");
+  await page.locator("label:has(#view-2d)").click();
+  await page.waitForFunction(() => {
+    const [tools, plan] = [".toolbar", ".views > .plan"].map((name) => document.querySelector(name).getBoundingClientRect());
+    return tools.bottom <= plan.top;
+  });
+  await page.locator("label:has(#view-3d)").click();
   await page.locator(".details").getByRole("button", { name: "Close" }).click();
 }
 

@@ -4,6 +4,7 @@ import { adviceOf } from "../src/clip/advice.ts";
 import { chosenOf, poseInForce } from "../src/clip/pose.ts";
 import { reasonsOf } from "../src/clip/reasons.ts";
 import type { Clip } from "../src/types.ts";
+import { stateMeaning } from "../src/words.ts";
 
 const pose = (x_m: number, yaw_rad = 0) => ({ x_m, y_m: 0, yaw_rad });
 
@@ -49,4 +50,16 @@ test("places of a choice count from 1, and warnings come first", () => {
   const given = clipWith({ choice: { ...choice, alternative: null }, reasons: [{ code: "chosen_by_person", detail: "a person gave the pose" }] });
   assert.equal(reasonsOf(given)[0]?.text, "a person gave the pose");
   assert.deepEqual(adviceOf(given), []);
+});
+
+test("a damaged file is not a matter of filming, and one doubtful place is not several", () => {
+  const failed = (codes: string[], alignment: object | null) =>
+    adviceOf(clipWith({ state: "failed", alignment, reasons: codes.map((code) => ({ code, detail: code })) }));
+  for (const [codes, alignment, advice] of [
+    [["bad_picture"], null, /^The file is damaged/], [["a_new_code"], { alternatives: [] }, /^Film again/], [[], null, /^Film again/],
+  ] as const) {
+    assert.match(failed([...codes], alignment)[0] ?? "", advice);
+  }
+  assert.doesNotMatch(stateMeaning("failed"), /found/);
+  assert.doesNotMatch(stateMeaning("ambiguous"), /several/i);
 });

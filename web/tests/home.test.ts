@@ -1,11 +1,41 @@
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { afterEach, test } from "node:test";
+import { home, makeHome, Refusal } from "../src/api.ts";
 import { Looks } from "../src/home/looks.ts";
 import { progress } from "../src/home/measure.ts";
 import { roomName, withoutLevel } from "../src/home/selection.ts";
 import { type Framing, read, written } from "../src/home/share.ts";
 import { isBeingMade } from "../src/home/summary.ts";
 import type { HomeData } from "../src/home/data.ts";
+
+const real = { fetch: globalThis.fetch, timeout: AbortSignal.timeout };
+afterEach(() => {
+  globalThis.fetch = real.fetch;
+  AbortSignal.timeout = real.timeout;
+});
+
+test("a home never gets the id of another one", async () => {
+  for (const [status, name, id] of [[200, "家", "home"], [412, "Flat 3", "flat-3"]] as const) {
+    const asked: string[] = [];
+    globalThis.fetch = async (path, options) => {
+      asked.push(`${options?.method} ${path} ${new Headers(options?.headers).get("if-none-match")}`);
+      return new Response("{}", { status: asked.length === 1 ? status : 201 });
+    };
+    assert.match(await makeHome(name), new RegExp(`^${id}-[a-z]{4}$`));
+    assert.deepEqual([asked.length, asked[0]], [2, `PUT /v1/homes/${id} *`]);
+  }
+});
+
+test("an answer that stalls counts as none", async () => {
+  const limit = new AbortController();
+  AbortSignal.timeout = () => limit.signal;
+  globalThis.fetch = async (_, options) => new Response(new ReadableStream({
+    start: (stream) => options?.signal?.addEventListener("abort", () => stream.error(options.signal?.reason)),
+  }));
+  const read = home("h", new AbortController().signal);
+  setTimeout(() => limit.abort());
+  await assert.rejects(read, (error) => error instanceof Refusal && error.status === 0);
+});
 
 test("a view is read as it is written", () => {
   const looks = new Looks();

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { arrange, type Label } from "../src/parts/labels.ts";
+import { arrange, type Label, shortened } from "../src/parts/labels.ts";
 
 const label = (x: number, y: number): Label => ({ x, y, width: 40, height: 10 });
 
@@ -19,4 +19,12 @@ test("no two labels that are shown overlap", () => {
 
 test("labels apart stay where they are, and one that is out takes no room", () => {
   assert.deepEqual(arrange([label(0, 0), null, label(50, 0), label(0, 12)]), [0, null, 0, 0]);
+});
+
+test("a text that is too wide is cut", () => {
+  // Without a canvas every letter has 7 pixels.
+  Object.assign(globalThis, { document: { createElement: () => ({ getContext: () => null }) } });
+  for (const [text, cut] of [["Sofa", "Sofa"], ["0123456789", "0123456789"], ["0123456789a", "012345678…"], ["0123456  abc", "0123456…"]] as const) {
+    assert.equal(shortened(text, "400 11px", 70), cut);
+  }
 });

@@ -7,6 +7,8 @@ import type { HomeData } from "../src/home/data.ts";
 import { otherFiles } from "../src/home/earlier.ts";
 import { Measure } from "../src/home/measure.ts";
 import { HomePoints } from "../src/home/points.ts";
+import { Looks } from "../src/home/looks.ts";
+import { Summary } from "../src/home/summary.ts";
 import type { LidarRevision } from "../src/types.ts";
 
 const real = { fetch: globalThis.fetch };
@@ -83,7 +85,7 @@ test("no point is measured while points of the map are missing", () => {
   assert.deepEqual(measure.ends, [[1, 2, 0]]);
 });
 
-test("the earlier points stay until those of the new map are complete", () => {
+test("the earlier points stay until those of the new map are complete", async () => {
   const workers: { onmessage: (event: { data: unknown }) => void }[] = [];
   class FakeWorker {
     onmessage = () => {};
@@ -114,12 +116,27 @@ test("the earlier points stay until those of the new map are complete", () => {
   told(1, point(1), { what: "end" });
   assert.deepEqual(points.shown?.clips, ["clip of 2"]);
   points.update(dataOf(3));
-  told(2, begin, { what: "failed", message: "lost", status: 0 });
-  assert.deepEqual([points.shown?.map_revision, failures], [2, ["The points: lost"]]);
+  told(2, begin, { what: "failed", message: "busy", status: 503, retryAfter_s: 600 });
   points.update(dataOf(3));
-  assert.equal(workers.length, 4, "a failure is not tried again");
+  assert.deepEqual([workers.length, points.shown?.map_revision, failures], [3, 2, []]);
+  // The end of the pause.
+  dispatchEvent(new Event("online"));
+  await until(() => workers.length === 4);
+  told(3, begin, { what: "failed", message: "damaged", status: null, retryAfter_s: null });
+  assert.deepEqual([points.shown?.map_revision, failures], [2, ["The points: damaged"]]);
+  points.update(dataOf(3));
+  assert.equal(workers.length, 5, "the next change of the home does not try again");
   points.update(dataOf(3, "upper"));
   assert.equal(points.shown, null);
+});
+
+test("the figures of a level count its own clips, and say that the map is out of date", () => {
+  const clips = ["main", "upper", "upper"].map((level) => ({ level }));
+  for (const [state, end] of [["current", ""], ["due", " · being rebuilt"], ["failing", " · could not be rebuilt, tried again"]]) {
+    const map = { revision: 2, state, clips, info: { points: 9 } };
+    const data = { level: "main", map, lidar: null, coverage: null, clips: [] };
+    assert.equal(new Summary(data as unknown as HomeData, new Looks()).figures.textContent, `Map 2 · 9 points · 1 clip${end}`);
+  }
 });
 
 test("a restored LiDAR map is no earlier map", () => {

@@ -132,7 +132,7 @@ test("a clip without a certain place gets advice, and any other none", () => {
   assert.match(adviceOf(clip("failed", ["no_support"]))[0] ?? "", /^Probably not this home/);
   assert.match(adviceOf(clip("ambiguous", ["weak_evidence", "not_this_home"], 0.05))[0] ?? "", /^Probably not this home/);
   assert.match(adviceOf(clip("ambiguous", ["weak_evidence"], 0.7))[0] ?? "", /^Film more of the walls/);
-  assert.match(adviceOf(clip("failed", ["a_new_code"]))[0] ?? "", /^Film again/);
+  assert.match(adviceOf(clip("failed", ["a_new_code"], 0))[0] ?? "", /^Film again/);
   assert.deepEqual(adviceOf(clip("aligned", [], 0.97)), []);
   assert.deepEqual(adviceOf(clip("aligning", [])), []);
 });

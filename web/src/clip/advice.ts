@@ -4,6 +4,7 @@ import type { Clip } from "../types.ts";
 import { isForeign } from "./alternatives.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
+const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
 const NOT_THE_CLIP = "The clip is not at fault. Align it again later.";
 const SLOWER = "Film again and move more slowly.";
 const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
@@ -66,5 +67,7 @@ export function adviceOf(clip: Clip): string[] {
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;
   if (list.length > 0) return [...new Set(list)].slice(0, 2);
-  return clip.state === "failed" ? [FILM_AGAIN] : [];
+  if (clip.state !== "failed") return [];
+  // The other codes are those of the readers of files, which end before there is an answer.
+  return [clip.alignment || codes.size === 0 ? FILM_AGAIN : DAMAGED];
 }

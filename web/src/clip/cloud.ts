@@ -56,14 +56,14 @@ export class ClipCloud {
     try {
       await this.read(clip, signal);
     } catch (error) {
-      if (!signal.aborted) this.fail(clip, messageOf(error), error instanceof Refusal ? error.status : 0);
+      if (!signal.aborted) this.fail(clip, error);
     }
   }
 
-  private fail(clip: Clip, message: string, status: number): void {
-    if (status === 401) return this.onSessionEnded();
+  private fail(clip: Clip, error: unknown): void {
+    if (error instanceof Refusal && error.status === 401) return this.onSessionEnded();
     this.stop();
-    this.offer(clip, "Try again", message);
+    this.offer(clip, "Try again", messageOf(error));
   }
 
   private async read(clip: Clip, signal: AbortSignal): Promise<void> {
@@ -94,8 +94,8 @@ export class ClipCloud {
         const box = around(places());
         if (box) view.setBounds([...box.min, 0], [...box.max, 2]);
       },
-      nothing: () => this.fail(clip, "The clip has no points yet.", 404),
-      failed: (message, status) => this.fail(clip, message, status),
+      nothing: () => this.fail(clip, new Error("The clip has no points yet.")),
+      failed: (error) => this.fail(clip, error),
     }, signal);
   }
 }

@@ -13,5 +13,5 @@ export type Told =
   | { what: "end" }
   /** Nothing at any of the addresses. */
   | { what: "nothing" }
-  /** With the service's status; 0 if it did not refuse. */
-  | { what: "failed"; status: number; message: string };
+  /** With the service's status and delay; the status is 0 if the connection was lost, and null if the points cannot be read. */
+  | { what: "failed"; status: number | null; retryAfter_s: number | null; message: string };

@@ -1,6 +1,7 @@
 // Points on the graphics card, filled while they arrive.
 
 import * as THREE from "three";
+import { Refusal } from "../api.ts";
 import type { Ask, Told } from "./messages.ts";
 import { emptyPoints, type Points } from "./ply.ts";
 
@@ -12,8 +13,8 @@ export interface Arrival {
   ended(cloud: Cloud): void;
   /** There are no points yet. */
   nothing(): void;
-  /** The status is 0 if the service did not refuse. */
-  failed(message: string, status: number): void;
+  /** With a `Refusal` unless the points cannot be read. */
+  failed(error: Error): void;
 }
 
 /** A cloud that knows how much of itself is there. */
@@ -86,14 +87,15 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal): voi
     } else if (data.what === "nothing") {
       arrival.nothing();
     } else if (data.what === "failed") {
-      arrival.failed(data.message, data.status);
+      const { status, message, retryAfter_s } = data;
+      arrival.failed(status === null ? new Error(message) : new Refusal(status, message, retryAfter_s));
     } else if (data.what === "end" && cloud) {
       arrival.ended(cloud);
     }
     if (data.what === "end" || data.what === "nothing" || data.what === "failed") stop();
   };
   worker.onerror = () => {
-    arrival.failed("The points could not be read in this browser.", 0);
+    arrival.failed(new Error("The points could not be read in this browser."));
     stop();
   };
   const ask: Ask = { urls };

@@ -21,6 +21,8 @@ const COARSE = 0.5;
 /** A press that moves further is a turn of the view and no click. */
 const CLICK_PX = 5;
 const FLIGHT_MS = 450;
+/** The direction from a scene to an eye at a corner above it. */
+const FROM_CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
 
 /** The eye of a person and the point it looks at, in metres. */
 export interface Viewpoint {
@@ -149,7 +151,7 @@ export class Stage {
     this.camera.aspect = width / height;
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     const direction =
-      from === "above" ? new THREE.Vector3(0, -0.001, 1) : new THREE.Vector3(-0.55, -0.85, 0.95);
+      from === "above" ? new THREE.Vector3(0, -0.001, 1) : FROM_CORNER.clone();
     const distance = this.reach(sphere);
     this.controls.target.copy(sphere.center);
     this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
@@ -173,9 +175,12 @@ export class Stage {
   /** Flies to a box without turning the view. */
   fly(box: THREE.Box3): void {
     if (box.isEmpty() || this.size().width === 0) return;
+    // The stage may have got its size, and not yet the view that waits for it.
+    this.lookAtPending();
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     const half = Math.atan(Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * Math.min(1, this.camera.aspect));
     const arm = this.camera.position.clone().sub(this.controls.target);
+    if (arm.lengthSq() === 0) arm.copy(FROM_CORNER);
     arm.setLength((Math.max(0.6, sphere.radius) / Math.sin(half)) * 1.25);
     // A view from a low angle ends in the walls around a room.
     arm.z = Math.max(arm.z, 0.75 * Math.hypot(arm.x, arm.y));
@@ -325,9 +330,13 @@ export class Stage {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.renderer.setSize(width, height);
+    this.lookAtPending();
+    this.draw();
+  }
+
+  private lookAtPending(): void {
     if (this.pending) this.look(this.pending.box, this.pending.from);
     this.pending = null;
-    this.draw();
   }
 
   private onKey(event: KeyboardEvent): void {

@@ -1,6 +1,6 @@
 // Fetches and reads points beside the page, so that it stays responsive.
 
-import { Refusal, explanation } from "../api.ts";
+import { delay_s, explanation, Refusal } from "../api.ts";
 import type { Ask, Told } from "./messages.ts";
 import { type Points, PlyStream } from "./ply.ts";
 
@@ -18,13 +18,17 @@ function tellPoints(at: number, points: Points): number {
   return count;
 }
 
+function lost(): never {
+  throw new Refusal(0, explanation(0, ""));
+}
+
 async function open(urls: string[]): Promise<Response | null> {
   for (const url of urls) {
-    const answer = await fetch(url).catch(() => {
-      throw new Refusal(0, explanation(0, ""));
-    });
+    const answer = await fetch(url).catch(lost);
     if (answer.ok) return answer;
-    if (answer.status !== 404) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
+    if (answer.status === 404) continue;
+    const message = explanation(answer.status, await answer.text().catch(lost));
+    throw new Refusal(answer.status, message, delay_s(answer.headers.get("retry-after")));
   }
   return null;
 }
@@ -47,7 +51,7 @@ async function load(urls: string[]): Promise<void> {
   let [at, size, begun] = [0, 0, false];
   let chunks: Uint8Array[] = [];
   for (;;) {
-    const { value, done } = await pieces.read();
+    const { value, done } = await pieces.read().catch(lost);
     if (value) {
       chunks.push(value);
       size += value.length;
@@ -69,7 +73,7 @@ async function load(urls: string[]): Promise<void> {
 
 self.onmessage = (event: MessageEvent<Ask>) => {
   load(event.data.urls).catch((error: unknown) => {
-    const status = error instanceof Refusal ? error.status : 0;
-    tell({ what: "failed", status, message: error instanceof Error ? error.message : String(error) });
+    const { status, retryAfter_s } = error instanceof Refusal ? error : { status: null, retryAfter_s: null };
+    tell({ what: "failed", status, retryAfter_s, message: error instanceof Error ? error.message : String(error) });
   });
 };

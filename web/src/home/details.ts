@@ -32,6 +32,7 @@ export class Details {
   ) {
     looks.onChange(() => this.draw());
     measure.onChange(() => this.show());
+    this.element.addEventListener("keydown", (event) => event.key === "Escape" && this.close());
   }
 
   draw(): void {
@@ -57,8 +58,20 @@ export class Details {
 
   private head(name: string): HTMLElement {
     const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close", "data-key": "Close" }, "✕");
-    close.addEventListener("click", () => this.looks.select(null));
+    close.addEventListener("click", () => this.close());
     return h("div", { class: "row between" }, h("h2", {}, name), close);
+  }
+
+  /** Closes the card. The focus goes to the row of its object or room, or else to the map; a removed object loses its row. */
+  private close(isRemoved = false): void {
+    const { selected } = this.looks;
+    const hadFocus = this.element.contains(document.activeElement);
+    this.looks.select(null);
+    if (!hadFocus || !selected) return;
+    const row = isRemoved ? null : document.querySelector(`.thing-row[data-key="${CSS.escape(`${selected.kind} ${selected.id}`)}"]`);
+    const views = this.element.closest(".stage")?.querySelectorAll(".stage-3d canvas, .views > .plan") ?? [];
+    const shown = [row, ...views].find((element) => element?.checkVisibility());
+    (shown as HTMLElement | SVGElement | undefined)?.focus({ preventScroll: true });
   }
 
   private ofThing(thing: Thing): HTMLElement[] {
@@ -170,7 +183,7 @@ export class Details {
 
   private async remove(thing: Thing): Promise<void> {
     await api.correctThing(this.data.home.id, thing.id, { hidden: true });
-    this.looks.select(null);
+    this.close(true);
     offer(`${thingName(thing)} is removed from the map.`, "Undo", () => attempt(null, async () => {
       await api.correctThing(this.data.home.id, thing.id, { hidden: null });
       this.onCorrected();

@@ -2,6 +2,7 @@
 
 import { homePath } from "../api.ts";
 import { type Cloud, load } from "../cloud/points.ts";
+import { pause, retryDelay_ms } from "../upload/retry.ts";
 import { percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
@@ -35,6 +36,8 @@ export class HomePoints {
   private wanted = "";
   private level = "";
   private isLoading = false;
+  /** Attempts in a row that failed. */
+  private failures = 0;
   private loading = new AbortController();
 
   constructor(
@@ -60,12 +63,14 @@ export class HomePoints {
     this.loading.abort();
     this.loading = new AbortController();
     this.isLoading = wanted !== "";
-    if (this.isLoading) return this.load(data, wanted);
+    this.failures = 0;
+    if (this.isLoading) return this.load(data, wanted, this.loading.signal);
     this.show(null);
     this.listener.onStatus("");
   }
 
-  private load({ map, home, level }: HomeData, revision: string): void {
+  private load(data: HomeData, revision: string, signal: AbortSignal): void {
+    const { map, home, level } = data;
     if (!map) return;
     const of = { revision, map_revision: map.revision, voxel_m: map.info.voxel_m, clips: map.clips.map(({ clip }) => clip) };
     const { onGrown, onStatus, onFailed } = this.listener;
@@ -94,15 +99,21 @@ export class HomePoints {
         this.isLoading = false;
         onStatus("");
       },
-      failed: (message) => {
+      failed: (error) => {
+        const wait_ms = retryDelay_ms(error, ++this.failures);
+        if (wait_ms !== null) {
+          onStatus(`The points are requested again: ${error.message}`);
+          void pause(wait_ms, signal).then(() => signal.aborted || this.load(data, revision, signal));
+          return;
+        }
         this.isLoading = false;
         onStatus("");
         // The next change of the home tries again.
         this.wanted = "";
         if (!this.isComplete) this.show(null);
-        onFailed(`The points: ${message}`);
+        onFailed(`The points: ${error.message}`);
       },
-    }, this.loading.signal);
+    }, signal);
   }
 
   private show(shown: HomeCloud | null): void {

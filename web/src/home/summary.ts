@@ -7,6 +7,8 @@ import { count, isUnderWay, many, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
+const STATE_WORDS = { current: "", due: " · being rebuilt", failing: " · could not be rebuilt, tried again" };
+
 export class Summary {
   readonly figures = h("p", { class: "stage-facts" });
   /** Lies over the stage while the shown level has no points. */
@@ -23,9 +25,10 @@ export class Summary {
   draw(): void {
     const { data, looks } = this;
     const { map, lidar } = data;
+    const clips = map?.clips.filter(({ level }) => level === data.level).length ?? 0;
     const seen = data.coverage ? ` · explains ${percent(data.coverage.seen)} of the LiDAR map` : "";
     this.figures.textContent = map
-      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}${seen}`
+      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${STATE_WORDS[map.state ?? "current"]}`
       : "";
     const hasPoints = (map?.info.points ?? 0) > 0;
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);

@@ -8,6 +8,8 @@ import type { HomeData } from "./data.ts";
 import type { Body, Looks } from "./looks.ts";
 import type { HomeScene } from "./scene.ts";
 
+/** Between the tools and the plan. */
+const GAP_PX = 8;
 const BODY_WORDS: [Body, string][] = [["points", "Points"], ["surface", "Surface"]];
 
 export class Toolbar {
@@ -24,6 +26,7 @@ export class Toolbar {
     scene: HomeScene,
     private readonly writeAddress: () => void,
     onLevel: (level: string) => void,
+    signal: AbortSignal,
   ) {
     const views: ["2d" | "3d", string][] = scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]];
     const view = oneOf("view", "View", views, looks.view, (view) => looks.change((looks) => (looks.view = view)));
@@ -37,6 +40,14 @@ export class Toolbar {
       this.level, view, this.body, this.colourings,
       h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
       this.top, scene.measure.button, this.share(), scene.measure.element);
+    // The plan lies below the tools, which may need several rows. It does not move while a person measures in it.
+    const sizes = new ResizeObserver(() => {
+      if (!scene.measure.element.hidden) return;
+      const { parentElement, offsetTop, offsetHeight } = this.element;
+      parentElement?.style.setProperty("--tools", `${offsetTop + offsetHeight + GAP_PX}px`);
+    });
+    sizes.observe(this.element);
+    signal.addEventListener("abort", () => sizes.disconnect());
     looks.onChange(() => this.draw());
     this.draw();
   }

@@ -16,7 +16,7 @@ import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
-import type { Clip, ClipState } from "../types.ts";
+import type { Clip, ClipState, Home } from "../types.ts";
 import { clipName, isUnderWay, jobWord, stateMeaning, stateWord } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
@@ -28,10 +28,10 @@ const MOST_LETTERS = 200;
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
-  const [first, all] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal)]);
+  const [first, all, of] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal), api.home(home, signal)]);
   const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
-  const page = new ClipPage(place, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null);
+  const page = new ClipPage(place, of, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null);
   await page.show();
 }
 
@@ -56,6 +56,7 @@ class ClipPage {
 
   constructor(
     private readonly place: Place,
+    private readonly home: Home,
     private clip: Clip,
     /** The number of the clip in its home, from 1. */
     private readonly number: number,
@@ -118,7 +119,8 @@ class ClipPage {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     const { clip, name } = this;
-    setCrumbs(this.place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
+    const word = this.home.name || clip.home;
+    setCrumbs(this.place, [{ word: "Homes", href: toHomes() }, { word, href: toHome(clip.home) }], name);
     // Another job may have aligned it to another LiDAR map.
     if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
     this.job = job?.id;

@@ -1,6 +1,6 @@
 // One home: its map, its clips, and what is put into it.
 
-import { Refusal } from "../api.ts";
+import { clipsAtWork, Refusal } from "../api.ts";
 import { h, put } from "../dom.ts";
 import { Address } from "../home/address.ts";
 import { ClipsPanel } from "../home/clips.ts";
@@ -31,6 +31,10 @@ import { isUnderWay } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
+/** Time between two readings of a home whose map is out of date. */
+const MERGE_MS = 10_000;
+/** Time between two readings of the progress of several jobs. */
+const PROGRESS_MS = 2000;
 /** As in the style sheet. */
 const NARROW = "(max-width: 820px)";
 
@@ -81,7 +85,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const toolbar = new Toolbar(data, looks, scene, () => address.write(), (level) => {
     data.level = level;
     leaveLevel();
-  });
+  }, signal);
   const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel });
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
@@ -134,6 +138,12 @@ function keepUpToDate(
     () => repeated.again(),
     signal,
   );
+  // One event stream follows one job; of several, all are read.
+  const several = new Repeated(async () => {
+    const atWork = await clipsAtWork(data.home.id, signal).catch(() => []);
+    for (const { id, job } of atWork) if (job) clips.progress(id, job);
+    return atWork.length > 1 ? PROGRESS_MS : null;
+  }, signal);
   // Events tell when to ask; only a lost server is asked again and again.
   let isLost = false;
   const repeated = new Repeated(async () => {
@@ -150,8 +160,11 @@ function keepUpToDate(
       status.fail(messageOf(error));
       return RETRY_MS;
     }
-    followed.follow(data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : [])));
-    return null;
+    const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
+    followed.follow(jobs);
+    if (jobs.filter(({ state }) => state === "running").length > 1) several.again();
+    // No event tells that a merge failed, or changed nothing.
+    return jobs.length === 0 && (data.map?.state ?? "current") !== "current" ? MERGE_MS : null;
   }, signal);
   return repeated;
 }

@@ -1,20 +1,18 @@
 // All homes.
 
-import { homePath, homes, makeHome, Refusal } from "../api.ts";
+import { homePath, homes, lidarMaps, lidarPicture, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
-import { nextChange } from "../parts/feed.ts";
 import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
-import { attempt } from "../parts/notices.ts";
+import { attempt, messageOf } from "../parts/notices.ts";
 import { type Asked, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
-import { pause } from "../upload/retry.ts";
 import type { Home, List } from "../types.ts";
 import { many, STATES, stateWord, time } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-/** Pause between two readings of the list. */
-const REST_MS = 2000;
+/** Pause between two readings of the list; an unchanged one is answered with 304. */
+const REST_MS = 3000;
 
 export async function showHomes(place: Place, asked: Asked): Promise<void> {
   setCrumbs(place, [], "Homes");
@@ -23,35 +21,27 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
   const list = new HomeList(asked);
   list.draw(first);
   put(place.main, h("div", { class: "page" },
-    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome()), ...list.elements));
+    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome(), list.lost), ...list.elements));
   keepUpToDate(place, asked, list, first);
 }
 
-/** Reads the list again when a person looks at it again, and after each change while clips are queued or being aligned. */
+/** Reads the list again when a person looks at it again, and regularly while clips are queued or being aligned. */
 function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
-  let watch = new AbortController();
-  const follow = ({ items }: List<Home>) => {
-    watch.abort();
-    if (document.hidden || !items.some(isUnderWay)) return;
-    watch = new AbortController();
-    const watching = watch.signal;
-    void nextChange(watching).catch(() => {}).then(() => pause(REST_MS, watching)).then(() => watching.aborted || repeated.again());
-  };
   const repeated = new Repeated(async () => {
     try {
       const page = await homes(asked, signal);
+      if (signal.aborted) return null;
       list.draw(page);
-      follow(page);
+      list.lost.textContent = "";
+      return page.items.some(isUnderWay) ? REST_MS : null;
     } catch (error) {
       if (signal.aborted) return null;
       if (error instanceof Refusal && error.isFinal) return again(), null;
+      list.lost.textContent = messageOf(error);
       return REST_MS;
     }
-    return null;
   }, signal);
-  document.addEventListener("visibilitychange", () => document.hidden && watch.abort(), { signal });
-  signal.addEventListener("abort", () => watch.abort());
-  follow(first);
+  if (first.items.some(isUnderWay)) repeated.again();
 }
 
 function isUnderWay({ clips_by_state: { queued, aligning } }: Home): boolean {
@@ -59,6 +49,8 @@ function isUnderWay({ clips_by_state: { queued, aligning } }: Home): boolean {
 }
 
 class HomeList {
+  /** The reason that the list is not up to date. */
+  readonly lost = h("p", { class: "reason", role: "status" });
   private readonly search: HTMLElement;
   private readonly list = h("ul", { class: "homes" });
   private readonly nothing: HTMLElement;
@@ -157,8 +149,7 @@ function card(home: Home): HTMLElement {
         src: homePath(home.id, "lidar-map", "image.png"),
       })
     : h("span", { class: "hint" }, "No LiDAR map yet");
-  // A home of several levels may have none of the name `main`.
-  picture.addEventListener("error", () => picture.remove());
+  picture.addEventListener("error", () => void showFirstLevel(home.id, picture), { once: true });
   return h("li", {},
     h("a", { class: "card home-card", href: toHome(home.id), "data-key": home.id },
       h("span", { class: "thumbnail" }, picture),
@@ -167,6 +158,15 @@ function card(home: Home): HTMLElement {
         home.name ? h("code", { class: "hint" }, home.id) : null,
         h("span", { class: "hint" }, `${many(home.clips, "clip")} · ${time(home.updated_at)}`),
         states(home))));
+}
+
+/** Shows the LiDAR map of the first level in a picture: a home may have no level of the name `main`. */
+async function showFirstLevel(home: string, picture: HTMLElement): Promise<void> {
+  const fail = () => picture.replaceWith(h("span", { class: "hint" }, "No picture"));
+  picture.addEventListener("error", fail);
+  const [first] = await lidarMaps(home, new AbortController().signal).catch(() => []);
+  if (first) picture.setAttribute("src", lidarPicture(home, first.level));
+  else fail();
 }
 
 /** The number of clips in each state that has any. */
@@ -188,8 +188,7 @@ function newHome(): HTMLElement {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void attempt(button, async () => {
-      const home = await makeHome(name.value.trim());
-      if (home) location.hash = toHome(home.id);
+      location.hash = toHome(await makeHome(name.value.trim()));
     });
   });
   return form;

@@ -33,6 +33,19 @@ function overlap(a: Label, b: Label): boolean {
   return 2 * Math.abs(a.x - b.x) < a.width + b.width && 2 * Math.abs(a.y - b.y) < a.height + b.height;
 }
 
+/** Cuts a text that is wider than `most_px`. */
+export function shortened(text: string, font: string, most_px: number): string {
+  if (textWidth(text, font) <= most_px) return text;
+  const letters = [...text];
+  let [fits, tooMany] = [0, letters.length];
+  while (tooMany - fits > 1) {
+    const middle = (fits + tooMany) >> 1;
+    if (textWidth(`${letters.slice(0, middle).join("")}…`, font) <= most_px) fits = middle;
+    else tooMany = middle;
+  }
+  return `${letters.slice(0, fits).join("").trimEnd()}…`;
+}
+
 let context: CanvasRenderingContext2D | null = null;
 
 /** The width of a text in pixels; `font` is a weight and a size, as `650 13px`. */

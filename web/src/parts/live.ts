@@ -54,6 +54,8 @@ export class Followed {
 
 /** Time until a refused stream is opened again. */
 const REOPEN_MS = 3000;
+/** Time until a lost stream counts as a change; the browser itself needs about 3 s to open it again. */
+const LOST_MS = 5000;
 
 /**
  * Calls back when a home changes, and when its stream is there again after a loss. A page that is not looked at has no
@@ -64,6 +66,7 @@ export function onHomeChange(home: string, changed: () => void, signal: AbortSig
   let timer = 0;
   const close = () => {
     clearTimeout(timer);
+    timer = 0;
     stream?.close();
     stream = null;
   };
@@ -72,11 +75,19 @@ export function onHomeChange(home: string, changed: () => void, signal: AbortSig
     if (document.hidden || signal.aborted) return;
     const opened = new EventSource(homePath(home, "events"));
     stream = opened;
-    opened.addEventListener("open", changed);
+    opened.addEventListener("open", () => {
+      clearTimeout(timer);
+      timer = 0;
+      changed();
+    });
     opened.addEventListener("change", changed);
-    // The browser does not try a refused stream again. Asking for the home tells the page why it was refused.
+    // The browser opens a lost stream again, but not a refused one. Asking for the home tells the page why there is none.
     opened.addEventListener("error", () => {
-      if (opened.readyState !== EventSource.CLOSED) return;
+      if (opened.readyState !== EventSource.CLOSED) {
+        timer ||= window.setTimeout(changed, LOST_MS);
+        return;
+      }
+      clearTimeout(timer);
       timer = window.setTimeout(() => {
         changed();
         open();

@@ -3,7 +3,7 @@
 
 import { s } from "../dom.ts";
 import type { Box2, Point2 } from "../frames.ts";
-import { arrange, textWidth } from "../parts/labels.ts";
+import { arrange, shortened, textWidth } from "../parts/labels.ts";
 import type { PictureFrame } from "../types.ts";
 
 const UNITS = 100;
@@ -12,6 +12,7 @@ const CLICK_PX = 5;
 /** Of a name on the screen; the fonts are those of the style sheet. */
 const NAME_PX = 15;
 const GAP_PX = 6;
+const MOST_NAME_PX = 220;
 const FONTS: Record<string, string> = { "room-name": "650 13px", "thing-name": "400 11px" };
 
 /** A point of the map's frame in the drawing. */
@@ -101,10 +102,12 @@ export class PlanView {
 
   /** Replaces the names, the most important ones first; a name without room beside the earlier ones is left out. */
   setNames(names: { text: string; at_m: Point2; kind: string }[]): void {
-    this.names = names.map(({ text, at_m, kind }) => {
+    this.names = names.map(({ text: whole, at_m, kind }) => {
       const [x = "0", y = "0"] = at(at_m).split(",");
+      const font = FONTS[kind] ?? "400 12px";
+      const text = shortened(whole, font, MOST_NAME_PX);
       const element = s("text", { class: kind, x, y }, text);
-      return { element, x: Number(x), y: Number(y), width_px: textWidth(text, FONTS[kind] ?? "400 12px") + GAP_PX };
+      return { element, x: Number(x), y: Number(y), width_px: textWidth(text, font) + GAP_PX };
     });
     this.setLayer("names", ...this.names.map(({ element }) => element));
     this.placeNames();

@@ -151,7 +151,15 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
   }
 
   async function linesAreMeasured() {
-    await page.getByRole("button", { name: "Close" }).click();
+    const closed = page.locator(".details");
+    const selected = await page.locator(".thing-row[aria-pressed=true]").getAttribute("data-key");
+    for (const [button, key] of [["Rename", "Escape"], ["Close", "Enter"]]) {
+      await closed.getByRole("button", { name: button }).focus();
+      await page.keyboard.press(key);
+      await closed.waitFor({ state: "hidden" });
+      assert.equal(await focusedKey(), selected);
+      if (key === "Escape") await page.keyboard.press("Enter");
+    }
     const box = await boxOf(page.locator("svg.plan").first());
     const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
     await page.getByRole("button", { name: "Measure" }).click();

@@ -59,12 +59,28 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
       const upper = levels.find(({ level }) => level === "upper");
       return document.querySelector(".views").dataset.points === String(upper.info.points);
     });
+    await aRoomIsOpenedByItsAddress();
     // Its files are those of the level that is shown.
     await page.locator("summary", { hasText: "Downloads" }).click();
     assert.match(await page.locator(".downloads a", { hasText: "Floor plan to print" }).getAttribute("href"), /level=upper/);
     await hasThumbnail(clip.locator("img"));
     await level.selectOption("main");
     await page.locator(".views[data-level=main]").waitFor();
+  }
+
+  /** The eye stands away from the room that a typed address names. */
+  async function aRoomIsOpenedByItsAddress() {
+    const { rooms } = await open("/v1/homes/house/map/rooms");
+    const room = rooms.find(({ level }) => level === "upper");
+    const other = await page.context().newPage();
+    await other.goto(`${base}/homes/house?level=upper&view=3d&at=room.${room.id}`);
+    await other.waitForFunction(() => /from=/.test(location.hash));
+    const distance_m = await other.evaluate(() => {
+      const [x, y, z, ...to] = new URLSearchParams(location.hash.split("?")[1]).get("from").split("_").map(Number);
+      return Math.hypot(x - to[0], y - to[1], z - to[2]);
+    });
+    await other.close();
+    assert.ok(distance_m > 1, `the eye is ${distance_m} m from the room`);
   }
 
   /** A map of a level that has one asks first; a new level is added, a replacement is taken back. */
@@ -115,6 +131,9 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await page.locator(".views[data-level=upper]").waitFor();
     assert.deepEqual(await maps(), ["upper valetudo.json"]);
     assert.ok(await page.getByRole("button", { name: "Delete level" }).isHidden(), "the last level cannot be deleted");
+    // The list shows the map of the only level.
+    await go("#/");
+    await page.locator(".home-card[data-key=attic] img[src*='lidar-maps/upper']").evaluate((image) => image.decode());
   }
 
   async function aForeignClipIsExplained() {
