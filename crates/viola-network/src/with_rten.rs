@@ -2,7 +2,10 @@
 
 use super::check;
 use super::{Data, Element, Network, NetworkError, Tensor, TensorInfo, Weights};
-use rten::{DataType, Dimension, Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueType};
+use rten::{
+    DataType, Dimension, Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueOrView, ValueType,
+    ValueView,
+};
 use rten_tensor::prelude::*;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -64,7 +67,7 @@ impl Network for RtenNetwork {
         let failed = |reason: String| NetworkError::Run { reason };
         let mut values = Vec::with_capacity(inputs.len());
         for (name, tensor) in inputs {
-            values.push((self.node(name)?, value(name, tensor)?.into()));
+            values.push((self.node(name)?, value(name, tensor)?));
         }
         let options = RunOptions::default().with_thread_pool(self.pool.clone());
         let results = check::guarded(
@@ -115,21 +118,27 @@ fn infos(model: &Model, nodes: &[NodeId]) -> Vec<TensorInfo> {
         .collect()
 }
 
-/// Converts a value to `rten`'s types: its integers have 32 bits.
-fn value(name: &str, tensor: &Tensor) -> Result<Value, NetworkError> {
+/// Converts a value to `rten`'s types: its integers have 32 bits. Other numbers are borrowed, as the grid of a large
+/// surface has 189 MB.
+fn value<'a>(name: &str, tensor: &'a Tensor) -> Result<ValueOrView<'a>, NetworkError> {
     let shape = tensor.shape.as_slice();
     let misfit = |reason: String| NetworkError::Run { reason };
+    let owned = |values: Vec<i32>| {
+        Value::from_shape(shape, values).map(ValueOrView::Value).map_err(|e| misfit(e.to_string()))
+    };
     match &tensor.data {
-        Data::F32(values) => Value::from_shape(shape, values.clone()).map_err(|e| misfit(e.to_string())),
-        Data::U8(values) => Value::from_shape(shape, values.clone()).map_err(|e| misfit(e.to_string())),
-        Data::Bool(values) => {
-            let values: Vec<i32> = values.iter().map(|v| i32::from(*v)).collect();
-            Value::from_shape(shape, values).map_err(|e| misfit(e.to_string()))
+        Data::F32(values) => {
+            let view = ValueView::from_shape(shape, values.as_slice());
+            view.map(ValueOrView::View).map_err(|e| misfit(e.to_string()))
         }
+        Data::U8(values) => {
+            let view = ValueView::from_shape(shape, values.as_slice());
+            view.map(ValueOrView::View).map_err(|e| misfit(e.to_string()))
+        }
+        Data::Bool(values) => owned(values.iter().map(|v| i32::from(*v)).collect()),
         Data::I64(values) => {
             let values: Result<Vec<i32>, _> = values.iter().map(|v| i32::try_from(*v)).collect();
-            let values = values.map_err(|_| NetworkError::InputRange { input: name.to_owned() })?;
-            Value::from_shape(shape, values).map_err(|e| misfit(e.to_string()))
+            owned(values.map_err(|_| NetworkError::InputRange { input: name.to_owned() })?)
         }
     }
 }

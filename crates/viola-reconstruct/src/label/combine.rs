@@ -1,6 +1,6 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::likeliest::likeliest;
+use super::likeliest::{likeliest, likeliest_in_structure};
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;
@@ -96,7 +96,7 @@ impl Alone {
 }
 
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
-/// its segment, and then the votes of the segment for each site.
+/// its segment, and then the votes of the segment for each site. The likeliest structure is chosen first.
 /// `votes` are those of the pictures for a site, and their number.
 pub(super) fn combined(
     segments: &[u32],
@@ -122,7 +122,11 @@ pub(super) fn combined(
             for ((p, class), factor) in said.iter_mut().zip(Class::ALL).zip(factors) {
                 *p *= likelihood(shapes[site], *class) * factor;
             }
-            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes(site).1) } else { alone.of(site) }
+            if said.iter().sum::<f32>() > 0.0 {
+                likeliest_in_structure(&said, votes(site).1)
+            } else {
+                alone.of(site)
+            }
         })
         .collect()
 }
@@ -184,5 +188,30 @@ fn likelihood(shape: Shape, class: Class) -> f32 {
             Window => 0.5,
             _ => 1.0,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_with_openings_is_no_furniture_if_a_picture_saw_it() {
+        let mut said = [0f32; CLASSES];
+        for (class, p) in
+            [(Class::Wall, 0.25), (Class::Door, 0.16), (Class::Window, 0.14), (Class::Cabinet, 0.45)]
+        {
+            said[class as usize] = p;
+        }
+        let alone = Alone::Fallback(vec![Label::NONE]);
+        let class = |shape: Shape, views: u16| {
+            let votes = |_| (if views > 0 { said } else { [0.0; CLASSES] }, views);
+            combined(&[0], &[shape], votes, &alone)[0].class
+        };
+        assert_eq!(class(Shape::Wall, 3), Class::Door);
+        assert_eq!(class(Shape::Front, 3), Class::Cabinet);
+        assert_eq!(class(Shape::Wall, 0), Label::NONE.class);
+        // The surface network alone decides by families.
+        assert_eq!(surfaced(&[0], &[Shape::Wall], |_| Some(said))[0].class, Class::Cabinet);
     }
 }

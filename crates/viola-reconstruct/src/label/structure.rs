@@ -15,6 +15,12 @@ const MIN_AREA_M2: f64 = 0.25;
 const DEPTH_M: f64 = 0.9;
 /// Minimum height of a ceiling.
 const CEILING_M: f64 = 2.0;
+/// Maximum distance of floor from the floor's plane: a scanned floor is uneven, and the fused surface of a long
+/// clip bends. Treads and landings of stairs that go down are lower.
+const UNEVEN_M: f64 = 0.12;
+/// A patch whose bottom is above this can be the front of a wall cabinet: the wall behind it is seen only below
+/// it, down to the counter.
+const HANGING_M: f64 = 1.0;
 
 /// Shape of a site, without its pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -91,8 +97,7 @@ pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     }
     for (i, shape) in shapes.iter_mut().enumerate() {
         let (z, up) = (sites.positions_m[i].z, sites.smooth_normals[i].z);
-        // A scanned floor is uneven, and the fused surface of a long clip bends.
-        if z < 0.12 && up > 0.65 {
+        if (-UNEVEN_M..UNEVEN_M).contains(&z) && up > 0.65 {
             *shape = Shape::Floor;
         } else if z > CEILING_M && up < -0.85 {
             *shape = Shape::Ceiling;
@@ -123,10 +128,16 @@ fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     const CLOSE_M: f64 = 0.1;
     /// Minimum area of wall behind a section and the two beside it.
     const MIN_WALL_BEHIND_M2: f64 = 0.01;
+    /// Minimum area of the wall below a wall cabinet, and its maximum height above the cabinet's bottom.
+    const MIN_STRIP_M2: f64 = 0.1;
+    const OVERLAP_M: f64 = 0.25;
     let along = patch.along();
+    let is_tall = |other: &Upright| other.area_m2 >= MIN_AREA_M2 && other.high_m >= TALL_M;
+    let is_strip = |other: &Upright| {
+        patch.low_m > HANGING_M && other.area_m2 >= MIN_STRIP_M2 && other.high_m <= patch.low_m + OVERLAP_M
+    };
     let is_wall = |other: &&Upright| {
-        other.area_m2 >= MIN_AREA_M2
-            && other.high_m >= TALL_M
+        (is_tall(other) || is_strip(other))
             && other.normal.dot(&patch.normal) > 0.97
             && !std::ptr::eq(*other, patch)
     };
@@ -194,17 +205,18 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_geometry::Point3;
+    use std::ops::Range;
+    use viola_geometry::{Point3, Vector3};
 
-    /// Returns an upright patch that faces +x at `offset_m`, two metres tall, seen along `seen_m`.
-    fn upright(sites: &mut Sites, offset_m: f64, seen_m: std::ops::Range<f64>) -> Upright {
+    /// Returns an upright patch that faces +x at `offset_m`, seen along `seen_m` from the lower to the upper end of
+    /// `up_m`.
+    fn upright(sites: &mut Sites, offset_m: f64, seen_m: Range<f64>, up_m: Range<f64>) -> Upright {
         const STEP_M: f64 = 0.05;
         let first = sites.positions_m.len() as u32;
-        let cells =
-            |range: &std::ops::Range<f64>| (range.start / STEP_M) as usize..(range.end / STEP_M) as usize;
+        let cells = |range: &Range<f64>| (range.start / STEP_M) as usize..(range.end / STEP_M) as usize;
         for along in cells(&seen_m) {
             let at = |up: usize| Point3::new(offset_m, along as f64 * STEP_M, up as f64 * STEP_M);
-            sites.positions_m.extend((0..40).map(at));
+            sites.positions_m.extend(cells(&up_m).map(at));
         }
         sites.voxel_m = STEP_M;
         let members: Vec<u32> = (first..sites.positions_m.len() as u32).collect();
@@ -213,17 +225,18 @@ mod tests {
             offset_m,
             area_m2: sites.area_m2(members.len()),
             members,
-            low_m: 0.0,
-            high_m: 2.0,
+            low_m: up_m.start,
+            high_m: up_m.end,
             from_m: seen_m.start,
             to_m: seen_m.end,
         }
     }
 
     /// Checks the fraction for a patch of two metres with a wall `behind_m` behind it, seen along `seen_m`.
-    fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
+    fn check(behind_m: f64, seen_m: Range<f64>, want: std::ops::RangeInclusive<f64>) {
         let mut sites = Sites::default();
-        let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
+        let patch = upright(&mut sites, 0.0, 0.0..2.0, 0.0..2.0);
+        let all = [patch, upright(&mut sites, -behind_m, seen_m.clone(), 0.0..2.0)];
         let fraction = wall_behind(&all[0], &all, &sites);
         assert!(want.contains(&fraction), "{behind_m} m behind, {seen_m:?}: {fraction}");
     }
@@ -237,5 +250,43 @@ mod tests {
         // The same wall, and a wall of another room.
         check(0.05, 0.0..2.0, 0.0..=0.0);
         check(1.2, 0.0..2.0, 0.0..=0.0);
+    }
+
+    /// Checks the shape of a patch 0.35 m before a wall that is seen within `strip_m` only, and 0.25 m behind the
+    /// front of a counter.
+    fn check_cabinet(up_m: Range<f64>, strip_m: Range<f64>, want: Shape) {
+        let mut sites = Sites::default();
+        let patch = upright(&mut sites, 0.35, 0.0..2.0, up_m.clone());
+        let strip = upright(&mut sites, 0.0, 0.0..2.0, strip_m.clone());
+        let all = [patch, strip, upright(&mut sites, 0.6, 0.0..2.0, 0.0..0.9)];
+        assert_eq!(shape_of(&all[0], &all, &[], &sites), want, "{up_m:?} before {strip_m:?}");
+    }
+
+    #[test]
+    fn a_wall_cabinet_is_a_front_if_the_wall_below_it_is_seen() {
+        check_cabinet(1.4..2.2, 0.9..1.4, Shape::Front);
+        check_cabinet(1.4..2.2, 0.9..1.6, Shape::Front);
+        // The surface behind does not end below the patch, or is too small.
+        check_cabinet(1.4..2.2, 0.9..1.75, Shape::Wall);
+        check_cabinet(1.4..2.2, 1.3..1.35, Shape::Wall);
+        // A wall that stands on the floor.
+        check_cabinet(0.0..2.2, 0.0..0.2, Shape::Wall);
+        check_cabinet(0.0..2.2, 0.0..2.0, Shape::Front);
+    }
+
+    #[test]
+    fn the_floor_ends_below_its_plane() {
+        let heights_m = [0.05, -0.05, -0.11, -0.17, -0.34, -2.0, 0.13];
+        let normals = vec![Vector3::z(); heights_m.len()];
+        let sites = Sites {
+            positions_m: heights_m.map(|z| Point3::new(0.0, 0.0, z)).to_vec(),
+            smooth_normals: normals.clone(),
+            flatness: vec![1.0; heights_m.len()],
+            normals,
+            voxel_m: 0.03,
+            ..Sites::default()
+        };
+        let floor = [Shape::Floor; 3].into_iter().chain([Shape::Loose; 4]);
+        assert_eq!(shapes(&sites).0, floor.collect::<Vec<Shape>>());
     }
 }
