@@ -132,10 +132,14 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let things = joined.into_par_iter().flat_map_iter(split);
     let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
     let mut found: Vec<Found> =
-        things.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
+        things.filter_map(|f| finish(&f, &cells, points, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
     let mut found = conflict::resolve(found, points);
+    for Found { object, members } in &mut found {
+        object.clips = clips(members, points);
+        object.room = room_of(rooms, &object.bounds()).map(|room| room.id.clone());
+    }
     context::leave_out_misplaced(&mut found, rooms);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
@@ -163,12 +167,19 @@ fn least_confidence(members: &[u32], points: &[MapPoint]) -> f64 {
     if 2 * in_pictures >= members.len() { MIN_CONFIDENCE } else { MIN_CONFIDENCE_BY_SURFACE }
 }
 
-/// Returns a fragment's object; none if it is too small or too uncertain.
+/// Returns the clips with at least [`CLIP_FRACTION`] of an object's points.
+fn clips(members: &[u32], points: &[MapPoint]) -> Vec<u16> {
+    let mut counts: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
+    members.iter().for_each(|i| *counts.entry(points[*i as usize].clip).or_default() += 1);
+    let least = (CLIP_FRACTION * members.len() as f64).max(1.0);
+    counts.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip).collect()
+}
+
+/// Returns a fragment's object, without its room and its clips; none if it is too small or too uncertain.
 fn finish(
     fragment: &Fragment,
     cells: &Cells,
     points: &[MapPoint],
-    rooms: &[Room],
     wall_yaw_rad: Option<f64>,
     params: &ObjectsParams,
 ) -> Option<Found> {
@@ -186,17 +197,18 @@ fn finish(
     // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
+    let measured = bounds;
     hidden::deepen_front(&mut bounds, fragment.class, &members, points);
     let decided = fragment.decide(&bounds, cells)?;
+    // The depth of other furniture is the measured one, unless only a front was measured.
+    if !kind::is_appliance(decided.class) && measured.size_m[1] >= hidden::FRONT_M {
+        bounds = measured;
+    }
     hidden::complete(&mut bounds, &decided, fragment, &members, points, cells);
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
         return None;
     }
-    let mut counts: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
-    members.iter().for_each(|i| *counts.entry(points[*i as usize].clip).or_default() += 1);
-    let least = (CLIP_FRACTION * members.len() as f64).max(1.0);
-    let clips = counts.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
     let object = Object {
         id: String::new(),
         class: decided.class,
@@ -204,9 +216,9 @@ fn finish(
         centre_m: bounds.centre_m,
         size_m: bounds.size_m,
         yaw_rad: bounds.yaw_rad,
-        room: room_of(rooms, &bounds).map(|room| room.id.clone()),
+        room: None,
         points: members.len(),
-        clips: clips.collect(),
+        clips: Vec::new(),
         samples: Vec::new(),
     };
     Some(Found { object, members })

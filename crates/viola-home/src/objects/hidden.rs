@@ -23,9 +23,12 @@ const RIM_M: f64 = 0.1;
 const BASIN_LOW_M: f64 = 0.12;
 const TAP_M: f64 = 0.15;
 /// Largest depth and least sides of an appliance's front, and the usual depth of appliances.
-const FRONT_M: f64 = 0.2;
+pub const FRONT_M: f64 = 0.2;
 const FRONT_SIDE_M: f64 = 0.4;
 pub const APPLIANCE_M: f64 = 0.6;
+/// Minimum part of the upright surface that faces one way, for an appliance of which a bit of a side was measured too: a
+/// free-standing one shows both sides.
+const MIN_FRONT_FRACTION: f64 = 0.5;
 
 /// Gives a shower of which only the tray was measured its usual height: glass is not seen.
 pub fn raise_tray(bounds: &mut UprightBox, class: Class) {
@@ -36,22 +39,32 @@ pub fn raise_tray(bounds: &mut UprightBox, class: Class) {
 
 /// Returns whether a box is the front of an appliance that is built in.
 pub fn is_front(bounds: &UprightBox, class: Class) -> bool {
-    let [long_m, short_m, high_m] = bounds.size_m;
-    let is_closed = matches!(class, Class::WashingMachine | Class::Refrigerator);
-    is_closed && short_m < FRONT_M && long_m > FRONT_SIDE_M && high_m > FRONT_SIDE_M
+    is_shallower(bounds, class, FRONT_M)
 }
 
-/// Gives an appliance of which only the front was measured its usual depth: it is built in.
+/// Returns whether a box is an appliance that is built in, with less than this depth.
+fn is_shallower(bounds: &UprightBox, class: Class, depth_m: f64) -> bool {
+    let [long_m, short_m, high_m] = bounds.size_m;
+    let is_closed = matches!(class, Class::WashingMachine | Class::Refrigerator);
+    is_closed && short_m < depth_m && long_m > FRONT_SIDE_M && high_m > FRONT_SIDE_M
+}
+
+/// Gives an appliance of which only the front was measured, or the front and less of a side than any such appliance has,
+/// its usual depth: it is built in or stands at a wall.
 pub fn deepen_front(bounds: &mut UprightBox, class: Class, members: &[u32], points: &[MapPoint]) {
-    if !is_front(bounds, class) {
+    let (sin, cos) = bounds.yaw_rad.sin_cos();
+    let (mut out, mut upright) = (0.0, 0.0);
+    for i in members {
+        let [x, y, _] = points[*i as usize].point.normal.map(f64::from);
+        out += cos * y - sin * x;
+        upright += x.hypot(y);
+    }
+    let least_m = kind::kind(class).map_or(0.0, |kind| kind.short_m.start);
+    let shows_front = is_shallower(bounds, class, least_m) && out.abs() >= MIN_FRONT_FRACTION * upright;
+    if !is_front(bounds, class) && !shows_front {
         return;
     }
-    let (sin, cos) = bounds.yaw_rad.sin_cos();
-    let out = |i: &u32| {
-        let [x, y, _] = points[*i as usize].point.normal.map(f64::from);
-        cos * y - sin * x
-    };
-    let by_m = (APPLIANCE_M - bounds.size_m[1]) / 2.0 * members.iter().map(out).sum::<f64>().signum();
+    let by_m = (APPLIANCE_M - bounds.size_m[1]) / 2.0 * out.signum();
     bounds.centre_m[0] += sin * by_m;
     bounds.centre_m[1] -= cos * by_m;
     bounds.size_m[1] = APPLIANCE_M;

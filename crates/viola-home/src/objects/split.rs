@@ -115,7 +115,11 @@ fn steps(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Optio
     let bin = |p: &[f64; 3]| ((along_m(p) / BIN_M) as usize).min(count - 1);
     let mut heights: Vec<Vec<f64>> = vec![Vec::new(); count];
     places.iter().for_each(|p| heights[bin(p)].push(p[2]));
-    let spans: Vec<[f64; 2]> = heights.iter().map(|h| span(h.iter().copied(), OUTLIERS)).collect();
+    // A gap between two pieces is as high as the nearer one.
+    let filled: Vec<usize> = (0..count).filter(|at| !heights[*at].is_empty()).collect();
+    let nearest = |at: usize| filled.iter().copied().min_by_key(|other| other.abs_diff(at)).unwrap_or(at);
+    let spans: Vec<[f64; 2]> =
+        (0..count).map(|at| span(heights[nearest(at)].iter().copied(), OUTLIERS)).collect();
     let ends = [1, 0].map(|end| spans.iter().map(|span| span[end]).collect::<Vec<f64>>());
     let cut = ends.iter().zip(STEPS_M).find_map(|(ends_m, step_m)| step(ends_m, step_m, least))?;
     let (one, other): (Vec<_>, Vec<_>) =

@@ -62,6 +62,17 @@ fn a_bed_is_a_bed_with_its_box_and_clips() {
     assert!(bed.confidence > 0.5);
 }
 
+/// Another clip called the inner part of a bed sofa.
+#[test]
+fn an_object_has_the_clips_of_a_part_that_it_takes_in() {
+    let mut points = surface(Class::Bed, [0.0, 0.0, 0.1], [1.6, 2.0, 0.6], 0);
+    points.extend(surface(Class::Sofa, [0.2, 0.25, 0.1], [1.4, 1.75, 0.45], 1));
+    let objects = found(&points);
+    let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
+    assert_eq!(classes, [Class::Bed]);
+    assert_eq!(objects[0].clips, [0, 1]);
+}
+
 /// Shapes are more often mistaken for furniture than pictures.
 #[test]
 fn doubtful_objects_need_pictures() {
@@ -158,6 +169,11 @@ fn furniture_of_different_heights_side_by_side_is_several() {
             "a wardrobe that is lower at a narrow end",
             [[[0.0; 3], [2.0, 0.6, 2.0]], [[2.0, 0.0, 0.0], [2.2, 0.6, 1.7]]],
             1,
+        ),
+        (
+            "a chest with a gap to a wardrobe",
+            [[[-0.05, 0.1, 0.0], [1.0, 0.6, 0.9]], [[1.22, 0.1, 0.0], [2.2, 0.7, 2.0]]],
+            2,
         ),
     ] {
         let mut points = surface(Class::Wall, [-1.0, -0.1, 0.0], [4.0, 0.0, 2.4], 0);

@@ -85,6 +85,24 @@ fn furniture_does_not_overlap_and_stays_in_the_home() {
     }
 }
 
+/// No clip sees the outer faces of a home's walls.
+#[test]
+fn dimension_lines_have_inner_sizes() {
+    let plan = plan_of("Kitchen");
+    let svg = plan_svg(&plan);
+    let (low, high) = plan.bounds_m();
+    let corners = || plan.rooms.iter().flat_map(|room| &room.outline.ring_m);
+    for axis in 0..2 {
+        let ends = [f64::min, f64::max].map(|pick: fn(f64, f64) -> f64| {
+            corners().map(|corner| corner[axis]).reduce(pick).expect("a room has corners")
+        });
+        let (inner_m, outer_m) = (ends[1] - ends[0], high[axis] - low[axis]);
+        assert!(outer_m - inner_m > 0.3, "{outer_m} {inner_m}");
+        assert!(svg.contains(&format!(">{inner_m:.2}</text>")), "{inner_m}");
+        assert!(!svg.contains(&format!(">{outer_m:.2}</text>")), "{outer_m}");
+    }
+}
+
 #[test]
 fn hostile_names_stay_text() {
     let svg = plan_svg(&plan_of("<script>alert('x')</script>&\u{0}\""));

@@ -63,6 +63,23 @@ fn the_front_of_an_appliance_has_a_depth() {
     assert!((centre_m[1] - 0.3).abs() < 0.1 && (centre_m[2] - 0.42).abs() < 0.1, "{centre_m:?}");
 }
 
+/// A fridge at a wall shows its front and a bit of one side.
+#[test]
+fn a_bit_of_a_side_does_not_tell_the_depth_of_an_appliance() {
+    for (name, is_at_wall, depth_m) in [("at a wall", true, 0.6), ("seen from all sides", false, 0.3)] {
+        let mut points = surface(Class::Refrigerator, [0.0, 0.0, 0.1], [0.8, 0.3, 1.9], 0);
+        points.retain(|p| !is_at_wall || p.point.normal[0] < -0.5 || p.point.normal[1] < -0.5);
+        let label = Label::new(Class::Refrigerator, 0.56, 0).with_others([(Class::Cabinet, 0.25)]);
+        points.iter_mut().for_each(|p| p.point.label = label);
+        let objects = found(&points);
+        assert_eq!(objects.len(), 1, "{name}: {objects:?}");
+        let Object { class, centre_m, size_m, .. } = &objects[0];
+        assert_eq!(*class == Class::Refrigerator, depth_m > 0.5, "{name}: {objects:?}");
+        assert!((size_m[0] - 0.8).abs() < 0.1 && (size_m[1] - depth_m).abs() < 0.1, "{name}: {size_m:?}");
+        assert!((centre_m[1] - depth_m / 2.0).abs() < 0.1, "{name}: {centre_m:?}");
+    }
+}
+
 #[test]
 fn a_basin_with_a_foot_stands_on_the_floor() {
     for (foot, bottom_m) in

@@ -1,4 +1,4 @@
-//! Dimension lines: the chain of rooms and the whole home, above and left of the drawing.
+//! Dimension lines: the chain of rooms and the inner size of the whole home, above and left of the drawing.
 
 use super::{Page, QUIET, metres, text_width_mm};
 use crate::plan::model::Plan;
@@ -20,11 +20,22 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     }
     for axis in 0..2 {
         let chain = chain(plan, axis, low, high);
-        for [from, to] in chain {
-            dimension(page, axis, [from, to], CHAIN_MM, out);
+        for [from, to] in &chain {
+            dimension(page, axis, [*from, *to], CHAIN_MM, out);
         }
-        dimension(page, axis, [low[axis], high[axis]], WHOLE_MM, out);
+        // The outer faces of outer walls are not measured.
+        let whole = inner(plan, axis);
+        let is_told = |[from, to]: &[f64; 2]| metres(to - from) == metres(whole[1] - whole[0]);
+        if !chain.iter().any(is_told) {
+            dimension(page, axis, whole, WHOLE_MM, out);
+        }
     }
+}
+
+/// Returns the ends of all rooms together.
+fn inner(plan: &Plan, axis: usize) -> [f64; 2] {
+    let corners = || plan.rooms.iter().flat_map(|room| &room.outline.ring_m).map(|corner| corner[axis]);
+    [corners().fold(f64::INFINITY, f64::min), corners().fold(f64::NEG_INFINITY, f64::max)]
 }
 
 /// Returns the inner widths of the rooms that are outermost at the upper (axis 0) or the left side (axis 1).
