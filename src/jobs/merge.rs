@@ -42,14 +42,14 @@ const FILES_AT_A_TIME: usize = 8;
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
 
 /// Merges one home; gives it back after an error, and when `stop` comes first. A merge that writes its files then has the
-/// time `grace`. Returns whether the home has a new revision.
+/// time `grace`.
 pub(super) async fn merge(
     queue: &Queue,
     claim: &MergeClaim,
     surface: SurfaceLabels,
     (lease, grace): (Duration, Duration),
     stop: &CancellationToken,
-) -> bool {
+) {
     let (begun, finishing) = (Instant::now(), Finishing::default());
     let early = async {
         tokio::select! {
@@ -69,7 +69,6 @@ pub(super) async fn merge(
     metrics::merged(outcome, took);
     let seconds = took.as_secs_f64();
     let clips = claim.members.len();
-    let is_new = matches!(merged, Ok(Merged::Revision { .. }));
     match merged {
         Ok(Merged::Revision { tiles }) => info!(home = %claim.home, clips, tiles, seconds, "map merged"),
         Ok(Merged::Nothing) => info!(home = %claim.home, clips, seconds, "the map is as it was"),
@@ -87,7 +86,6 @@ pub(super) async fn merge(
             log_failed_release(claim, released);
         }
     }
-    is_new
 }
 
 /// Logs that a claim could not be given back; its lease expires.
@@ -173,12 +171,14 @@ async fn merge_from(
 ) -> Result<Merged, MergeError> {
     let (claim, assembly) = assemble_readable(storage, claim, manifest).await?;
     let claim = &claim;
-    let scenes = readable(&claim.home, storage.last_scenes(claim).await)?;
-    let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
+    let scenes = storage.last_scenes(claim).await?;
+    let version = claim.corrections.version;
+    let is_described =
+        |level: &LevelName| scenes.get(level).is_some_and(|scene| scene.corrections() == version);
     let last_tiles = storage.last_tiles(claim).await?;
     // A map whose manifest was left out has more tiles than that.
     let is_same = assembly.manifest == *manifest
-        && corrections == claim.corrections.version
+        && claim.lidar_maps.iter().all(|map| is_described(&map.level))
         && last_tiles.len() == manifest.tiles.len();
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
@@ -229,7 +229,7 @@ async fn kept_tiles(
 ) -> Result<Vec<(TileKey, Bytes)>, MergeError> {
     let is_needed = |key: &TileKey| {
         let stays = levels.iter().any(|level| level.is_same && level.file.level == key.level);
-        !stays && !assembly.changed.contains_key(key)
+        !stays && assembly.keeps(key)
     };
     let needed = last_tiles.iter().filter_map(|file| Some((file.tile.filter(is_needed)?, file)));
     let read = |(key, file): (TileKey, &MapFile)| {
@@ -303,7 +303,7 @@ fn label(
     kept: Vec<(TileKey, Bytes)>,
     surface: Option<&SurfaceNetwork>,
 ) -> Result<LabelledMap, MergeError> {
-    let read = |(key, bytes): (TileKey, Bytes)| Ok((key, Tile::read(&bytes)?));
+    let read = |(key, bytes): (TileKey, Bytes)| Ok((key, assembly.read_kept(&key, &bytes)?));
     let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>();
     let kept = kept.map_err(|_| MergeError::DamagedMap)?;
     let map = assembly.label(kept, surface);

@@ -11,6 +11,7 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
+use tracing::warn;
 use viola_home as home;
 use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
 use viola_reconstruct::Feature;
@@ -55,11 +56,8 @@ impl LoadClips<MergeError> for Loader {
     }
 
     fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, MergeError> {
-        let read = |(member, file): (&&Member, &Option<Bytes>)| match file {
-            Some(features) => read_features(features).map_err(|_| damaged(member)),
-            None => Ok(Vec::new()),
-        };
-        members.par_iter().zip(&self.files(members, &[result_file::FEATURES])?).map(read).collect()
+        let files = self.files(members, &[result_file::FEATURES])?;
+        Ok(members.par_iter().zip(files).map(|(member, file)| features(member, file)).collect())
     }
 
     fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, MergeError> {
@@ -75,8 +73,11 @@ pub(super) async fn assemble(
     last: &Manifest,
 ) -> Result<Assembly, MergeError> {
     let mut sums: BTreeMap<TileKey, MapFile> = BTreeMap::new();
-    for file in storage.last_sums(claim).await? {
-        sums.extend(file.tile.map(|tile| (tile, file)));
+    // A map that is made again from its clips does not take the sums of a damaged one.
+    if *last != Manifest::default() {
+        for file in storage.last_sums(claim).await? {
+            sums.extend(file.tile.map(|tile| (tile, file)));
+        }
     }
     let (asked, mut asks) = mpsc::unbounded_channel();
     let (answer, answers) = std::sync::mpsc::channel();
@@ -106,6 +107,15 @@ pub(super) async fn assemble(
     end.await.unwrap_or(Err(MergeError::Panicked))
 }
 
+/// Returns a clip's features. A clip whose file is missing or damaged has none: its cloud belongs in the map without matches.
+fn features(member: &Member, file: Option<Bytes>) -> Vec<Feature> {
+    let read = file.map(|bytes| read_features(&bytes)).transpose();
+    if read.is_err() {
+        warn!(clip = %member.clip, "the features of a clip are damaged; it is merged without matches");
+    }
+    read.ok().flatten().unwrap_or_default()
+}
+
 /// The error of a clip with a missing or damaged file. If the clip was removed or aligned again meanwhile, the home is due
 /// again.
 fn damaged(member: &Member) -> MergeError {
@@ -116,4 +126,31 @@ async fn files(storage: &Storage, members: &[Member], names: &[&str]) -> Result<
     let all = members.iter().flat_map(|member| names.iter().map(move |name| (member, *name)));
     let reads: Vec<_> = all.map(|(member, name)| storage.member_file(member, name)).collect();
     stream::iter(reads).buffered(FILES_AT_A_TIME).try_collect().await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use uuid::Uuid;
+    use viola_home::{Verdict, features_bytes};
+    use viola_reconstruct::{DESCRIPTOR_BYTES, Descriptor};
+
+    #[test]
+    fn a_clip_with_damaged_features_has_none() {
+        let member = Member {
+            clip: Uuid::nil(),
+            recorded_at_ms: None,
+            sha256: String::new(),
+            contribution: String::new(),
+            verdict: Verdict::Unplaced,
+        };
+        let feature =
+            Feature { position_m: [1.0; 3], heading_rad: 0.5, descriptor: Descriptor([7; DESCRIPTOR_BYTES]) };
+        let whole = Bytes::from(features_bytes(&[feature]));
+        let cut = whole.slice(..whole.len() / 2);
+        assert_eq!(features(&member, Some(whole)), [feature]);
+        for file in [None, Some(cut), Some(Bytes::from_static(b"damaged"))] {
+            assert!(features(&member, file).is_empty());
+        }
+    }
 }

@@ -4,7 +4,7 @@ use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
-use viola_home::{Extent, FloorCorrection, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
+use viola_home::{Coverage, Extent, FloorCorrection, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
@@ -17,6 +17,7 @@ on_every_back_end!(
     a_merge_that_makes_nothing_new_makes_no_revision,
     neighbours_place_an_ambiguous_clip_and_take_it_back,
     objects_are_found_across_homes,
+    a_lost_scene_is_that_of_an_earlier_revision,
 );
 
 /// Creates a home with two aligned clips.
@@ -358,4 +359,36 @@ async fn objects_are_found_across_homes(storage: Storage) {
     storage.delete_home(&home("a"), |_| true, at(500)).await.unwrap();
     let left = storage.objects(&Tenant::default(), &ObjectFilter::default(), &page(None)).await.unwrap();
     assert!(left.iter().all(|object| object.home == home("b")));
+}
+
+async fn a_lost_scene_is_that_of_an_earlier_revision(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let scene = |name: &str| {
+        let history = MapHistory { corrections: 3, hidden: vec![name.to_owned()], ..MapHistory::default() };
+        let coverage = Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() };
+        MapScene { rooms: Vec::new(), objects: Vec::new(), coverage, history: Some(history) }
+    };
+    let files = ["first", "second"].map(|name| serde_json::to_vec(&scene(name)).unwrap());
+    let mut claim = due(&storage, 10).await.unwrap();
+    for (n, scene) in files.iter().cloned().chain([b"damaged".to_vec()]).enumerate() {
+        let mut new = revision(&claim, PlacedBy::Alignment, &[n as u8]);
+        new.files = vec![(LevelName::MAIN, map_file::SCENE, scene)];
+        assert!(storage.finish_merge(&claim, Some(&new), at(20)).await.unwrap());
+        storage.align_clip(&home, clips[0], at(21)).await.unwrap();
+        align(&storage, AlignmentState::Aligned).await;
+        claim = due(&storage, 22).await.unwrap();
+        let scenes = storage.last_scenes(&claim).await.unwrap();
+        let history = scenes[&LevelName::MAIN].history();
+        let expected = [("first", 3), ("second", 3), ("second", -1)][n];
+        assert_eq!((history.hidden[0].as_str(), history.corrections), expected);
+    }
+    for left in [1, 0] {
+        for key in storage.home_map_blob_keys().await.unwrap() {
+            let bytes = storage.blobs.read_if_there(&key).await.unwrap();
+            if bytes.is_some_and(|bytes| bytes == files[left]) {
+                storage.blobs.remove_all(&[key]).await.unwrap();
+            }
+        }
+        assert_eq!(storage.last_scenes(&claim).await.unwrap().len(), left);
+    }
 }

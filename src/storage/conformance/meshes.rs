@@ -6,6 +6,7 @@ use viola_home::PlacedBy;
 
 on_every_back_end!(
     a_mesh_is_of_the_current_revision,
+    a_map_is_settled_when_no_work_is_ahead_that_may_replace_it,
     a_home_that_was_made_again_gets_no_mesh_of_the_removed_one,
     a_home_that_was_made_again_gets_no_map_of_the_removed_one,
 );
@@ -47,6 +48,33 @@ async fn a_mesh_is_of_the_current_revision(storage: Storage) {
     assert_eq!(meshes(3).await, [b"third"]);
     let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
     assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+}
+
+async fn a_map_is_settled_when_no_work_is_ahead_that_may_replace_it(storage: Storage) {
+    let (home, _) = two_aligned(&storage).await;
+    let is_settled = async |seconds: i64| storage.has_settled_map(&home, at(seconds)).await.unwrap();
+    assert!(!is_settled(10).await, "the home is due");
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(!is_settled(10).await, "its merge runs");
+    assert!(finish(&storage, &claim, b"both", 10).await);
+    assert!(is_settled(10).await);
+    add(&storage, &home, b"third").await;
+    let mut now_s = 200;
+    assert!(!is_settled(now_s).await, "a clip is queued");
+    let run = async |ending: AttemptEnd, seconds: i64| {
+        let held = storage.claim(LEASE, at(seconds)).await.unwrap().expect("the job is due");
+        assert!(!is_settled(seconds).await, "a clip is aligned");
+        assert!(storage.finish(&held, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap());
+        is_settled(seconds).await
+    };
+    // A merge would not wait for the last pause.
+    for pause_s in [5, 10, 20, 40, 80] {
+        assert_eq!(run(AttemptEnd::Fault(Fault::Storage), now_s).await, pause_s == 80, "{pause_s}");
+        now_s += pause_s;
+    }
+    assert!(run(AttemptEnd::Refused(reason("unreadable")), now_s).await, "no merge follows");
+    storage.delete_home(&home, |_| true, at(500)).await.unwrap();
+    assert!(!is_settled(501).await, "the home was removed");
 }
 
 /// Removes the home of [`two_aligned`] and makes it again, with one aligned clip.

@@ -3,8 +3,9 @@
 mod faults;
 mod files;
 mod rows;
+mod scenes;
 
-use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, places};
+use super::{HomeMap, MapFile, MapLevel, MapObject, map_file, objects, places};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
@@ -13,7 +14,6 @@ use crate::storage::{
 };
 use jiff::Timestamp;
 use rows::insert;
-use std::collections::BTreeMap;
 use std::time::Duration;
 use viola_align::Alignment;
 use viola_geometry::LevelName;
@@ -79,6 +79,19 @@ pub struct NewRevision {
     pub has_object_changes: bool,
 }
 
+/// Holds for a home without a clip that is queued or running. A job with a long pause after a fault does not count.
+macro_rules! clips_have_settled {
+    ($long_rest:literal) => {
+        concat!(
+            "NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
+                AND NOT EXISTS (SELECT 1 FROM jobs
+                    WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > ",
+            $long_rest,
+            "))"
+        )
+    };
+}
+
 /// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that has no clip queued or
 /// running: a new LiDAR map, which queues all clips again, makes one new revision, and the old one stays until then. The
 /// merge does not wait for a job with a long pause after a fault.
@@ -92,10 +105,9 @@ macro_rules! claim {
             $tenants,
             " $5
             AND map_lease_until IS NULL AND (map_due_at <= $1 OR map_due_at > $4)
-            AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
-                AND NOT EXISTS (SELECT 1 FROM jobs
-                    WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > $3))
-        ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
+            AND ",
+            clips_have_settled!("$3"),
+            " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
             $lock,
             ")
     RETURNING id, map_wanted, map_fence, map_faults, created_at"
@@ -146,6 +158,16 @@ impl Storage {
         }
         transaction.commit().await?;
         claimed.map(Some)
+    }
+
+    /// Returns whether no work is ahead that may replace a home's newest map; false if the home was removed.
+    pub async fn has_settled_map(&self, home: &HomeId, now: Timestamp) -> Result<bool, StorageError> {
+        let settled = query(concat!(
+            "SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ",
+            clips_have_settled!("$2")
+        ));
+        let settled = settled.bind(home.key()).bind((now + LONG_REST).as_millisecond());
+        Ok(settled.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
     /// Renews a lease; returns false if the home is no longer this worker's.
@@ -213,18 +235,6 @@ impl Storage {
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
         serde_json::from_slice(&bytes)
             .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
-    }
-
-    /// Returns the scenes of the revision that a claim starts from, by level.
-    pub async fn last_scenes(
-        &self,
-        claim: &MergeClaim,
-    ) -> Result<BTreeMap<LevelName, MapScene>, StorageError> {
-        let mut scenes = BTreeMap::new();
-        for file in self.last_files(claim, map_file::SCENE).await? {
-            scenes.extend(self.map_scene(&file).await?.map(|scene| (file.level, scene)));
-        }
-        Ok(scenes)
     }
 
     /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.

@@ -70,6 +70,11 @@ impl MapScene {
         self.objects.iter().map(|object| object.in_frame(other_from_own)).chain(missing).collect()
     }
 
+    /// Returns the version of the corrections that it has.
+    pub fn corrections(&self) -> i64 {
+        self.history.as_ref().map_or(0, |history| history.corrections)
+    }
+
     /// Returns the history; that of a revision of an earlier version has its ids and nothing else.
     pub fn history(&self) -> MapHistory {
         if let Some(history) = &self.history {

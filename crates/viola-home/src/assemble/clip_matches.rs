@@ -26,7 +26,7 @@ use viola_reconstruct::Feature;
 
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
-/// Matches of a clip whose surfaces are compared: those of the most places. The other clip may have more.
+/// Matches of a clip with earlier clips whose surfaces are compared: those of the most places.
 const MAX_COMPARED: usize = 6;
 
 /// Relative pose of two clips, named by their contributions.
@@ -35,7 +35,7 @@ pub struct ClipMatch {
     pub a: String,
     pub b: String,
     pub motion: Motion,
-    /// None if both clips have matches of more places.
+    /// None if `b` has matches of more places with other clips before it.
     pub surfaces: Option<Surfaces>,
 }
 
@@ -124,7 +124,8 @@ fn find<E>(
     Ok(())
 }
 
-/// Returns the matches that are among those of the most places of one of their clips.
+/// Returns the matches that are among those of the most places of their later clip. A clip chooses among the clips before
+/// it only, so a clip that comes last changes no comparison of two others.
 fn most_places(clips: usize, found: &Found) -> FxHashSet<(usize, usize)> {
     let mut order: Vec<(usize, (usize, usize))> =
         found.iter().map(|(pair, clip_match)| (clip_match.motion.places, *pair)).collect();
@@ -132,11 +133,10 @@ fn most_places(clips: usize, found: &Found) -> FxHashSet<(usize, usize)> {
     let mut counts = vec![0; clips];
     let mut compared = FxHashSet::default();
     for (_, (a, b)) in order {
-        if counts[a] < MAX_COMPARED || counts[b] < MAX_COMPARED {
+        if counts[b] < MAX_COMPARED {
             compared.insert((a, b));
+            counts[b] += 1;
         }
-        counts[a] += 1;
-        counts[b] += 1;
     }
     compared
 }

@@ -12,6 +12,7 @@ use super::voxels::Voxels;
 use crate::MAP_VOXEL_M;
 use crate::carved::{CELL_VOXELS, CarvedSpace};
 use crate::ply::UnknownFileFormat;
+use flate2::Crc;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use uuid::Uuid;
@@ -61,7 +62,9 @@ pub(super) struct Fold {
     looked: LookedCells,
 }
 
-const MAGIC: &[u8; 8] = b"violas01";
+const MAGIC: &[u8; 8] = b"violas02";
+/// Bytes of the checksum at the end of a file: damaged sums would be passed on from merge to merge.
+const CHECKSUM_BYTES: usize = 4;
 
 impl Fold {
     pub fn new() -> Fold {
@@ -128,11 +131,16 @@ impl Fold {
         out.extend_from_slice(&sources);
         [&self.timeless, &self.earlier, &self.now].iter().for_each(|voxels| voxels.write(&mut out));
         self.looked.write(&mut out);
+        out.extend_from_slice(&checksum(&out));
         out
     }
 
     /// Inverse of [`Fold::to_bytes`]; fails unless its clips are the first of `clips`.
     pub fn read(bytes: &[u8], clips: &[(usize, &PlacedClip)]) -> Result<Fold, UnknownFileFormat> {
+        let (bytes, sum) = bytes.split_last_chunk::<CHECKSUM_BYTES>().ok_or(UnknownFileFormat)?;
+        if checksum(bytes) != *sum {
+            return Err(UnknownFileFormat);
+        }
         let mut reader = Reader(bytes);
         if reader.bytes(MAGIC.len())? != MAGIC {
             return Err(UnknownFileFormat);
@@ -153,6 +161,13 @@ impl Fold {
         }
         Ok(Fold { sources, timeless: timeless?, earlier: earlier?, now: now?, time_ms, looked })
     }
+}
+
+/// Returns the CRC-32.
+fn checksum(bytes: &[u8]) -> [u8; CHECKSUM_BYTES] {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum().to_le_bytes()
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::clip_matches::{Branch, Forest, is_likely};
 use super::floor_correction::{FloorCorrection, pose_in_space};
-use super::members::{Member, Mode};
+use super::members::{Extent, Member, Mode};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
@@ -58,20 +58,25 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         .enumerate()
         .flat_map(|(clip, candidate)| (0..candidate.modes.len()).map(move |mode| (clip, mode as u8)))
         .collect();
-    let partners = |&(clip, mode): &(usize, u8)| -> Vec<((usize, u8), (usize, u8))> {
+    let in_map = |&(clip, mode): &(usize, u8)| {
+        candidates[clip].extent.in_map(&candidates[clip].modes[usize::from(mode)].map_from_clip)
+    };
+    let boxes: Vec<Extent> = modes.iter().map(in_map).collect();
+    let partners = |(&(clip, mode), this_box): (&(usize, u8), &Extent)| -> Vec<((usize, u8), (usize, u8))> {
         let this = &candidates[clip];
         // A person's choices need no evidence.
         let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
-        let Mode { level, map_from_clip: pose, .. } = &this.modes[usize::from(mode)];
+        let level = this.modes[usize::from(mode)].level;
         let (mut shared, mut decided) = (Vec::new(), Vec::new());
-        for &(other, at) in modes.iter().filter(|(other, _)| is_open(*other)) {
+        let others = modes.iter().zip(&boxes).filter(|((other, _), _)| is_open(*other));
+        for (&(other, at), other_box) in others {
             let (candidate, there) = (&candidates[other], candidates[other].modes[usize::from(at)]);
             let are_decided = !this.is_open() && !candidate.is_open();
             // Nothing on one level is seen from another.
-            if there.level != *level || (are_decided && other > clip) {
+            if there.level != level || (are_decided && other > clip) {
                 continue;
             }
-            let shared_m2 = this.extent.shared_m2(pose, &candidate.extent, &there.map_from_clip);
+            let shared_m2 = this_box.shared_m2(other_box);
             if shared_m2 > 0.0 {
                 let list = if are_decided { &mut decided } else { &mut shared };
                 list.push((shared_m2 * there.probability, (other, at)));
@@ -81,7 +86,8 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         let most = [(shared, MAX_PARTNERS), (decided, MAX_DECIDED)].map(|(list, most)| largest(list, most));
         most.into_iter().flatten().map(ordered).collect()
     };
-    let mut kept: Vec<((usize, u8), (usize, u8))> = modes.par_iter().flat_map_iter(partners).collect();
+    let mut kept: Vec<((usize, u8), (usize, u8))> =
+        modes.par_iter().zip(&boxes).flat_map_iter(partners).collect();
     kept.sort_unstable();
     kept.dedup();
     let mut pairs = Pairs::new();

@@ -7,6 +7,7 @@ use super::content::{Block, Content};
 use super::looked::LookedThrough;
 use super::window::{Window, WindowLabels};
 use super::{Assembly, Manifest, Tile, TileInfo, TileKey};
+use crate::ply::UnknownFileFormat;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -45,6 +46,20 @@ impl Assembly {
     /// Returns whether tiles of a level were rebuilt.
     pub fn touches(&self, level: LevelName) -> bool {
         self.looked.contains_key(&level)
+    }
+
+    /// Returns whether a tile of the last map stays in the map.
+    pub fn keeps(&self, key: &TileKey) -> bool {
+        self.last.contains_key(key) && !self.changed.contains_key(key)
+    }
+
+    /// Reads a tile that the assembly keeps. Fails if its points are not those of the last map: the file is damaged.
+    pub fn read_kept(&self, key: &TileKey, bytes: &[u8]) -> Result<Tile, UnknownFileFormat> {
+        let tile = Tile::read(bytes)?;
+        // Manifests of earlier versions lack the checksums.
+        let content = self.last.get(key).map(|info| info.content).unwrap_or_default();
+        let is_whole = content == Content::default() || content == Content::of(key, &tile);
+        is_whole.then_some(tile).ok_or(UnknownFileFormat)
     }
 
     /// Adds the other tiles of the last map, and labels the surface around the changes. A tile that the assembly kept

@@ -158,7 +158,7 @@ impl Extent {
     }
 
     /// Returns the bounding box of this one in the map's frame.
-    fn in_map(&self, map_from_clip: &Pose2) -> Extent {
+    pub(super) fn in_map(&self, map_from_clip: &Pose2) -> Extent {
         let [[left, bottom], [right, top]] = [self.min_m, self.max_m];
         let corners = [[left, bottom], [right, bottom], [left, top], [right, top]];
         Extent::around(corners.into_iter().map(|[x, y]| {
@@ -169,14 +169,14 @@ impl Extent {
 
     /// Returns whether two clips may overlap.
     pub(super) fn meets(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> bool {
-        self.shared_m2(map_from_this, other, map_from_other) > 0.0
+        self.in_map(map_from_this).shared_m2(&other.in_map(map_from_other)) > 0.0
     }
 
-    /// Returns the area that two clips may share: that of both boxes, with a margin.
-    pub(super) fn shared_m2(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> f64 {
+    /// Returns the area that two clips may share, by their boxes in the map's frame: that of both, with a margin.
+    pub(super) fn shared_m2(&self, other: &Extent) -> f64 {
         const MARGIN_M: f64 = 0.3;
-        let (a, b) = (self.in_map(map_from_this), other.in_map(map_from_other));
-        let side_m = |i: usize| a.max_m[i].min(b.max_m[i]) - a.min_m[i].max(b.min_m[i]) + MARGIN_M;
+        let side_m =
+            |i: usize| self.max_m[i].min(other.max_m[i]) - self.min_m[i].max(other.min_m[i]) + MARGIN_M;
         side_m(0).max(0.0) * side_m(1).max(0.0)
     }
 }

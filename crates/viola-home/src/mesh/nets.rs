@@ -2,10 +2,11 @@
 //! passes, one quadrilateral for each edge of the grid that it crosses.
 
 use super::field::{BLOCK, Field, block_of, corner};
+use crate::MAP_VOXEL_M;
 use rayon::prelude::*;
 
-/// The weight that the best corner of a cell needs. On a plane of one point for each 3 cm it is 6.5, at the plane's
-/// open edge 3.3; less is a hole.
+/// The weight that the best corner of a cell needs at a step of [`MAP_VOXEL_M`]. On a plane of one point for each 3 cm it
+/// is 6.5, at the plane's open edge 3.3; less is a hole.
 const MIN_WEIGHT: f32 = 2.0;
 const CELLS: usize = (BLOCK * BLOCK * BLOCK) as usize;
 const NONE: u32 = u32::MAX;
@@ -75,7 +76,8 @@ fn vertex_in(field: &Field, cell: [i32; 3]) -> Option<[f32; 3]> {
         *distance = value;
         best_weight = best_weight.max(weight);
     }
-    if best_weight < MIN_WEIGHT {
+    // A coarser grid sums more points.
+    if best_weight < MIN_WEIGHT * (field.step_m / MAP_VOXEL_M as f32).powi(2) {
         return None;
     }
     let (mut sum, mut count) = ([0.0_f32; 3], 0_u16);

@@ -1,4 +1,4 @@
-use super::{Mesh, MeshObject, Vertex, simplify::simplify};
+use super::{Mesh, MeshObject, SurfacePoint, Vertex, field::Field, nets, simplify::simplify};
 use crate::assemble::Tile;
 use crate::objects::UprightBox;
 use crate::{MAP_VOXEL_M, MapPoint};
@@ -119,6 +119,22 @@ fn a_hole_stays_a_hole_and_a_plane_needs_few_triangles() {
     // The colours' border at x = 0 stays where it is.
     assert!(mesh.vertices.iter().all(|Vertex { position_m, color, .. }| position_m[0].abs() < 0.05
         || (color[0] > color[2]) == (position_m[0] < 0.0)));
+}
+
+/// The mesh ends within one step of the last points, however many of them a coarser grid sums.
+#[test]
+fn an_open_edge_stays_where_it_is_on_a_coarser_grid() {
+    let surface: Vec<SurfacePoint> = plane(0.01, 1.0, 0.0, Class::Floor)
+        .iter()
+        .map(|MapPoint { point, .. }| SurfacePoint { position_m: point.position_m, normal: point.normal })
+        .collect();
+    let last_m = surface.iter().map(|point| point.position_m[0]).fold(0.0, f32::max);
+    for step_m in [0.03, 0.042, 0.05] {
+        let net = nets::net(&Field::new(&surface, step_m));
+        let used = net.triangles.iter().flatten().map(|vertex| net.positions_m[*vertex as usize][0]);
+        let beyond_m = used.fold(0.0, f32::max) - last_m;
+        assert!(beyond_m.abs() < 1.01 * step_m, "{beyond_m} m beyond at a step of {step_m} m");
+    }
 }
 
 #[test]

@@ -140,8 +140,8 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], clip_matches: &[Clip
     Forest { branches, alike }
 }
 
-/// Adds the poses that matches give to clips whose own alignment left the pose open. They share half of the
-/// probability that the clip is at none of its own poses.
+/// Adds the poses that matches give to clips whose own alignment left the pose open. Each of them, and all places that
+/// are still unlisted together, get an equal part of the probability that the clip is at none of its own poses.
 pub(in crate::assemble) fn pass_poses(candidates: &mut [Candidate], forest: &[Branch]) {
     let own: Vec<usize> = candidates.iter().map(|candidate| candidate.modes.len()).collect();
     let elsewhere: Vec<f64> = candidates.iter().map(Candidate::elsewhere).collect();

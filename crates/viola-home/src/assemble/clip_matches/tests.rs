@@ -111,3 +111,22 @@ fn a_match_decides_between_alternatives_unless_rooms_look_alike() {
     let (_, probability) = last(&members, &clip_matches).unwrap();
     assert!(probability < 0.9, "{probability}");
 }
+
+/// A clip that comes last changes no comparison of two others, and adds at most six.
+#[test]
+fn the_later_clip_chooses_what_is_compared() {
+    let places = |a: usize, b: usize| 8 + (a * 7 + b * 13) % 31;
+    let compared = |clips: usize| {
+        let pairs = (0..clips).flat_map(|b| (0..b).map(move |a| (a, b)));
+        let found = |(a, b): (usize, usize)| ((a, b), clip_match(a as u128, b as u128, 0.0, places(a, b)));
+        let mut compared: Vec<(usize, usize)> =
+            most_places(clips, &pairs.map(found).collect()).into_iter().collect();
+        compared.sort_unstable_by_key(|(a, b)| (*b, *a));
+        compared
+    };
+    for clips in 1..24 {
+        let (before, now) = (compared(clips - 1), compared(clips));
+        assert!(now.starts_with(&before), "{clips} clips: {before:?} {now:?}");
+        assert_eq!(now.len() - before.len(), MAX_COMPARED.min(clips - 1));
+    }
+}

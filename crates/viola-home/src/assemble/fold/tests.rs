@@ -128,19 +128,34 @@ fn sums_of_other_clips_are_refused() {
     }
 }
 
+#[test]
+fn a_flipped_bit_is_refused() {
+    let clips = clips();
+    let good = folded(Fold::new(), &clips).to_bytes();
+    assert!(Fold::read(&good, &listed(&clips)).is_ok());
+    for at in 0..good.len() {
+        let mut bytes = good.clone();
+        bytes[at] ^= 1 << (at % 8);
+        assert!(Fold::read(&bytes, &listed(&clips)).is_err(), "byte {at}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Changed bytes are read or refused without a panic.
+    /// Other bytes with their checksum are read or refused without a panic.
     #[test]
     fn other_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
         let clips = clips();
         let mut bytes = folded(Fold::new(), &clips).to_bytes();
+        bytes.truncate(bytes.len() - CHECKSUM_BYTES);
         let at = at.index(bytes.len());
+        let sealed = |bytes: &[u8]| [bytes, checksum(bytes).as_slice()].concat();
         if cut {
             prop_assert!(Fold::read(&bytes[..at], &listed(&clips)).is_err());
+            prop_assert!(Fold::read(&sealed(&bytes[..at]), &listed(&clips)).is_err());
         } else {
             bytes[at] ^= byte;
-            let _ = Fold::read(&bytes, &listed(&clips));
+            let _ = Fold::read(&sealed(&bytes), &listed(&clips));
         }
     }
 }

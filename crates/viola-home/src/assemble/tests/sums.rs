@@ -149,3 +149,25 @@ fn no_sums_of_deleted_clips_stay() {
     let few = merged(&first, &all[..5]);
     assert!(few.sums.is_empty() && !few.map.tiles.is_empty());
 }
+
+/// The checksums of the manifest tell damaged files of tiles from those of the last map.
+#[test]
+fn a_kept_tile_is_read_only_as_it_was() {
+    let clips = clips();
+    let all: Vec<&Clip> = vec![&clips[0]];
+    let last = labelled(&nothing(), &all);
+    let (same, anew) = (made(&last.manifest, &all), made(&Manifest::default(), &all));
+    assert!(!last.tiles.is_empty());
+    for (key, tile) in &last.tiles {
+        assert!(same.keeps(key) && !anew.keeps(key));
+        let good = tile.to_bytes();
+        assert_eq!(same.read_kept(key, &good).as_ref(), Ok(tile));
+        // The position, the normal and the colour of the first point, and the labels of the last one.
+        let first = 16 + 16 * tile.clips.len();
+        for at in [first, first + 13, first + 25, good.len() - 1] {
+            let mut bytes = good.clone();
+            bytes[at] ^= 1;
+            assert!(same.read_kept(key, &bytes).is_err(), "byte {at}");
+        }
+    }
+}
