@@ -2,6 +2,7 @@
 
 use super::merge::{MergeError, on_own_thread};
 use crate::storage::{HomeId, Storage};
+use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::Semaphore;
@@ -11,8 +12,8 @@ use viola_home::MESH_TRIANGLES;
 /// A mesh takes seconds of all cores, and memory.
 static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
 
-/// Adds the meshes that the current revision of a home lacks. Without them a reader's request makes the mesh, so a failure
-/// is only logged.
+/// Adds the meshes that the current revision of a home lacks, unless work is ahead that may replace it. Without them a
+/// reader's request makes the mesh, so a failure is only logged.
 pub(super) async fn make_meshes(storage: Arc<Storage>, home: HomeId) {
     let Ok(_turn) = ONE_AT_A_TIME.acquire().await else { return };
     if let Err(cause) = try_make(&storage, &home).await {
@@ -21,6 +22,9 @@ pub(super) async fn make_meshes(storage: Arc<Storage>, home: HomeId) {
 }
 
 async fn try_make(storage: &Storage, home: &HomeId) -> Result<(), MergeError> {
+    if !storage.has_settled_map(home, Timestamp::now()).await? {
+        return Ok(());
+    }
     let Some(map) = storage.home_map(home, None).await? else { return Ok(()) };
     for level in storage.levels_without_mesh(home, &map).await? {
         let begun = Instant::now();

@@ -9,7 +9,7 @@ use super::mesh::make_meshes;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
-use crate::storage::{AttemptEnd, Claim, JobProgress, RetryPolicy, StorageError};
+use crate::storage::{AttemptEnd, Claim, HomeId, JobProgress, RetryPolicy, StorageError};
 use jiff::Timestamp;
 use std::pin::pin;
 use std::sync::Arc;
@@ -105,8 +105,11 @@ impl Worker {
         self.queue.wake();
         let job = &claim.job;
         let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
+        let home = job.home.clone();
         Attempt { queue: &self.queue, params: &self.params, claim }.run(&self.stop).instrument(span).await;
         self.queue.wake();
+        // A job without a result makes no merge due, but the meshes may have waited for its end.
+        self.begin_meshes(home);
         true
     }
 
@@ -124,10 +127,16 @@ impl Worker {
         claim.home.tenant().clone_into(merged);
         let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
         let surface = params.align.align.label.surface.clone();
-        if merge(queue, &claim, surface, (params.lease, params.grace), stop).instrument(span).await {
-            tokio::spawn(make_meshes(queue.storage.clone(), claim.home));
-        }
+        merge(queue, &claim, surface, (params.lease, params.grace), stop).instrument(span).await;
+        self.begin_meshes(claim.home);
         true
+    }
+
+    /// Makes the missing meshes of a home beside the next job.
+    fn begin_meshes(&self, home: HomeId) {
+        if !self.stop.is_cancelled() {
+            tokio::spawn(make_meshes(self.queue.storage.clone(), home));
+        }
     }
 
     /// Waits until something may be due.

@@ -2,19 +2,20 @@
 //! their separation from the seen points.
 
 use image::{GrayImage, Rgb, RgbImage};
+use rayon::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, LazyLock};
 use viola_align as align;
 use viola_align::complete::inpaint::{InpaintError, Inpainter, open_inpainter};
 use viola_align::complete::monocular::{DepthError, DepthEstimator, open_estimator};
 use viola_align::complete::{Imagination, Take, ViewStrategy};
 use viola_align::{Activation, AlignError, AlignParams, Aligned, CompleteParams};
-use viola_formats::clip::Clip;
+use viola_formats::clip::{Clip, Frame};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Progress, Silent, Stage};
 use viola_home as home;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, valetudo_json};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, valetudo_json};
 use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::Manifest;
@@ -26,13 +27,31 @@ struct Recorded {
     truth: viola_geometry::Pose2,
 }
 
+/// The recording of several tests.
+static SHARED: LazyLock<Recorded> = LazyLock::new(|| recorded(102, 0));
+
+/// Returns a recording with colour pictures of the depth sensor's width, which are rendered fastest.
 fn recorded(seed: u64, number: u64) -> Recorded {
+    recorded_with(seed, number, Sensor::PhoneLidar.depth_camera().width)
+}
+
+fn recorded_with(seed: u64, number: u64, color_width: u32) -> Recorded {
     let home = Home::generate(&HomeParams::new(Set::Upper, seed));
     let survey = home.survey();
     let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes()).unwrap();
-    let recorded = home.clip(&survey, number, &ClipParams { frames: 60, ..ClipParams::default() });
+    let params = ClipParams { frames: 60, color_width, ..ClipParams::default() };
+    let recorded = home.clip(&survey, number, &params);
     let truth = recorded.truth.map_from_clip;
-    Recorded { clip: recorded.into_clip(), lidar, truth }
+    Recorded { clip: rendered(recorded), lidar, truth }
+}
+
+/// Returns a recording as a clip whose frames are rendered once, since tests align it several times.
+fn rendered(recorded: SimulatedClip) -> Clip {
+    let indices = 0..recorded.headers().len();
+    let frames: Vec<Frame> = indices.into_par_iter().map(|index| recorded.frame(index)).collect();
+    let clip = recorded.into_clip();
+    let (info, headers, up) = (clip.info().clone(), clip.frames().to_vec(), clip.up_in_world());
+    Clip::from_frames(info, headers, up.map(|up| up.direction), move |index| frames[index].clone())
 }
 
 /// Paints holes white and counts how often it is asked.
@@ -105,14 +124,14 @@ fn align(recorded: &Recorded, params: &AlignParams) -> Aligned {
 /// A clip without a floor has a scan for each height of the camera: poses above another one stay rivals.
 #[test]
 fn other_floors_are_completed_and_stay_rivals() {
-    let Recorded { clip, lidar, .. } = recorded(102, 0);
+    let Recorded { clip, lidar, .. } = &*SHARED;
     let params = params(None);
-    let mut observation = align::observe(&clip, None, &params, &Silent).unwrap();
+    let mut observation = align::observe(clip, None, &params, &Silent).unwrap();
     let mut floor = observation.floor.clone().unwrap();
     floor.camera_height_m += 0.1;
     let scan = observation.scan.clone();
     observation.other_floors.push(align::FloorHypothesis { scan, floor: floor.clone() });
-    let target = align::Target::new(&lidar).unwrap();
+    let target = align::Target::new(lidar).unwrap();
     let completed_hits = |scan: &align::VirtualScan| scan.hits.iter().filter(|hit| hit.completed).count();
     let asked = std::sync::Mutex::new(Vec::new());
     let register =
@@ -133,12 +152,12 @@ fn other_floors_are_completed_and_stay_rivals() {
 
 #[test]
 fn what_is_filled_in_is_told_and_stays_apart() {
-    let recorded = recorded(102, 0);
+    let recorded = &*SHARED;
     let never = AlignParams {
         complete: CompleteParams { when: Activation::Never, ..CompleteParams::default() },
         ..AlignParams::default()
     };
-    let seen = align(&recorded, &never);
+    let seen = align(recorded, &never);
     assert!(seen.completion.is_none() && seen.alignment.completion.is_none());
     assert!(home::completion_png(&seen).is_none() && home::completion_pngs(&seen).is_empty());
 
@@ -148,7 +167,7 @@ fn what_is_filled_in_is_told_and_stays_apart() {
         (Some(imagination(white.clone(), None)), vec!["white"]),
         (Some(imagination(white.clone(), Some(Arc::new(Flat)))), vec!["white", "flat"]),
     ] {
-        let completed = align(&recorded, &params(imagination));
+        let completed = align(recorded, &params(imagination));
         // The points for the home's map contain no completed ones.
         assert_eq!(completed.cloud_in_clip, seen.cloud_in_clip, "{names:?}");
         assert_eq!(completed.scan, seen.scan);
@@ -219,7 +238,7 @@ impl Progress for Impatient {
 
 #[test]
 fn completion_ends_when_it_is_told_to() {
-    let recorded = recorded(102, 0);
+    let recorded = &*SHARED;
     let white = Arc::new(White::default());
     let params = params(Some(imagination(white.clone(), None)));
     let run =
@@ -233,9 +252,9 @@ fn completion_ends_when_it_is_told_to() {
 
 #[test]
 fn a_network_that_fails_is_told_and_structure_stays() {
-    let recorded = recorded(102, 0);
+    let recorded = &*SHARED;
     let broken = White { breaks: true, ..White::default() };
-    let aligned = align(&recorded, &params(Some(imagination(Arc::new(broken), None))));
+    let aligned = align(recorded, &params(Some(imagination(Arc::new(broken), None))));
     let report = aligned.alignment.completion.unwrap();
     assert!(report.views.is_empty() && report.imagined_by.is_empty() && report.structure_points > 0);
     let codes: Vec<&str> = aligned.alignment.reasons.iter().map(|reason| reason.code.as_str()).collect();
@@ -279,7 +298,8 @@ fn fetched_networks_complete_a_clip() {
     let entry = manifest.find("fastdepth").unwrap();
     let estimator = open_estimator(entry, network::open(&entry.path(&models), &runtime).unwrap()).unwrap();
     let imagination = imagination(Arc::from(inpainter), Some(Arc::from(estimator)));
-    let aligned = align(&recorded(103, 0), &params(Some(imagination)));
+    // The networks see the pictures of a phone.
+    let aligned = align(&recorded_with(103, 0, 640), &params(Some(imagination)));
     let report = aligned.alignment.completion.as_ref().unwrap();
     assert!(!report.views.is_empty() && report.imagined_points > 100, "{report:?}");
     assert!(report.imagined_by[0].starts_with("migan") && report.imagined_by[1].starts_with("fastdepth"));

@@ -9,7 +9,7 @@ use viola_formats::clip::Clip;
 use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
 use viola_lab::evaluate::Oracle;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, clip_in_memory};
 use viola_network::RuntimeParams;
 use viola_network::manifest::Manifest;
 use viola_reconstruct::LabelParams;
@@ -19,7 +19,8 @@ use viola_testing::process::viola;
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
     let home = Home::generate(&HomeParams::new(set, seed));
     let survey = home.survey();
-    let params = ClipParams { frames, ..ClipParams::default() };
+    let color_width = Sensor::PhoneLidar.depth_camera().width;
+    let params = ClipParams { frames, color_width, ..ClipParams::default() };
     Arc::new(home.clip(&survey, 0, &params))
 }
 

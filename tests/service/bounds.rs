@@ -6,8 +6,9 @@ mod maps;
 use serde_json::Value;
 use std::io::{Cursor, Read};
 use std::process::Command;
+use std::sync::LazyLock;
 use viola_geometry::Pose2;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, points_csv, write_scannet_zip};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, points_csv, write_scannet_zip};
 use viola_testing::process::viola;
 use viola_testing::room;
 use viola_testing::zips::{self, Files};
@@ -55,10 +56,12 @@ struct Recorded {
     truth: Pose2,
 }
 
-fn recorded() -> Recorded {
+/// All tests align this one.
+static RECORDED: LazyLock<Recorded> = LazyLock::new(|| {
     let home = Home::generate(&HomeParams::new(Set::Normal, 4));
     let survey = home.survey();
-    let clip = home.clip(&survey, 0, &ClipParams { frames: 20, ..ClipParams::default() });
+    let color_width = Sensor::PhoneLidar.depth_camera().width;
+    let clip = home.clip(&survey, 0, &ClipParams { frames: 20, color_width, ..ClipParams::default() });
     let mut bytes = Vec::new();
     write_scannet_zip(&clip, Cursor::new(&mut bytes)).unwrap();
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
@@ -69,7 +72,7 @@ fn recorded() -> Recorded {
         (file.name().unwrap().into_owned(), bytes)
     });
     Recorded { files: files.collect(), map: points_csv(&survey), truth: clip.truth.robot_from_clip }
-}
+});
 
 /// Returns the files with the cameras of some frames moved along x and y.
 fn moved(files: &Files, by_m: impl Fn(u32) -> f64) -> Files {
@@ -96,31 +99,30 @@ fn check_aligned(answer: &Value, truth: &Pose2) {
 
 #[test]
 fn a_stray_point_of_the_map_costs_nothing() {
-    let Recorded { files, map, truth } = recorded();
+    let Recorded { files, map, truth } = &*RECORDED;
     for stray in ["150,150", "-200,3"] {
-        check_aligned(&align(&files, &format!("{map}{stray}\n")), &truth);
+        check_aligned(&align(files, &format!("{map}{stray}\n")), truth);
     }
 }
 
 /// Two homes in one map: the second repeats every other point of the first, 150 m away along x and y.
 #[test]
 fn a_map_of_two_homes_far_apart_is_searched() {
-    let Recorded { files, map, truth } = recorded();
+    let Recorded { files, map, truth } = &*RECORDED;
     let second = map.lines().skip(1).step_by(2).filter_map(|line| line.split_once(','));
     let second = second.map(|(x, y)| {
         let [x, y]: [f64; 2] = [x, y].map(|number| number.parse().unwrap());
         format!("{},{}\n", x + 150.0, y + 150.0)
     });
-    let answer = align(&files, &format!("{map}{}", second.collect::<String>()));
-    let there =
-        |pose: &Value| serde_json::from_value::<Pose2>(pose.clone()).unwrap().distance_m(&truth) < 0.3;
+    let answer = align(files, &format!("{map}{}", second.collect::<String>()));
+    let there = |pose: &Value| serde_json::from_value::<Pose2>(pose.clone()).unwrap().distance_m(truth) < 0.3;
     let alternatives = answer["alternatives"].as_array().unwrap();
     assert!(alternatives.iter().any(|pose| there(&pose["map_from_clip"])), "{answer:#}");
 }
 
 #[test]
 fn wild_poses_are_dropped_and_the_rest_is_aligned() {
-    let Recorded { files, map, truth } = recorded();
+    let Recorded { files, map, truth } = &*RECORDED;
     for (wild, km) in [
         (vec![7], 0.3),
         (vec![7], 0.5),
@@ -130,8 +132,8 @@ fn wild_poses_are_dropped_and_the_rest_is_aligned() {
         (vec![19], 0.3),
     ] {
         let by_m = |number: u32| if wild.contains(&number) { 1000.0 * km } else { 0.0 };
-        let answer = align(&moved(&files, by_m), &map);
-        check_aligned(&answer, &truth);
+        let answer = align(&moved(files, by_m), map);
+        check_aligned(&answer, truth);
         assert_eq!(codes(&answer), ["poses_dropped"], "{answer:#}");
         let detail = answer["reasons"][0]["detail"].as_str().unwrap();
         assert!(detail.starts_with(&format!("{} of 20 camera poses", wild.len())), "{detail}");
@@ -141,8 +143,8 @@ fn wild_poses_are_dropped_and_the_rest_is_aligned() {
 /// The first frame's pose is an outlier: the clip begins with the second one.
 #[test]
 fn a_wild_first_pose_is_dropped() {
-    let Recorded { files, map, .. } = recorded();
-    let answer = align(&moved(&files, |number| if number == 0 { 1000.0 } else { 0.0 }), &map);
+    let Recorded { files, map, .. } = &*RECORDED;
+    let answer = align(&moved(files, |number| if number == 0 { 1000.0 } else { 0.0 }), map);
     assert_eq!((&answer["state"], codes(&answer)), (&"aligned".into(), vec!["poses_dropped"]), "{answer:#}");
 }
 
