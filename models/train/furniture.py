@@ -94,8 +94,8 @@ def mesh_of(library: zipfile.ZipFile, entry: dict) -> trimesh.Trimesh | None:
     vertices, faces = read_obj(library.read(path).decode("latin-1"))
     if len(faces) == 0:
         return None
-    vertices = vertices[np.unique(faces)] if len(faces) else vertices
-    _, places = np.unique(faces, return_inverse=True)
+    used, places = np.unique(faces, return_inverse=True)
+    vertices = vertices[used]
     faces = places.reshape(-1, 3)
     if "modelRotation" in entry:
         vertices = vertices @ np.array(entry["modelRotation"].split(), float).reshape(3, 3).T

@@ -55,10 +55,7 @@ export type LidarRevision = With<"LidarMapRevision", { info: LidarInfo }>;
 export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;
 
 type HomeMapInfo = With<"HomeMapInfo", { min_m: Point3 | null; max_m: Point3 | null }>;
-export type HomeMap = With<"HomeMap", { info: HomeMapInfo; levels: With<"MapLevel", { info: HomeMapInfo }>[] }> & {
-  /** Of the current map: the same as `CurrentMap` has it. */
-  state?: "current" | "due" | "failing";
-};
+export type HomeMap = With<"CurrentMap", { info: HomeMapInfo; levels: With<"MapLevel", { info: HomeMapInfo }>[] }>;
 
 /** The hits and cameras of a clip, in its own frame. */
 export type Scan = With<"ClipScan", { hits_m: Point2[]; cameras: ScanCamera[] }>;

@@ -4,7 +4,7 @@
 //! [`Home::generate`] makes a floor plan and furnishes it; [`Home::survey`] drives the vacuum through it and
 //! returns its map; [`Home::clip`] walks through it with a phone and returns RGB-D frames, rendered one at a
 //! time. Everything is a function of the parameters: the same bytes on any number of threads. Nothing here
-//! reads a clock; only [`Catalogue::open`] reads files; the writers write to the given output.
+//! reads a clock, and only [`Catalogue::open`] reads files. The writers write to the given output.
 //!
 //! The frame `home` is in metres, z up, with the floor at z = 0 and the walls mostly along x and y. The seed
 //! rotates and moves the map's frames and each clip's world against it.

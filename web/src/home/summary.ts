@@ -28,7 +28,7 @@ export class Summary {
     const clips = map?.clips.filter(({ level }) => level === data.level).length ?? 0;
     const seen = data.coverage ? ` · explains ${percent(data.coverage.seen)} of the LiDAR map` : "";
     this.figures.textContent = map
-      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${STATE_WORDS[map.state ?? "current"]}`
+      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${STATE_WORDS[map.state]}`
       : "";
     const hasPoints = (map?.info.points ?? 0) > 0;
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);

@@ -1,6 +1,6 @@
 //! The descriptions that a merge starts from.
 
-use super::{MapFile, MapLevel, MergeClaim, map_file};
+use super::{KEPT_REVISIONS, MapFile, MapLevel, MergeClaim, map_file};
 use crate::storage::{MapHistory, MapScene, Storage, StorageError};
 use std::collections::BTreeMap;
 use tracing::warn;
@@ -36,7 +36,9 @@ impl Storage {
         let frame = |levels: &[MapLevel]| {
             levels.iter().find(|known| known.level == level).map(|known| known.lidar_map_revision)
         };
-        for revision in (1..claim.last_revision).rev() {
+        // Older revisions have no files.
+        let first = (claim.last_revision + 1 - KEPT_REVISIONS).max(1);
+        for revision in (first..claim.last_revision).rev() {
             let map = self.home_map(&claim.home, Some(revision)).await?;
             if map.is_none_or(|map| frame(&map.levels) != frame(&claim.last_levels)) {
                 break;
