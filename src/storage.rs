@@ -62,7 +62,7 @@ pub use error::StorageError;
 pub use folder_lock::FolderLock;
 pub use home_maps::{
     HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, LevelSurface, MESH_POINTS, MapClip, MapFile, MapHistory,
-    MapLevel, MapObject, MapRoom, MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,
+    MapLevel, MapObject, MapRoom, MapScene, MapState, MergeClaim, NewRevision, ObjectFilter, map_file,
 };
 pub use homes::{Home, HomeFilter, HomeId, InvalidHomeId, InvalidTenant, LevelCoverage, Tenant};
 pub use incoming::{Arrived, Incoming};

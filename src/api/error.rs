@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use std::any::Any;
 use viola_formats::clip::ClipError;
 use viola_formats::lidar::LidarError;
+use viola_geometry::LevelName;
 
 /// `Retry-After` for an export that is refused because too many run.
 const EXPORT_RETRY_AFTER_S: u64 = 5;
@@ -125,6 +126,8 @@ pub(super) enum Error {
     Exists { what: &'static str },
     #[error("the LiDAR map has no revision {0}: the list of its revisions names those that are kept")]
     NoSuchLidarRevision(i64),
+    #[error("the home has no LiDAR map of the level `{level}`; it has those of {levels}")]
+    NoSuchLevel { level: LevelName, levels: String },
     #[error("nothing is served under this path; GET /openapi.json lists what is")]
     NoSuchRoute,
     #[error("this path does not serve this method; the Allow header lists those it does")]
@@ -205,7 +208,7 @@ impl Error {
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
             Error::NoThumbnail => (S::NOT_FOUND, "no_thumbnail", "The clip has no thumbnail"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
-            Error::NoSuchLidarRevision(_) => {
+            Error::NoSuchLidarRevision(_) | Error::NoSuchLevel { .. } => {
                 (S::NOT_FOUND, "lidar_map_not_found", "There is no such LiDAR map")
             }
             Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),

@@ -94,7 +94,8 @@ pub(super) struct HomesQuery {
     /// Only homes with this text in their id or name, in upper or lower case.
     #[param(min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$", example = "elm")]
     q: Option<String>,
-    /// With `true`, only homes that a person should look at: with clips that wait, are ambiguous or failed.
+    /// With `true`, only homes that a person should look at: with clips that wait, are ambiguous or failed, or with a map
+    /// that cannot be made.
     #[param(value_type = Option<bool>, example = true)]
     needs_attention: Option<String>,
 }

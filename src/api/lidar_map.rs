@@ -11,7 +11,7 @@ use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::{Document, may_change, may_repeat, tag_of, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
-use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap};
+use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap, StorageError};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -208,7 +208,27 @@ pub(super) async fn get_lidar_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
 ) -> Result<Document<CurrentLidarMap>, Error> {
-    Ok(Document(app.storage.lidar_map(&home, LevelName::MAIN).await?.into()))
+    Ok(Document(current(&app, &home, LevelName::MAIN).await?.into()))
+}
+
+/// Returns the current LiDAR map of a level. The refusal of a level without one names the home's levels.
+pub(super) async fn current(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+) -> Result<storage::LidarMapRevision, Error> {
+    match app.storage.lidar_map(home, level).await {
+        Err(StorageError::NoLidarMap) => {
+            let maps = app.storage.lidar_maps(home).await?;
+            let levels: Vec<&str> = maps.iter().map(|map| map.level.as_str()).collect();
+            Err(if levels.is_empty() {
+                Error::from(StorageError::NoLidarMap)
+            } else {
+                Error::NoSuchLevel { level, levels: levels.join(", ") }
+            })
+        }
+        map => Ok(map?),
+    }
 }
 
 impl From<storage::LidarMapRevision> for CurrentLidarMap {
@@ -219,6 +239,8 @@ impl From<storage::LidarMapRevision> for CurrentLidarMap {
 }
 
 /// Get a picture of the current LiDAR map of the level `main`
+///
+/// For a home without a level of this name, it is the picture of the first level by name.
 #[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/image.png", tag = "lidar-map", params(HomePath),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_lidar_map_image(
@@ -226,18 +248,18 @@ pub(super) async fn get_lidar_map_image(
     HomePath { home }: HomePath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    image(&app, &home, LevelName::MAIN, &headers).await
+    let maps = app.storage.lidar_maps(&home).await?;
+    let main = maps.iter().find(|map| map.level.is_main());
+    image(&app, main.or(maps.first()).ok_or(StorageError::NoLidarMap)?, &headers).await
 }
 
-/// Returns the picture of a level's current revision.
+/// Returns the picture of a LiDAR map.
 pub(super) async fn image(
     app: &App,
-    home: &HomeId,
-    level: LevelName,
+    map: &storage::LidarMapRevision,
     headers: &HeaderMap,
 ) -> Result<Response, Error> {
-    let map = app.storage.lidar_map(home, level).await?;
-    let blob = app.storage.lidar_map_image(&map).await?;
+    let blob = app.storage.lidar_map_image(map).await?;
     Ok(unless_known(headers, &tag_of(&[map.id().as_bytes()]), || send(blob, "image/png")))
 }
 

@@ -111,7 +111,7 @@ pub(super) async fn get_level_lidar_map(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
 ) -> Result<Document<CurrentLidarMap>, Error> {
-    Ok(Document(app.storage.lidar_map(&home, level).await?.into()))
+    Ok(Document(lidar_map::current(&app, &home, level).await?.into()))
 }
 
 /// Remove a level: its LiDAR maps, and what people chose and corrected on it
@@ -148,7 +148,7 @@ pub(super) async fn get_level_lidar_map_image(
     LevelPath { home, level }: LevelPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    lidar_map::image(&app, &home, level, &headers).await
+    lidar_map::image(&app, &lidar_map::current(&app, &home, level).await?, &headers).await
 }
 
 /// List all revisions of the LiDAR map of a level, newest first
@@ -163,7 +163,7 @@ pub(super) async fn list_level_lidar_map_revisions(
     let revisions = app.storage.lidar_map_revisions(&home, level, &query.page()?).await?;
     if revisions.is_empty() && !level.is_main() {
         // Refuses a level that does not exist.
-        app.storage.lidar_map(&home, level).await?;
+        lidar_map::current(&app, &home, level).await?;
     }
     Ok(Document(query.list(revisions, |revision| revision.revision)?))
 }

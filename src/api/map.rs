@@ -41,30 +41,7 @@ pub(super) struct CurrentMap {
     /// The home's other clips, with the reasons for which they are not in the map.
     left_out: Vec<LeftOut>,
     /// State of the home's newest map, also beside an earlier revision.
-    state: MapState,
-}
-
-/// State of a home's newest map
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum MapState {
-    /// It has every change of the home.
-    Current,
-    /// Changes of the home wait for the next merge.
-    Due,
-    /// The same, and at least two merges in a row have failed; the service tries again.
-    Failing,
-}
-
-impl MapState {
-    /// Returns the state from the failed merges in a row, if a merge is due.
-    fn new(due: Option<u32>) -> MapState {
-        match due {
-            None => MapState::Current,
-            Some(0 | 1) => MapState::Due,
-            Some(_) => MapState::Failing,
-        }
-    }
+    state: types::MapState,
 }
 
 /// The query of everything that belongs to a map.
@@ -132,7 +109,13 @@ async fn missing(app: &App, file: &MapFile) -> Error {
     }
 }
 
-/// Returns the entity tag of a file of a revision from everything else that it depends on.
+/// Returns the entity tag of an answer that is made of files of a map: revisions that share the files have one tag.
+fn tag_of_content(files: &[MapFile], parts: &[&[u8]]) -> String {
+    let keys: Vec<&[u8]> = files.iter().map(|file| file.key().as_bytes()).collect();
+    tag_of(&[parts, keys.as_slice()].concat())
+}
+
+/// Returns the entity tag of an answer that is made of a revision, from everything else that it depends on.
 fn tag_of_file(map: &HomeMap, parts: &[&[u8]]) -> String {
     let revision = map.revision.to_le_bytes();
     let created_at = map.created_at.as_millisecond().to_le_bytes();
@@ -153,7 +136,7 @@ pub(super) async fn get_map(
     Query(query): Query<RevisionQuery>,
 ) -> Result<Document<CurrentMap>, Error> {
     // A merge that ends between the two reads must not make an earlier revision `current`.
-    let state = MapState::new(app.storage.due_merge(&home).await?);
+    let state = app.storage.map_state(&home).await?.into();
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let left_out = app.storage.clips_left_out(&home).await?;
     let left_out = left_out.into_iter().map(LeftOut::from).collect();

@@ -1,5 +1,5 @@
 //! Additions of the OpenAPI document to the operations' own descriptions: an example for every schema and every JSON
-//! answer, the types of problems, and conditional requests.
+//! answer, the types of problems, conditional requests, and ranges of files.
 
 mod examples;
 
@@ -78,23 +78,57 @@ fn kind(code: &str) -> String {
     format!("urn:viola:problem:{code}")
 }
 
-/// Adds the condition and the answer of a request that has the answer already. Streams have no entity tag.
+/// Adds the entity tag, the condition and the answer of a request that has the answer already. Streams have no entity tag.
 fn allow_conditions(operation: &mut Value) {
     let is_stream = |kind: &String| ["text/event-stream", "application/zip"].contains(&kind.as_str());
-    let kinds = operation["responses"]["200"]["content"].as_object().into_iter().flat_map(Map::keys);
-    if kinds.clone().next().is_none() || kinds.clone().all(is_stream) {
+    let contents = operation["responses"]["200"]["content"].as_object().cloned().unwrap_or_default();
+    if contents.keys().all(is_stream) {
         return;
     }
-    let condition = json!({"name": "If-None-Match", "in": "header", "required": false, "schema": {"type": "string"},
-        "description": "The `ETag` of an earlier answer: the answer is 304 if nothing has changed"});
-    if let Some(parameters) = operation["parameters"].as_array_mut() {
-        parameters.push(condition);
-    } else {
-        operation["parameters"] = json!([condition]);
-    }
+    let condition = "The `ETag` of an earlier answer: the answer is 304 if nothing has changed";
+    add_header(operation, "If-None-Match", &json!({"type": "string"}), condition);
+    operation["responses"]["200"]["headers"]["ETag"] = entity_tag();
     if operation["responses"]["304"].is_null() {
         operation["responses"]["304"] = json!({"description": "The client has it"});
     }
+    let files: Map<String, Value> =
+        contents.into_iter().filter(|(_, content)| content["schema"]["$ref"] == FILE).collect();
+    if !files.is_empty() {
+        allow_ranges(operation, files);
+    }
+}
+
+/// Adds the headers and the answers of a request for a part of one of `files`.
+fn allow_ranges(operation: &mut Value, files: Map<String, Value>) {
+    let range = "One range of bytes. The whole file comes for several ranges, and for a file of text or points if the \
+        client also accepts a compressed one";
+    add_header(operation, "Range", &json!({"type": "string", "examples": ["bytes=0-1023"]}), range);
+    let unless_changed = "The `ETag` of the file of which the client has a part: another file comes whole";
+    add_header(operation, "If-Range", &json!({"type": "string"}), unless_changed);
+    let place = json!({"description": "Place of the bytes, and size of the whole file", "schema": {"type": "string"}});
+    operation["responses"]["206"] = json!({
+        "description": "The bytes of the range",
+        "headers": {"Content-Range": place, "ETag": entity_tag()},
+        "content": files,
+    });
+    operation["responses"]["416"] = json!({
+        "description": "The range begins behind the end of the file: `range-not-satisfiable`",
+        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    });
+}
+
+/// Adds a header that a request may have.
+fn add_header(operation: &mut Value, name: &str, schema: &Value, description: &str) {
+    let header = json!({"name": name, "in": "header", "required": false, "schema": schema, "description": description});
+    match operation["parameters"].as_array_mut() {
+        Some(parameters) => parameters.push(header),
+        None => operation["parameters"] = json!([header]),
+    }
+}
+
+/// Returns the description of the header of an answer with an entity tag.
+fn entity_tag() -> Value {
+    json!({"description": "Names the content, for conditional requests", "schema": {"type": "string"}})
 }
 
 /// Removes null from the types of headers and files: one is absent or has a value.

@@ -19,7 +19,7 @@ pub(super) use correction::{
     MovedObject,
 };
 pub(super) use home::Home;
-pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, Room};
+pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, MapState, Room};
 pub(super) use job::{Job, JobState};
 pub(super) use lidar_map::{LidarInfo, LidarMapRevision, PictureFrame};
 pub(super) use names::{ClassName, HomeId, LevelName, Pose2, Role};

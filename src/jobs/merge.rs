@@ -336,6 +336,9 @@ fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeErro
         let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
         let Described { scene, plan, has_object_changes } =
             describe(map, &tiles, &new.manifest.clips, &looked, last);
+        if last.scene.as_ref().is_some_and(|last| last.mesh_parts() == scene.mesh_parts()) {
+            new.same_mesh_parts.push(*level);
+        }
         new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
         new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
         new.coverage.push(coverage(*level, &scene.coverage));

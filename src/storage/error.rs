@@ -66,7 +66,7 @@ pub enum StorageError {
     NoSuchHome,
     #[error("the home has no clip of this id; it may have been removed")]
     NoSuchClip,
-    #[error("the home has no LiDAR map")]
+    #[error("the home has no such LiDAR map; PUT /v1/homes/{{home}}/lidar-map sends the first one")]
     NoLidarMap,
     #[error("the home has LiDAR maps of {MAX_LEVELS} levels already, which is the maximum")]
     TooManyLevels,

@@ -5,6 +5,7 @@ mod mesh;
 mod objects;
 mod places;
 mod scene;
+mod state;
 
 pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
 pub use mesh::{LevelSurface, MESH_POINTS};
@@ -12,6 +13,8 @@ pub use mesh::{LevelSurface, MESH_POINTS};
 pub(super) use objects::statement as objects_statement;
 pub use objects::{HomeObject, MapObject, ObjectFilter};
 pub use scene::{MapHistory, MapRoom, MapScene};
+pub(super) use state::FAILING_MERGES;
+pub use state::MapState;
 
 use super::columns::Columns;
 use super::damage::check_removed;
@@ -104,12 +107,20 @@ pub struct MapFile {
     key: String,
 }
 
+impl MapFile {
+    /// Returns the key of its blob. No key is written twice, so it stands for the bytes.
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+}
+
 /// The names of a map's files. Each level has its own, except for the manifest.
 pub mod map_file {
     pub const TILE: &str = "tile";
     /// Sums of a tile's first clips, from which the next merge continues. Only the current revision has them.
     pub const SUMS: &str = "sums";
-    /// The mesh as binary glTF, if it is made already. Only the current revision has it.
+    /// The mesh as binary glTF, if it is made already. Only the current revision has it, and those before it with the same
+    /// surface.
     pub const MESH: &str = "mesh.glb";
     pub const MANIFEST: &str = "manifest.json";
     pub const SCENE: &str = "scene.json";
@@ -156,15 +167,6 @@ impl Storage {
             return Err(StorageError::NoSuchHome);
         }
         row.as_ref().map(from_row).transpose()
-    }
-
-    /// Returns the number of merges in a row that failed, if a change of the home is not in its newest map yet.
-    pub async fn due_merge(&self, home: &HomeId) -> Result<Option<u32>, StorageError> {
-        let row = query("SELECT map_wanted, map_made, map_faults FROM homes WHERE id = $1").bind(home.key());
-        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        let row = row.ok_or(StorageError::NoSuchHome)?;
-        let is_due = row.number("map_made")? < row.number("map_wanted")?;
-        is_due.then(|| row.count("map_faults")).transpose()
     }
 
     /// Returns a page of the revisions below `after`, newest first.

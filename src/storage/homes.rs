@@ -8,6 +8,7 @@ pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 use super::changes::{self, Changed};
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
+use super::home_maps::{FAILING_MERGES, MapState};
 use super::{ClipState, Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
 use search::search_text;
@@ -29,6 +30,7 @@ pub struct Home {
     pub clips: [i64; ClipState::ALL.len()],
     /// The seen part of each level in the newest revision of its map; none before the first.
     pub coverage: Vec<LevelCoverage>,
+    pub map_state: MapState,
     pub created_at: Timestamp,
     /// Time of the newest change of the home, its LiDAR map, its clips or its fused map.
     pub updated_at: Timestamp,
@@ -49,7 +51,7 @@ pub struct HomeFilter {
     pub updated_after: Option<Timestamp>,
     /// Only homes with this text in their id or name, in any case.
     pub text: Option<String>,
-    /// Only homes with clips that wait, are ambiguous or failed.
+    /// Only homes with clips that wait, are ambiguous or failed, and those whose map is failing.
     pub needs_attention: bool,
 }
 
@@ -69,6 +71,7 @@ fn from_row(row: &Row) -> Result<Home, StorageError> {
             row.number("failed")?,
         ],
         coverage: row.maybe_json("coverage")?.unwrap_or_default(),
+        map_state: MapState::of(row)?,
         created_at: row.time("created_at")?,
         updated_at: newest_change.map_or(updated_at, |at| at.max(updated_at)),
     })
@@ -166,14 +169,14 @@ impl Storage {
         filter: &HomeFilter,
         page: &Page<HomeId>,
     ) -> Result<Vec<Home>, StorageError> {
-        // $4 is the text, $5 whether attention matters, $6 the time.
+        // $4 is the text, $5 whether attention matters, $7 the time.
         let statement = match filter {
             // Few homes are expected to have changed: the indexes of times find them, then they are sorted.
             HomeFilter { updated_after: Some(_), .. } => select_homes!(
-                "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $6
-                        UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $6)
+                "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $7
+                        UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $7)
                     AND id || '' > $2 AND search LIKE $4 ESCAPE '!'
-                    AND ($5 = 0 OR EXISTS (SELECT 1 FROM clips
+                    AND ($5 = 0 OR (map_made < map_wanted AND map_faults >= $6) OR EXISTS (SELECT 1 FROM clips
                         WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
                     ORDER BY id || '' LIMIT $3"
             ),
@@ -181,7 +184,7 @@ impl Storage {
             // row. Otherwise they scan the next tenant's homes, or this one's from the first.
             _ => select_homes!(
                 "WHERE (tenant, id) > ($1, $2) AND tenant <= $1 AND search LIKE $4 ESCAPE '!'
-                    AND ($5 = 0 OR EXISTS (SELECT 1 FROM clips
+                    AND ($5 = 0 OR (map_made < map_wanted AND map_faults >= $6) OR EXISTS (SELECT 1 FROM clips
                         WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
                     ORDER BY tenant, id LIMIT $3"
             ),
@@ -193,7 +196,8 @@ impl Storage {
             .bind(page.after.as_ref().map_or("", HomeId::key))
             .bind(i64::from(page.limit))
             .bind(format!("%{text}%"))
-            .bind(i64::from(filter.needs_attention));
+            .bind(i64::from(filter.needs_attention))
+            .bind(i64::from(FAILING_MERGES));
         if let Some(time) = filter.updated_after {
             query = query.bind(time.as_millisecond());
         }

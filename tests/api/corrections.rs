@@ -150,6 +150,47 @@ async fn an_object_is_corrected_and_the_correction_withdrawn() {
     assert_eq!(find(&again, "objects", &id), Some(&found));
 }
 
+/// Asks for a file of the map that a client may have; returns the status and the tag.
+async fn ask(server: &Server, home: &str, file: &str, known: &str) -> (u16, String) {
+    let request = server.request(reqwest::Method::GET, &format!("{home}/map/{file}"));
+    let answer = server.send(request.header("if-none-match", known)).await;
+    (answer.status, answer.header("etag").to_owned())
+}
+
+/// A page that has the points and the mesh does not load them again because of a name.
+#[tokio::test]
+async fn a_new_name_leaves_the_points_and_the_mesh_as_they_are() {
+    let (server, home, objects) = furnished().await;
+    let id = objects["objects"][0]["id"].as_str().expect("the room has furniture");
+    let path = format!("{home}/map/objects/{id}");
+    let files = ["points", "points?format=laz&classes=wall", "mesh?triangles=1000", "points?z=0,1"];
+    let mut tags = Vec::new();
+    for file in files {
+        let (status, tag) = ask(&server, &home, file, "\"none\"").await;
+        assert!(status == 200 && !tags.contains(&tag), "{file}");
+        tags.push(tag);
+    }
+    patch(&server, &path, &json!({"name": "Grandma's"})).await.ok(200);
+    let named = after(&server, &home, "objects", &objects["revision"]).await;
+    assert_eq!(find(&named, "objects", id).unwrap()["name"], "Grandma's");
+    for (file, tag) in files.iter().zip(&tags) {
+        assert_eq!(ask(&server, &home, file, tag).await, (304, tag.clone()), "{file}");
+    }
+    let earlier = format!("points?revision={}", objects["revision"]);
+    assert_eq!(ask(&server, &home, &earlier, &tags[0]).await.0, 304);
+    // A hidden object is no part of the mesh, and its points stay.
+    patch(&server, &path, &json!({"hidden": true})).await.ok(200);
+    after(&server, &home, "objects", &named["revision"]).await;
+    assert_eq!(ask(&server, &home, files[0], &tags[0]).await.0, 304);
+    assert_eq!(ask(&server, &home, files[2], &tags[2]).await.0, 200);
+    add(&server, &home, 20).await;
+    let known = &tags[0];
+    eventually("the points change", || async {
+        (ask(&server, &home, files[0], known).await.0 == 200).then_some(())
+    })
+    .await;
+}
+
 #[tokio::test]
 async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
     let (server, home, objects) = furnished().await;

@@ -75,6 +75,53 @@ fn no_description_of_an_answer_is_lost() {
     assert!(answers > 100, "{answers}");
 }
 
+/// A reader of the document learns the meaning of each state, and what to do.
+#[test]
+fn the_values_of_states_are_explained() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let states =
+        ["ClipState", "AlignmentState", "JobState", "UploadState", "MapState", "DeliveryState", "Attention"];
+    for name in states {
+        let schema = &document["components"]["schemas"][name];
+        let description = schema["description"].as_str().unwrap();
+        for value in schema["enum"].as_array().unwrap() {
+            let item = format!("- `{}`: ", value.as_str().unwrap());
+            assert!(description.contains(&item), "{name} {value}: {description}");
+        }
+    }
+}
+
+/// Files are served in parts, and everything but streams and archives made on the way has an entity tag.
+#[test]
+fn entity_tags_and_ranges_are_told_where_they_are_served() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for (path, has_tag, has_parts) in [
+        ("/v1/homes/{home}", true, false),
+        ("/v1/homes/{home}/map/objects", true, false),
+        ("/v1/homes/{home}/map/points", true, true),
+        ("/v1/homes/{home}/map/plan", true, true),
+        ("/v1/homes/{home}/clips/{clip}/recording", true, true),
+        ("/v1/homes/{home}/lidar-map/image.png", true, true),
+        ("/v1/homes/{home}/export", false, false),
+        ("/v1/homes/{home}/events", false, false),
+    ] {
+        let operation = &document["paths"][path]["get"];
+        let parameters = operation["parameters"].as_array().unwrap();
+        let has_header = |name: &str| parameters.iter().any(|parameter| parameter["name"] == name);
+        let answers = &operation["responses"];
+        assert_eq!(has_header("If-None-Match"), has_tag, "{path}");
+        assert_eq!(answers["200"]["headers"]["ETag"].is_object(), has_tag, "{path}");
+        for name in ["Range", "If-Range"] {
+            assert_eq!(has_header(name), has_parts, "{path} {name}");
+        }
+        for status in ["206", "416"] {
+            assert_eq!(answers[status].is_object(), has_parts, "{path} {status}");
+        }
+    }
+    let png = &document["paths"]["/v1/homes/{home}/map/plan"]["get"]["responses"]["206"]["content"];
+    assert!(png["image/png"].is_object() && png["application/json"].is_null(), "{png}");
+}
+
 /// Collects every `$ref` in a part of the document.
 fn references(part: &serde_json::Value, into: &mut Vec<String>) {
     match part {

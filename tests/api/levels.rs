@@ -62,6 +62,29 @@ async fn each_level_has_a_map_of_its_own() {
     server.put(&format!("{maps}/ninth"), small_room_csv()).await.problem(409, "too-many-levels");
 }
 
+#[tokio::test]
+async fn a_home_without_the_level_main_shows_another_one() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let picture = format!("{home}/lidar-map/image.png");
+    let missing = async |path: &str| {
+        let problem = server.get(&format!("{home}/{path}")).await.problem(404, "lidar-map-not-found");
+        problem["detail"].as_str().unwrap().to_owned()
+    };
+    assert!(missing("lidar-map/image.png").await.contains("PUT /v1/homes/"));
+    server.put(&format!("{home}/lidar-maps/upper"), room::lidar_csv()).await.ok(201);
+    server.put(&format!("{home}/lidar-maps/attic"), small_room_csv()).await.ok(201);
+    let attic = server.get(&format!("{home}/lidar-maps/attic/image.png")).await;
+    let shown = server.get(&picture).await;
+    assert_eq!((shown.status, shown.header("etag")), (200, attic.header("etag")));
+    assert!(shown.bytes == attic.bytes, "the first level by name is shown");
+    for path in ["lidar-map", "lidar-maps/main", "lidar-maps/cellar/image.png", "lidar-maps/cellar/revisions"]
+    {
+        let detail = missing(path).await;
+        assert!(detail.ends_with("it has those of attic, upper"), "{path}: {detail}");
+    }
+}
+
 /// Starts a server with a home whose clip was recorded on the level `upper`; returns both paths and the clip.
 async fn aligned_upstairs() -> (Server, String, String, Value) {
     let server = Server::start().await;

@@ -95,7 +95,7 @@ async fn what_a_reader_has_is_not_sent_again() {
     the_state_of_the_map_is_told(&server, &home).await;
 }
 
-/// A change that waits for its merge is told, and so are merges that fail.
+/// A change that waits for its merge is told, and so are merges that fail, by the map and by its home.
 async fn the_state_of_the_map_is_told(server: &Server, home: &str) {
     let state = || async { server.get(&format!("{home}/map")).await.ok(200)["state"].clone() };
     eventually("the last merge ends", || async { (state().await == "current").then_some(()) }).await;
@@ -107,6 +107,14 @@ async fn the_state_of_the_map_is_told(server: &Server, home: &str) {
         );
         server.execute(&statement).await;
         assert_eq!(state().await, expected, "{ahead} {faults}");
+        let told = server.get(home).await.ok(200);
+        let needs = told["needs_attention"].as_array().unwrap();
+        assert_eq!(
+            (&told["map_state"], needs.contains(&json!("map_failing"))),
+            (&json!(expected), faults == 2)
+        );
+        let listed = server.get("/v1/homes?needs_attention=true").await.ok(200);
+        assert_eq!(listed["items"].as_array().unwrap().contains(&told), !needs.is_empty());
     }
 }
 

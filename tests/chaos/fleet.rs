@@ -95,6 +95,8 @@ impl Fleet {
             Place::Disk(disk) => prepared(disk.command(program())),
         };
         command.envs(self.settings.iter().map(|(name, value)| (*name, value)));
+        // Labels would take half of the processors' time, and no promise is about them.
+        command.env("VIOLA_MODELS", "none");
         match &self.place {
             Place::Shared => command.env("VIOLA_DATA", self.folder.path().join(number.to_string())),
             Place::Disk(disk) => command.env("VIOLA_DATA", disk.data()),

@@ -1,5 +1,8 @@
 //! ROS 2 bags (ros2/rosbag2; mcap.dev/spec; ros2/common_interfaces).
 
+mod poses;
+mod unread;
+
 use crate::databases::{Value, database};
 use crate::recording::{Recorded, Recording, quaternion};
 use crate::writers::Files;

@@ -68,7 +68,7 @@ fn lengths_in_a_bag_are_not_believed() {
             cdr[4 + 8 + 4 + 28..][..8].copy_from_slice(&[0, 8, 0, 0, 0, 8, 0, 0]);
         }
     }
-    check(bag(mcap_file(&all, "", <[u8]>::to_vec)), "bad_metadata", "is damaged");
+    check(bag(mcap_file(&all, "", <[u8]>::to_vec)), "bad_metadata", "a row has 2048 pixels of 16UC1");
 }
 
 #[test]

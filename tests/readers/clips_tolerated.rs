@@ -6,7 +6,7 @@ use crate::export_writers as writers;
 use crate::exports::check_poses;
 use crate::recording::{Recording, gl};
 use crate::refusals::check_error;
-use crate::writers::{Files, color_jpeg, depth_png, tum, zip_bytes};
+use crate::writers::{Files, color_jpeg, depth_png, seven_scenes, tum, zip_bytes};
 use nalgebra::Matrix4;
 use serde_json::json;
 use viola_formats::clip::{Clip, ClipError};
@@ -158,15 +158,137 @@ fn depth_of_record3d_without_a_size_lies_as_colour_does() {
 }
 
 #[test]
-fn tum_pictures_that_no_kinect_took_need_their_intrinsics() {
-    let mut files = tum("", &[0, 1, 2]);
+fn pictures_that_no_kinect_took_need_their_intrinsics() {
     let file = "camera-intrinsics.txt";
-    remove(&mut files, |name| name == file);
-    check_note(&open(&files).unwrap(), "Kinect");
-    for (_, bytes) in files.iter_mut().filter(|(name, _)| name.ends_with(".png")) {
-        *bytes = depth_png(48, 27, |_, _| 1000);
+    // The assumed intrinsics of 640x480 pixels, for pictures of 32x24.
+    for (mut files, told, expected) in [
+        (tum("", &[0, 1, 2]), "Kinect", [26.25, 26.25, 15.5, 11.5]),
+        (seven_scenes("", &[0, 1, 2]), "depth camera of 7-Scenes", [29.25, 29.25, 15.525, 11.525]),
+    ] {
+        remove(&mut files, |name| name == file);
+        let clip = open(&files).unwrap_or_else(|error| panic!("{told}: {error}"));
+        check_note(&clip, told);
+        assert!(clip.info().intrinsics.contains("assumed"), "{told}: {}", clip.info().intrinsics);
+        let camera = clip.load(0).unwrap().depth_camera;
+        for (found, expected) in [camera.fx, camera.fy, camera.cx, camera.cy].iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-9, "{told}: {camera:?}");
+        }
+        for (_, bytes) in files.iter_mut().filter(|(name, _)| name.ends_with(".png")) {
+            *bytes = depth_png(48, 27, |_, _| 1000);
+        }
+        check_error(open(&files).err().unwrap(), "missing_intrinsics", file);
     }
-    check_error(open(&files).err().unwrap(), "missing_intrinsics", file);
+}
+
+#[test]
+fn a_last_row_that_was_cut_off_is_left_out() {
+    let recording = Recording::small(3);
+    let mut felt = tum("", &[0, 1, 2]);
+    set(&mut felt, "accelerometer.txt", "1305031229.49 1 2 -9\n1305031229.51 3 4 -7\n");
+    // The frames that are left, and those with a pose.
+    let cases: [(Files, &str, [usize; 2]); 7] = [
+        (writers::stray("", &recording), "odometry.csv", [3, 2]),
+        (writers::arkit_scenes("", &recording), "lowres_wide.traj", [3, 2]),
+        (writers::redwood("", &recording), "scene/trajectory.log", [3, 2]),
+        (felt.clone(), "groundtruth.txt", [3, 2]),
+        (felt.clone(), "accelerometer.txt", [3, 3]),
+        (felt.clone(), "rgb.txt", [2, 2]),
+        (felt, "depth.txt", [2, 2]),
+    ];
+    for (mut files, name, left) in cases {
+        let whole = content(&mut files, name).clone();
+        let blank = whole.iter().rposition(|byte| *byte == b' ').unwrap();
+        // The last column is missing, or its number ends too early. A part of a picture's name is a name as well.
+        let is_list = matches!(name, "rgb.txt" | "depth.txt");
+        for end in [blank, whole.len() - 2].into_iter().take(if is_list { 1 } else { 2 }) {
+            set(&mut files, name, &whole[..end]);
+            let clip = open(&files).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!([clip.info().frames, clip.info().frames_with_pose], left, "{name}");
+            check_note(&clip, "was cut off");
+            set(&mut files, name, [&whole[..end], b"\n"].concat());
+            check_error(open(&files).err().unwrap(), "bad_index", name);
+        }
+    }
+    // The rest of the row has as many columns as a row of an old recording.
+    let mut files = writers::stray("", &recording);
+    let text = String::from_utf8(content(&mut files, "odometry.csv").clone()).unwrap();
+    let (end, _) = text.rmatch_indices(", ").nth(1).unwrap();
+    set(&mut files, "odometry.csv", &text[..end]);
+    check_note(&open(&files).unwrap(), "was cut off");
+    // A pose of several rows may end with a whole one.
+    let mut files = writers::redwood("", &recording);
+    edit_lines(&mut files, "scene/trajectory.log", |number, line| (number < 13).then(|| line.to_string()));
+    let clip = open(&files).unwrap();
+    assert_eq!(clip.info().frames_with_pose, 2);
+    check_note(&clip, "was cut off");
+}
+
+#[test]
+fn pictures_of_redwood_keep_their_poses_without_the_others() {
+    let files = writers::redwood("", &Recording::small(6));
+    let whole = open(&files).unwrap();
+    let number = |name: &str| -> Option<u32> {
+        let stem = name.strip_suffix(".jpg").or(name.strip_suffix(".png"))?;
+        stem.rsplit_once('/')?.1.parse().ok()
+    };
+    let open_some = |kept: &[u32]| {
+        let mut some = files.clone();
+        remove(&mut some, |name| number(name).is_some_and(|number| !kept.contains(&number)));
+        open(&some)
+    };
+    for kept in [&[2, 3, 4, 5][..], &[0, 1, 2], &[0, 2, 4]] {
+        let clip = open_some(kept).unwrap_or_else(|error| panic!("{kept:?}: {error}"));
+        let frames = whole.frames().iter().filter(|frame| kept.contains(&frame.number));
+        assert_eq!(clip.frames(), frames.cloned().collect::<Vec<_>>(), "{kept:?}");
+    }
+    // The pictures may count from 0 or from 1.
+    for naming in [
+        "scene/trajectory.log",
+        "6 poses, of the frames 1 to 6, for 2 pictures, with the numbers 2 to 3",
+        "keep one pose for each picture",
+    ] {
+        check_error(open_some(&[2, 3]).err().unwrap(), "bad_metadata", naming);
+    }
+}
+
+#[test]
+fn poses_of_stray_scanner_before_it_tracks_are_not_used() {
+    // The first rows that are at the origin, and those without a pose.
+    for (at_origin, untracked) in [(1, 0), (2, 2), (3, 3), (4, 0)] {
+        let mut files = writers::stray("", &Recording::small(4));
+        edit_lines(&mut files, "odometry.csv", |number, line| {
+            let mut words: Vec<&str> = line.split(", ").collect();
+            if (1..=at_origin).contains(&number) {
+                words[2..5].fill("0.0");
+            }
+            Some(words.join(", "))
+        });
+        let clip = open(&files).unwrap();
+        let has_pose: Vec<bool> = clip.frames().iter().map(|f| f.world_from_camera.is_some()).collect();
+        let expected: Vec<bool> = (0..4).map(|row| row >= untracked).collect();
+        assert_eq!(has_pose, expected, "{at_origin} rows at the origin");
+        if untracked > 0 {
+            check_note(&clip, &format!("the first {untracked} rows"));
+        }
+    }
+}
+
+/// The poses are 40 ms before and 60 ms after each picture.
+#[test]
+fn tum_poses_of_ten_hertz_are_interpolated() {
+    let mut files = tum("", &[0, 1, 2]);
+    // A walk of 1 m/s along x, and a turn of 1 rad/s about z.
+    let row = |t: f64| {
+        let (time_s, half) = (1_305_031_229.0 + t, t / 2.0);
+        format!("{time_s:.4} {t} 0 0 0 0 {} {}\n", half.sin(), half.cos())
+    };
+    set(&mut files, "groundtruth.txt", [0.46, 0.56, 0.66, 0.76].map(row).concat());
+    let clip = open(&files).unwrap();
+    for (frame, t) in clip.frames().iter().zip([0.5, 0.6, 0.7]) {
+        let pose = frame.world_from_camera.unwrap_or_else(|| panic!("no pose at {t}"));
+        let (x_m, turn_rad) = (pose.translation.x, pose.rotation.angle());
+        assert!((x_m - t).abs() < 1e-5 && (turn_rad - t).abs() < 1e-5, "{x_m} m and {turn_rad} rad at {t}");
+    }
 }
 
 #[test]

@@ -260,7 +260,6 @@ fn arkit_scenes() {
     check(scenes, camera("64 48 1339 1339 960 720"), "bad_intrinsics", "another size");
     check(scenes, camera("48 64 56 57 23 31"), "color_depth_mismatch", "48x64");
     check(scenes, |f| edit_lines(f, trajectory, |_, line| Some(format!("{line} 1"))), "bad_index", "line 1");
-    check(scenes, |f| cut(f, trajectory, 0.9), "bad_index", "line 3");
     check(scenes, |f| set_word(f, trajectory, 1, 3, "x"), "bad_index", "line 2");
     check_without_poses(scenes, |f| set(f, trajectory, ""));
     check(scenes, |f| remove(f, |name| name == trajectory), "unknown_layout", trajectory);
@@ -277,7 +276,6 @@ fn redwood() {
     check(redwood, |f| set(f, log, "INFO it began\n"), "bad_index", log);
     check(redwood, |f| set(f, log, ""), "bad_index", log);
     check(redwood, |f| edit_lines(f, log, |n, line| (n != 7).then(|| line.into())), "bad_index", "line 10");
-    check(redwood, |f| cut(f, log, 0.95), "bad_index", "line 15");
     check(redwood, |f| set_word(f, log, 6, 1, "x"), "bad_index", "line 7");
     check(redwood, |f| set_word(f, log, 5, 2, "0"), "bad_index", "from 1");
     check(redwood, |f| set_word(f, log, 5, 2, "1e99"), "bad_index", "from 1");

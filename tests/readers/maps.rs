@@ -57,20 +57,22 @@ fn valetudo_in_both_versions_is_y_up_from_the_lower_left_corner() {
 
 #[test]
 fn a_map_with_hardly_any_wall_takes_the_floors_border() {
-    let mut file = valetudo(true, true);
-    file["layers"][0]["compressedPixels"] = json!([42, 30, 2]);
-    let map = LidarMap::read(&text(&file)).unwrap();
-    assert!(map.info.notes.iter().any(|note| note.contains("only 2 wall cells")), "{:?}", map.info.notes);
-    // The two wall cells, and every cell beside the floor: by hand from the drawing, all walls but the four
-    // corners that touch no floor, and the gap in the lowest row.
-    let cell = |x: usize, y: usize| {
-        let at = Point2::new(2.0 + (x as f64 + 0.5) * CELL_M, 4.0 - (y as f64 + 30.5) * CELL_M);
-        map.cells.as_ref().unwrap().at(&at).unwrap_or(Cell::Unknown)
-    };
-    assert_eq!(cell(2, 1), Cell::Occupied);
-    assert_eq!(cell(4, 5), Cell::Occupied, "the gap below the floor");
-    assert_eq!(cell(6, 0), Cell::Unknown, "a corner");
-    assert_eq!(cell(3, 1), Cell::Free);
+    for (walls, noted) in [(json!([42, 30, 2]), "only 2 wall cells"), (json!([]), "no wall cells")] {
+        let mut file = valetudo(true, true);
+        file["layers"][0]["compressedPixels"] = walls;
+        let map = LidarMap::read(&text(&file)).unwrap_or_else(|error| panic!("{noted}: {error}"));
+        assert!(map.info.notes.iter().any(|note| note.contains(noted)), "{:?}", map.info.notes);
+        // Every cell beside the floor: by hand from the drawing, all walls but the four corners that touch no
+        // floor, and the gap in the lowest row.
+        let cell = |x: usize, y: usize| {
+            let at = Point2::new(2.0 + (x as f64 + 0.5) * CELL_M, 4.0 - (y as f64 + 30.5) * CELL_M);
+            map.cells.as_ref().unwrap().at(&at).unwrap_or(Cell::Unknown)
+        };
+        assert_eq!(cell(2, 1), Cell::Occupied, "{noted}");
+        assert_eq!(cell(4, 5), Cell::Occupied, "{noted}: the gap below the floor");
+        assert_eq!(cell(6, 0), Cell::Unknown, "{noted}: a corner");
+        assert_eq!(cell(3, 1), Cell::Free, "{noted}");
+    }
 }
 
 #[test]
@@ -106,6 +108,9 @@ fn ros_maps_in_each_mode_and_encoding() {
         &String::from_utf8(yaml("")).unwrap().replace("negate: 0", "negate: true").into_bytes(),
         &pgm(grey(255, 0, 50)),
     );
+    let no =
+        String::from_utf8(yaml("")).unwrap().replace("negate: 0", "negate: no").replace("0.65", "'0.65'");
+    check("as yaml-cpp reads it", format!("\u{feff}{no}").as_bytes(), &saved);
     check("scale", &yaml("mode: scale\n"), &pgm(grey(10, 250, 128)));
     check("raw", &yaml("mode: raw\n"), &pgm(grey(100, 0, 255)));
     // nav2's saver writes 0.25, under which its own unknown would be floor.
@@ -143,6 +148,40 @@ fn a_ros_map_is_read_from_its_yaml_file() {
     for (name, yaml) in [("map.yaml", yaml("")), ("MAP.YAML", absolute.into_bytes())] {
         let folder = as_folder(&[(name.into(), yaml), ("map.pgm".into(), image.clone())]);
         check_home(name, &LidarMap::open(&folder.path().join(name)).unwrap(), [-1.0, 2.0]);
+    }
+}
+
+#[test]
+fn the_masks_beside_a_ros_map_are_ignored() {
+    let named = |image: &str| String::from_utf8(yaml("")).unwrap().replace("map.pgm", image).into_bytes();
+    let (map, mask) = (pgm(grey(0, 254, 205)), pgm(grey(254, 254, 0)));
+    let masks = ["keepout_mask", "semantic_mask", "room_mask", "Speed_Filter"];
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    for name in masks {
+        files.push((format!("home/{name}.yaml"), named(&format!("{name}.pgm"))));
+        files.push((format!("home/{name}.pgm"), mask.clone()));
+    }
+    let masks_alone = zip_bytes(&files);
+    files.push(("home/map.yaml".into(), named("map.pgm")));
+    // The image of the map may have another name; those of the masks do not count.
+    for image in ["home/map.pgm", "home/plan.pgm"] {
+        let files = [&files[..], &[(image.to_string(), map.clone())]].concat();
+        let read = LidarMap::read(&zip_bytes(&files)).unwrap_or_else(|error| panic!("{image}: {error}"));
+        check_home(image, &read, [-1.0, 2.0]);
+        assert!(read.info.notes.iter().any(|note| note.starts_with("4 yaml files of masks")), "{image}");
+    }
+    // A mask alone is a map.
+    assert!(LidarMap::read(&zip_bytes(&files[..2])).is_ok());
+    let two_maps = zip_bytes(&[("a.yaml".into(), yaml("")), ("b.yaml".into(), yaml("")), files[0].clone()]);
+    for (zip, names) in [
+        (
+            &masks_alone,
+            "(home/Speed_Filter.yaml, home/keepout_mask.yaml, home/room_mask.yaml, home/semantic_mask.yaml)",
+        ),
+        (&two_maps, "(a.yaml, b.yaml)"),
+    ] {
+        let error = LidarMap::read(zip).unwrap_err();
+        assert!(error.code() == "bad_yaml" && error.to_string().contains(names), "{error}");
     }
 }
 
@@ -227,6 +266,7 @@ fn csv_points_with_any_header_and_separator() {
     let plain = |p: &Point2| vec![p.x, p.y];
     let swapped = |p: &Point2| vec![9.0, p.y, p.x];
     let level = |p: &Point2| vec![p.x, p.y, 0.125, 200.0];
+    let thousands = |p: &Point2| vec![1000.0 * p.x, 1000.0 * p.y];
     let commas = lines(";", &plain).replace('.', ",");
     let quoted = lines("\" \"", &plain).replace('.', ",").replace('\n', "\"\n\"");
     for (what, csv) in [
@@ -242,6 +282,11 @@ fn csv_points_with_any_header_and_separator() {
         ("decimal commas without a header", commas.clone()),
         ("quoted decimal commas", format!("\"x [m]\",\"y [m]\"\n\"{}\"", quoted.replace(' ', ","))),
         ("quoted decimal commas between blanks", format!("\"x [m]\" \"y [m]\"\n\"{quoted}\"")),
+        ("units in brackets", format!("\u{feff}X (m);Y (m)\n{}", lines(";", &plain))),
+        ("units between blanks", format!("X (m) Y (m)\n{}", lines(" ", &plain))),
+        ("units between tabs", format!("x [m]\ty [m]\n{}", lines("\t", &plain))),
+        ("positions", format!("intensity,pos_y,pos_x\n{}", lines(",", &swapped))),
+        ("millimetres", format!("x_mm,y [mm]\n{}", lines(",", &thousands))),
     ] {
         let map = LidarMap::read(csv.as_bytes()).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!(map.info.format, "csv_points", "{what}");

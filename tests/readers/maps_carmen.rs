@@ -25,6 +25,34 @@ fn a_short_log_is_a_map() {
     }
 }
 
+#[test]
+fn other_messages_may_come_first() {
+    for name in ["FLASER", "ROBOTLASER1"] {
+        let log = carmen(name);
+        let plain = LidarMap::read(&log).unwrap();
+        let laser =
+            String::from_utf8(log.clone()).unwrap().replace("PARAM", "SETTING").replace("ODOM", "WHEELS");
+        for (what, log) in [
+            ("another sensor", [b"NMEAGGA 1 52.1 8.0 0.0 host 0.0\n".as_slice(), log.as_slice()].concat()),
+            (
+                "empty lines and a synchronisation",
+                [b"\r\n\n# drawn\nSYNC\r\n".as_slice(), log.as_slice()].concat(),
+            ),
+            ("no known message but the laser's", laser.into_bytes()),
+            ("indented lines", log.split(|byte| *byte == b'\n').collect::<Vec<_>>().join(&b"\n  "[..])),
+        ] {
+            let map = LidarMap::read(&log).unwrap_or_else(|error| panic!("{name}, {what}: {error}"));
+            assert_eq!(
+                (map.info, map.occupied_m),
+                (plain.info.clone(), plain.occupied_m.clone()),
+                "{name}, {what}"
+            );
+        }
+    }
+    let other = LidarMap::read(b"NMEAGGA 1 52.1 8.0 0.0 host 0.0\nIMU 1 2 3\n").unwrap_err();
+    assert_eq!(other.code(), "unknown_format");
+}
+
 /// The robot of a home drives through it with wheels that slip; its laser has 1 cm of noise.
 struct Drive {
     log: String,

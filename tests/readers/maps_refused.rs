@@ -43,7 +43,11 @@ fn valetudo_maps_that_cannot_be_used_are_refused_by_name() {
         ("pixels of no size", edited("/pixelSize", json!(0)), "bad_field"),
         ("pixels of 10 m", edited("/pixelSize", json!(1000)), "bad_field"),
         ("pixels of text", edited("/pixelSize", json!("5")), "bad_json"),
-        ("no wall", edited(runs, json!([])), "no_walls"),
+        (
+            "neither wall nor floor",
+            edited("/layers", json!([{"type": "lava", "pixels": [42, 30]}])),
+            "no_walls",
+        ),
         ("no layers", edited("/layers", json!([])), "no_walls"),
         ("layers that are no list", edited("/layers", json!({})), "bad_json"),
         ("other JSON", b"{\"a\": 1}".to_vec(), "bad_json"),
@@ -150,6 +154,9 @@ fn points_that_cannot_be_used_are_refused_by_name() {
     check_refused("no finite point", b"x,y\nnan,nan\n", "no_walls");
     check_refused("a word", b"x,y\n1,2\n1,two\n", "bad_points");
     check_refused("one column", b"x,y\n1\n", "bad_points");
+    check_refused("columns of other names", b"lat;lon [deg]\n48.1;11.5\n", "bad_points");
+    let told = LidarMap::read(b"lat;lon [deg]\n48.1;11.5\n").unwrap_err().to_string();
+    assert!(told.contains("line 1: the columns are lat, lon [deg]"), "{told}");
     check_refused("a hundred kilometres", b"x,y\n0,0\n99999,99999\n", "map_too_large");
     check_refused("millimetres", b"x,y\n0,0\n8200,4100\n", "map_too_large");
     assert!(LidarMap::read(b"x,y\n-90000,0\n-89750,250\n").is_ok(), "where the map lies does not matter");
@@ -171,7 +178,7 @@ fn points_that_cannot_be_used_are_refused_by_name() {
         &edited("property uchar red", "property list uchar int red"),
         "bad_ply",
     );
-    check_refused("faces first", &edited("element vertex", "element face 1\nelement vertex"), "bad_ply");
+    check_refused("no vertices named", &edited("element vertex", "element point"), "bad_ply");
     let faces = "element face 1\nproperty list uchar int vertex_indices\nelement vertex";
     check_refused("faces with bytes first", &edited("element vertex", faces), "bad_ply");
     check_refused("a number short", &edited("-0.5 200", "-0.5"), "bad_ply");

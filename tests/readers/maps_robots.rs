@@ -53,6 +53,27 @@ fn roborock_in_each_generation() {
     assert!(newer.info.notes[0].contains("header of 36 bytes"), "{:?}", newer.info.notes);
 }
 
+/// The walls of such a map are the cells around its floor: each wall of the drawing beside floor, and the gap below it.
+#[test]
+fn roborock_without_walls() {
+    let mut image = roborock_image(28, true);
+    let first_cell = image.len() - 8 * 6;
+    image[first_cell..].iter_mut().filter(|cell| **cell == 1).for_each(|cell| *cell = 0);
+    let map = LidarMap::read(&rrmap(&[image])).unwrap();
+    assert!(map.info.notes.iter().any(|note| note.contains("no wall cells")), "{:?}", map.info.notes);
+    let is_floor = |x: usize, y: usize| {
+        HOME.get(y).and_then(|row| row.as_bytes().get(x)).is_some_and(|c| !b"# ".contains(c))
+    };
+    let beside = |x: usize, y: usize| {
+        is_floor(x.wrapping_sub(1), y)
+            || is_floor(x + 1, y)
+            || is_floor(x, y.wrapping_sub(1))
+            || is_floor(x, y + 1)
+    };
+    let expected = cells().filter(|&(x, y, _)| !is_floor(x, y) && beside(x, y)).count();
+    assert_eq!(map.occupied_m.len(), expected);
+}
+
 #[test]
 fn dreame_with_its_saved_map() {
     let text = dreame(&dreame_inflated(b'I'));

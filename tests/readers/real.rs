@@ -116,6 +116,16 @@ fn tum_desk() {
     assert!(off_rad < 6f64.to_radians() && off_rad < 2.0 * up.deviation_rad, "{off_rad} {up:?}");
 }
 
+/// Its first 39 rows are at the origin, and every sixth frame has depth. The 40th row is 2e-9 m away from it.
+#[test]
+fn iphone_before_it_tracks() {
+    let Some(folder) = data::folder("iphone_stray/second_room") else { return };
+    let clip = Clip::open(&folder).unwrap();
+    let without = clip.frames().iter().filter(|frame| frame.world_from_camera.is_none());
+    assert_eq!(without.map(|frame| frame.number).collect::<Vec<_>>(), [0, 6, 12, 18, 24, 30, 36]);
+    assert_eq!(clip.info().frames, 97);
+}
+
 /// Returns the distance from each point to the nearest of the others, sorted.
 fn distances_m(points: &[Point2], others: &[Point2]) -> Vec<f64> {
     let nearest = |p: &Point2| others.iter().map(|o| (o - p).norm()).fold(f64::INFINITY, f64::min);

@@ -1,10 +1,18 @@
-//! Checks of refusals.
+//! Checks of refusals, and files of the apps that must not be refused.
 
-use crate::exports::Writer;
+use crate::edits::{drop_member, edit_json, rename};
+use crate::export_writers as writers;
+use crate::exports::{EXPORTS, Writer};
 use crate::recording::Recording;
-use crate::writers::{Files, as_folder, as_zip, encode};
+use crate::unknown_scale::points;
+use crate::writers::{Files, as_folder, as_zip, encode, scannet, seven_scenes, tum};
 use image::ImageFormat;
-use viola_formats::clip::{Clip, ClipError};
+use serde_json::{Value, json};
+use std::io::Cursor;
+use std::process::Command;
+use viola_formats::clip::write::{WriteError, WrittenLayout, ZipSink, write};
+use viola_formats::clip::{Clip, ClipError, Frame};
+use viola_geometry::progress::Silent;
 
 pub fn changed(write: Writer, change: impl FnOnce(&mut Files)) -> Files {
     let mut files = write("", &Recording::small(3));
@@ -44,4 +52,147 @@ pub fn check_without_poses(write: Writer, change: impl FnOnce(&mut Files)) {
     let clip = Clip::open(as_folder(&files).path()).unwrap();
     assert_eq!((clip.info().frames_with_pose, clip.info().skipped_without_pose), (0, clip.info().frames));
     assert!(clip.info().notes.iter().any(|note| note.contains("tracked")), "{:?}", clip.info().notes);
+}
+
+const TRANSFORMS: &str = "transforms.json";
+
+#[test]
+fn cameras_of_nerfstudio_that_are_no_pinholes_are_refused() {
+    let nerfstudio = writers::nerfstudio;
+    let set = |pointer: &'static str, value: Value| {
+        move |f: &mut Files| {
+            edit_json(f, TRANSFORMS, |file| {
+                let (parent, member) = pointer.rsplit_once('/').unwrap();
+                file.pointer_mut(parent).unwrap()[member] = value;
+            });
+        }
+    };
+    for model in ["OPENCV_FISHEYE", "EQUIRECTANGULAR", "FISHEYE624", "ORTHOPHOTO", "a new one"] {
+        for (pointer, of) in
+            [("/camera_model", "all frames"), ("/frames/1/camera_model", "images/frame_00001.jpg")]
+        {
+            for naming in [format!("camera_model {model} of {of}"), "undistort".to_string()] {
+                check(nerfstudio, set(pointer, json!(model)), "bad_intrinsics", &naming);
+            }
+        }
+    }
+    check(nerfstudio, set("/is_fisheye", json!(true)), "bad_intrinsics", "is_fisheye of all frames");
+    let opened = |pointer: &'static str, value: Value| {
+        Clip::open(as_folder(&changed(nerfstudio, set(pointer, value))).path())
+            .unwrap_or_else(|error| panic!("{pointer}: {error}"))
+    };
+    for model in ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"] {
+        opened("/camera_model", json!(model));
+    }
+    opened("/camera_model", Value::Null);
+    opened("/is_fisheye", json!(false));
+    // A lens of all frames, of one frame, and one that bends less than a pixel.
+    for (pointer, value, is_told) in
+        [("/k1", 0.2, true), ("/frames/2/p2", -0.03, true), ("/frames/2/k1", 0.01, false)]
+    {
+        let clip = opened(pointer, json!(value));
+        let notes = &clip.info().notes;
+        assert_eq!(
+            notes.iter().any(|note| note.contains("lens distortion")),
+            is_told,
+            "{pointer}: {notes:?}"
+        );
+    }
+}
+
+#[test]
+fn members_of_record3d_that_are_null_are_as_absent() {
+    for member in ["perFrameIntrinsicCoeffs", "frameTimestamps", "poses", "fps", "initPose"] {
+        let info = |change: &dyn Fn(&mut Files)| {
+            let clip = Clip::open(as_folder(&changed(writers::record3d, change)).path());
+            clip.unwrap_or_else(|error| panic!("{member}: {error}")).info().clone()
+        };
+        let null = info(&|f| edit_json(f, "metadata", |metadata| metadata[member] = Value::Null));
+        assert_eq!(null, info(&|f| drop_member(f, "metadata", member)), "{member}");
+    }
+}
+
+/// Endings that [`in_capitals`] changes.
+const ENDINGS: [&str; 13] =
+    ["jpg", "png", "depth", "conf", "db", "db3", "mcap", "sens", "json", "pincam", "log", "txt", "ply"];
+
+/// Returns the files with their endings in capitals. Files by which a layout is found have fixed names.
+fn in_capitals(mut files: Files) -> Files {
+    for (name, _) in &mut files {
+        let is_fixed =
+            matches!(name.as_str(), "transforms.json" | "rgb.txt" | "depth.txt" | "groundtruth.txt");
+        if let Some((stem, ending)) = name.rsplit_once('.')
+            && !is_fixed
+            && ENDINGS.contains(&ending)
+        {
+            *name = format!("{stem}.{}", ending.to_uppercase());
+        }
+    }
+    files
+}
+
+/// Pictures with such names were once dropped.
+#[test]
+fn endings_may_be_in_capitals() {
+    let (recording, numbers) = (Recording::small(3), [0, 1, 2]);
+    let mut cases: Vec<(&str, Files)> =
+        EXPORTS.iter().map(|(layout, write, _)| (*layout, write("", &recording))).collect();
+    cases.extend([
+        ("scannet", scannet("", &numbers)),
+        ("seven_scenes", seven_scenes("", &numbers)),
+        ("tum_rgbd", tum("", &numbers)),
+        ("points", points("lounge.ply", "lounge.txt", 5)),
+        ("points", points("out/cloud.ply", "out/trajectory.txt", 5)),
+    ]);
+    for (layout, mut files) in cases {
+        // A file that is alone may have any name.
+        files.push(("README.md".to_string(), b"made by an app".to_vec()));
+        let folders = [as_folder(&files), as_folder(&in_capitals(files))];
+        let [plain, clip] = folders
+            .each_ref()
+            .map(|folder| Clip::open(folder.path()).unwrap_or_else(|error| panic!("{layout}: {error}")));
+        assert_eq!(clip.info().layout, layout);
+        assert_eq!(clip.frames(), plain.frames(), "{layout}");
+        for index in 0..plain.frames().len() {
+            let [plain, frame] = [&plain, &clip].map(|clip| clip.load(index).unwrap());
+            assert!(frame.color == plain.color, "{layout}: the colour of frame {index}");
+            assert_eq!(frame.depth, plain.depth, "{layout}: frame {index}");
+            let cameras = |frame: &Frame| (frame.color_camera, frame.depth_camera);
+            assert_eq!(cameras(&frame), cameras(&plain), "{layout}: frame {index}");
+        }
+    }
+    let mut recording = Recording::small(3);
+    recording.color_size = (160, 120);
+    let video = std::fs::read(format!("{}/tests/video/h264_no_b.mp4", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let mut files = writers::stray_with_video("", &recording, video);
+    rename(&mut files, "rgb.mp4", "rgb.MP4");
+    assert!(Clip::open(as_folder(&files).path()).unwrap().has_video());
+}
+
+#[test]
+fn a_conversion_of_pictures_that_cannot_be_decoded_names_the_first() {
+    let mut files = writers::stray("clip/", &Recording::small(3));
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name.contains("/depth/")) {
+        *bytes = grey8(32, 24);
+    }
+    let folder = as_folder(&files);
+    for out in ["out", "out.zip"] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        command.args(["convert", "clip", "--to", "tum", "--out", out]).current_dir(folder.path());
+        let output = command.output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{out}: {stderr}");
+        for words in ["none of 3 frames with a pose can be decoded", "depth/000000.png is L8"] {
+            assert!(stderr.contains(words), "{out}: {words}: {stderr}");
+        }
+        assert!(!folder.path().join(out).exists(), "{out}");
+    }
+    let clip = Clip::open(&folder.path().join("clip")).unwrap();
+    let mut sink = ZipSink::new(Cursor::new(Vec::new()));
+    match write(&clip, WrittenLayout::TumRgbd, &mut sink, &Silent).unwrap_err() {
+        WriteError::NotDecoded { frames: 3, source } => {
+            check_error(source, "depth_not_grey16", "depth/000000.png");
+        }
+        error => panic!("{error}"),
+    }
 }

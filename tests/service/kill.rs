@@ -14,7 +14,7 @@ use viola_testing::tus::sha256;
 use viola_testing::{eventually, room, zips};
 
 /// Enough frames that a job is still running when it is interrupted.
-const FRAMES: u32 = 400;
+const FRAMES: u32 = 200;
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
@@ -46,7 +46,7 @@ async fn running_job(client: &Client) -> (String, String) {
 #[tokio::test]
 async fn a_job_outlives_its_server() {
     let data = TempDir::new().unwrap();
-    let lease = ["--lease-seconds", "1"];
+    let lease = ["--lease-seconds", "1", "--models", "none"];
     let server = Process::serve(data.path(), &lease);
     let (clip, job) = running_job(&server.client).await;
     server.kill();

@@ -57,7 +57,8 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     if (options.signal?.aborted) throw error;
     throw new Refusal(0, "The service does not answer. Is it still running?");
   }
-  if (answer.ok) return answer;
+  // 304 comes only to a request with a condition.
+  if (answer.ok || answer.status === 304) return answer;
   throw new Refusal(answer.status, explanation(answer.status, await answer.text()), delay_s(answer.headers.get("retry-after")));
 }
 
@@ -271,10 +272,14 @@ export function coverage(home: string, level: string, signal: AbortSignal): Prom
   return getIfThere(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal);
 }
 
-/** The surface of a level as GLB. */
-export async function surface(home: string, level: string, signal: AbortSignal): Promise<ArrayBuffer> {
-  const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal });
-  return answer.arrayBuffer();
+/** The surface of a level as GLB, with its `ETag`; null if it is the one that is known. */
+export async function surface(
+  home: string, level: string, known: string | null, signal: AbortSignal,
+): Promise<{ glb: ArrayBuffer; tag: string | null } | null> {
+  const headers: Record<string, string> = known ? { "if-none-match": known } : {};
+  const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal, headers });
+  if (answer.status === 304) return null;
+  return { glb: await answer.arrayBuffer(), tag: answer.headers.get("etag") };
 }
 
 /** The revisions of the map that are kept, the newest first. */

@@ -14,9 +14,9 @@ const STATE_WORDS: Record<ClipState, string> = {
 };
 
 const STATE_MEANING: Record<ClipState, string> = {
-  uploaded: "No LiDAR map yet, or the job was cancelled.",
-  queued: "Waits for its turn.",
-  aligning: "The pose is being computed.",
+  uploaded: "It waits for a LiDAR map, or its job was cancelled.",
+  queued: "It waits for its turn.",
+  aligning: "Its place is being computed.",
   aligned: "Its place in the map is known.",
   ambiguous: "Its place is not certain.",
   failed: "It has no place in the map.",

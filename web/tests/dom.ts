@@ -80,7 +80,11 @@ const events = new EventTarget();
 export const kept = new Map<string, string>();
 
 Object.assign(globalThis, {
-  document: { body, createElement: (tag: string) => new FakeElement(tag), activeElement: null },
+  document: {
+    body, activeElement: null,
+    createElement: (tag: string) => new FakeElement(tag),
+    createElementNS: (_: string, tag: string) => new FakeElement(tag),
+  },
   HTMLElement: FakeElement,
   addEventListener: events.addEventListener.bind(events),
   removeEventListener: events.removeEventListener.bind(events),

@@ -9,6 +9,7 @@ import { Measure } from "../src/home/measure.ts";
 import { HomePoints } from "../src/home/points.ts";
 import { Looks } from "../src/home/looks.ts";
 import { Summary } from "../src/home/summary.ts";
+import { states } from "../src/pages/homes.ts";
 import type { LidarRevision } from "../src/types.ts";
 
 const real = { fetch: globalThis.fetch };
@@ -85,25 +86,49 @@ test("no point is measured while points of the map are missing", () => {
   assert.deepEqual(measure.ends, [[1, 2, 0]]);
 });
 
-test("the earlier points stay until those of the new map are complete", async () => {
-  const workers: { onmessage: (event: { data: unknown }) => void }[] = [];
+/** The points of a home, with workers that answer when a test says so. */
+function loadedPoints() {
+  const workers: { onmessage: (event: { data: unknown }) => void; known: string | null }[] = [];
   class FakeWorker {
     onmessage = () => {};
-    postMessage(): void {
+    known: string | null = null;
+    postMessage({ known }: { known: string | null }): void {
+      this.known = known;
       workers.push(this);
     }
     terminate(): void {}
   }
   Object.assign(globalThis, { Worker: FakeWorker, POINTS_WORKER: "" });
   const told = (worker: number, ...messages: unknown[]) => messages.forEach((data) => workers[worker]?.onmessage({ data }));
-  const begin = { what: "begin", count: 2, hasClips: true };
-  const point = (at: number) => ({ what: "points", at, points: emptyPoints(1) });
   const failures: string[] = [];
   const [nothing, onFailed] = [() => {}, (text: string) => void failures.push(text)];
   const points = new HomePoints({ onShown: nothing, onGrown: nothing, onStatus: nothing, onFailed }, never);
   const mapOf = (revision: number) =>
     ({ revision, created_at: "", clips: [{ clip: `clip of ${revision}` }], info: { points: 2, voxel_m: 0.03 } });
   const dataOf = (revision: number, level = "main") => ({ home: { id: "h" }, level, map: mapOf(revision) }) as unknown as HomeData;
+  return { workers, told, failures, points, dataOf };
+}
+const begin = { what: "begin", count: 2, hasClips: true, tag: '"a"' };
+const point = (at: number) => ({ what: "points", at, points: emptyPoints(1) });
+
+test("the points of a map are kept if a later one has the same", () => {
+  const { workers, told, points, dataOf } = loadedPoints();
+  points.update(dataOf(1));
+  told(0, begin, point(0));
+  points.update(dataOf(2));
+  assert.deepEqual(workers.map(({ known }) => known), [null, null], "a part of the points is not known as a whole");
+  told(1, begin, point(0), point(1), { what: "end" });
+  const cloud = points.shown?.cloud;
+  points.update(dataOf(3));
+  assert.equal(workers[2]?.known, '"a"');
+  told(2, { what: "same" });
+  assert.deepEqual([points.shown?.map_revision, points.shown?.cloud === cloud, points.isComplete], [3, true, true]);
+  points.update(dataOf(3));
+  assert.equal(workers.length, 3, "the same map was asked for again");
+});
+
+test("the earlier points stay until those of the new map are complete", async () => {
+  const { workers, told, failures, points, dataOf } = loadedPoints();
   points.update(dataOf(1));
   assert.equal(points.isComplete, false);
   told(0, begin, point(0));
@@ -132,10 +157,24 @@ test("the earlier points stay until those of the new map are complete", async ()
 
 test("the figures of a level count its own clips, and say that the map is out of date", () => {
   const clips = ["main", "upper", "upper"].map((level) => ({ level }));
-  for (const [state, end] of [["current", ""], ["due", " · being rebuilt"], ["failing", " · could not be rebuilt, tried again"]]) {
+  for (const [state, end] of [["current", ""], ["due", " · being rebuilt"], ["failing", " · could not be rebuilt, the service tries again"]]) {
     const map = { revision: 2, state, clips, info: { points: 9 } };
     const data = { level: "main", map, lidar: null, coverage: null, clips: [] };
     assert.equal(new Summary(data as unknown as HomeData, new Looks()).figures.textContent, `Map 2 · 9 points · 1 clip${end}`);
+  }
+});
+
+test("a map that cannot be made is told in the list of homes, and by the home", () => {
+  const clips_by_state = { uploaded: 0, queued: 0, aligning: 0, aligned: 2, ambiguous: 0, failed: 0 };
+  for (const [map_state, badges, title] of [
+    ["current", "2 aligned", "The map is being made"], ["due", "2 aligned", "The map is being made"],
+    ["failing", "2 alignedmap needs attention", "The map could not be made"],
+  ] as const) {
+    assert.equal(states({ clips_by_state, map_state }).textContent, badges);
+    const clips = [{ id: "a", state: "aligned" }];
+    const data = { home: { map_state }, level: "main", map: null, lidar: {}, coverage: null, clips, levelOf: () => "main" };
+    const { empty } = new Summary(data as unknown as HomeData, new Looks());
+    assert.ok(empty.textContent?.startsWith(title) && !empty.hidden, `${map_state}: ${empty.textContent}`);
   }
 });
 

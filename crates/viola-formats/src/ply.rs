@@ -46,9 +46,10 @@ impl Element<'_> {
         self.properties.len() == properties.len() && self.properties.iter().zip(properties).all(is_same)
     }
 
-    /// Returns the index of a property.
+    /// Returns the index of the property of this name, else of one that differs only in capital letters.
     pub fn place(&self, name: &str) -> Option<usize> {
-        self.properties.iter().position(|property| property.name == name)
+        let exact = self.properties.iter().position(|property| property.name == name);
+        exact.or_else(|| self.properties.iter().position(|property| property.name.eq_ignore_ascii_case(name)))
     }
 }
 
@@ -96,7 +97,7 @@ impl<'a> Ply<'a> {
     }
 }
 
-/// The vertices of a file, one after the other. Further elements (faces) are not read.
+/// The vertices of a file, one after the other. Elements before them are skipped; those after them (faces) are not read.
 #[derive(Debug)]
 pub struct Vertices<'a> {
     pub element: Element<'a>,
@@ -107,9 +108,15 @@ pub struct Vertices<'a> {
 
 impl<'a> Vertices<'a> {
     pub fn parse(bytes: &'a [u8]) -> Result<Vertices<'a>, PlyError> {
-        let Ply { elements, numbers } = Ply::parse(bytes)?;
-        let element = elements.into_iter().next().filter(|element| element.name == "vertex");
-        let element = element.ok_or_else(|| PlyError::new("its first element is not vertex"))?;
+        let Ply { elements, mut numbers } = Ply::parse(bytes)?;
+        let mut elements = elements.into_iter();
+        let element = loop {
+            match elements.next() {
+                Some(element) if element.name == "vertex" => break element,
+                Some(other) => numbers.skip(&other)?,
+                None => return Err(PlyError::new("it has no element vertex")),
+            }
+        };
         if element.properties.iter().any(|property| property.length.is_some()) {
             return Err(PlyError::new("its vertices have list properties"));
         }
@@ -143,6 +150,32 @@ pub struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
+    /// Skips the rows of an element. One without properties takes no bytes, whatever its count.
+    fn skip(&mut self, element: &Element) -> Result<(), PlyError> {
+        let rows = if element.properties.is_empty() { 0 } else { element.count };
+        for index in 0..rows {
+            self.skip_row(&element.properties)
+                .map_err(|error| PlyError::new(format!("{:.40} {index} of {rows}: {error}", element.name)))?;
+        }
+        Ok(())
+    }
+
+    /// Skips a row. Each number takes at least one byte, so a length that the file invents ends with the file.
+    fn skip_row(&mut self, properties: &[Property]) -> Result<(), PlyError> {
+        self.begin_row()?;
+        for property in properties {
+            let count = property.length.map_or(Ok(1.0), |length| self.next(length))?;
+            let is_whole = count >= 0.0 && count.fract() == 0.0;
+            if !is_whole {
+                return Err(PlyError::new(format!("a list of {count} numbers")));
+            }
+            for _ in 0..count as u64 {
+                self.next(property.kind)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Limits an ascii file's next numbers to those of its next line that is not blank.
     pub fn begin_row(&mut self) -> Result<(), PlyError> {
         if self.encoding == Encoding::Ascii {
@@ -205,4 +238,54 @@ pub fn header(comments: &[&str], vertices: usize, properties: &[(&str, &str)]) -
     format!(
         "ply\nformat binary_little_endian 1.0\n{comments}element vertex {vertices}\n{properties}end_header\n"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera, a face of two vertices and an element without properties stand before the vertices.
+    const HEADER: &str = "ply\nformat ascii 1.0\nelement camera 1\nproperty float view\nelement face 2\n\
+        property list uchar ushort vertex_indices\nproperty uchar red\nelement note 9\nelement vertex 2\n\
+        property float X\nproperty double Y\nend_header\n";
+
+    fn read(bytes: &[u8]) -> Result<Vec<Vec<f64>>, PlyError> {
+        let mut vertices = Vertices::parse(bytes)?;
+        let places = ["x", "y"].map(|name| vertices.element.place(name));
+        assert_eq!(places, [Some(0), Some(1)]);
+        let mut all = Vec::new();
+        while let Some(values) = vertices.read()? {
+            all.push(values.to_vec());
+        }
+        Ok(all)
+    }
+
+    #[test]
+    fn elements_before_the_vertices_are_skipped() {
+        let expected: Result<_, PlyError> = Ok(vec![vec![1.5, 2.5], vec![3.5, 4.5]]);
+        let ascii = format!("{HEADER}7.25\n2 0 1 200\n0 100\n1.5 2.5\n3.5 4.5\n");
+        assert_eq!(read(ascii.as_bytes()), expected);
+        let mut binary = HEADER.replace("ascii", "binary_little_endian").into_bytes();
+        binary.extend(7.25f32.to_le_bytes());
+        // Two indices and a colour, then no index and a colour.
+        binary.extend([2, 0, 0, 1, 0, 200, 0, 100]);
+        for [x, y] in [[1.5, 2.5], [3.5, 4.5]] {
+            binary.extend((x as f32).to_le_bytes());
+            binary.extend(f64::to_le_bytes(y));
+        }
+        assert_eq!(read(&binary), expected);
+        for (from, to) in
+            [("face 2", "face 3"), ("2 0 1 200", "-1 200"), ("2 0 1 200", "1e9 0"), ("vertex 2", "point 2")]
+        {
+            assert!(ascii.contains(from) && read(ascii.replace(from, to).as_bytes()).is_err(), "{to}");
+        }
+    }
+
+    #[test]
+    fn small_letters_come_before_capitals() {
+        let header =
+            "ply\nformat ascii 1.0\nelement vertex 0\nproperty float X\nproperty float x\nend_header\n";
+        let vertices = Vertices::parse(header.as_bytes()).unwrap();
+        assert_eq!(["x", "X", "y"].map(|name| vertices.element.place(name)), [Some(1), Some(0), None]);
+    }
 }

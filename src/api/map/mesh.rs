@@ -1,6 +1,7 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
-use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
+use super::scene::scene;
+use super::{App, LevelQuery, file_name, level, revision, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -86,7 +87,8 @@ fn triangles(asked: Option<&str>) -> Result<usize, Error> {
 /// The mesh has vertex colours, and a named part for each object (its id) and for each class of the rest. A hole in
 /// the points stays a hole. Units are metres and y is up: a point (x, y, z) of the LiDAR map's frame is (x, z, -y). The
 /// service makes the GLB of the current revision with the default number of triangles after each merge. Others are made on
-/// request, which takes some seconds; keep them with their `ETag`.
+/// request, which takes some seconds; keep them with their `ETag`, which stays while the points and the objects' classes and
+/// boxes do.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery, LevelQuery),
     responses((status = 200, description = "The mesh", content(
             (FileBytes = "model/gltf-binary"), (FileBytes = "model/vnd.usdz+zip"), (FileBytes = "model/obj"))),
@@ -102,10 +104,9 @@ pub(in crate::api) async fn get_map_mesh(
     let budget = triangles(query.triangles.as_deref())?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
-    let tag = tag_of_file(
-        &map,
-        &[level.level.as_str().as_bytes(), format.name().as_bytes(), &budget.to_le_bytes()],
-    );
+    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
+    let objects = scene(&app, &home, &map, level.level).await?.mesh_parts();
+    let tag = tag_of_content(&tiles, &[objects.as_bytes(), format.name().as_bytes(), &budget.to_le_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

@@ -2,7 +2,7 @@
 
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
+use super::{App, LevelQuery, file_name, level, revision, tag_of_content};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -11,7 +11,7 @@ use crate::api::reply::{is_known, tagged};
 use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
-use axum::extract::{RawQuery, State};
+use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -137,7 +137,8 @@ impl PointsQuery {
 /// The answer is a binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`),
 /// probabilities, views and clips (indices in the map's list of clips), a binary glTF with a node and a
 /// material for each class, an E57 or a LAZ. E57 and LAZ are made before they are sent, one file at a time.
-/// Filters are combined: a point must pass all of them.
+/// Filters are combined: a point must pass all of them. A correction of an object or a room, such as a name, leaves the
+/// points and their `ETag` as they are.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery, LevelQuery),
     responses(
         (status = 200, description = "The points", content(
@@ -149,17 +150,21 @@ pub(in crate::api) async fn get_map_points(
     HomePath { home }: HomePath,
     Query(query): Query<PointsQuery>,
     Query(of): Query<LevelQuery>,
-    RawQuery(raw_query): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let (filter, format) = (query.filter()?, Format::wanted(query.format.as_deref(), &headers)?);
     let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let tag = tag_of_file(&map, &[raw_query.unwrap_or_default().as_bytes(), format.media_type().as_bytes()]);
+    let level = level(&map, of.level.as_deref())?;
+    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
+    // A point has the index of its clip in the map's list.
+    let clips: Vec<u8> = map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
+    let asked = [&query.classes, &query.r#box, &query.z, &query.voxel];
+    let [classes, corners, heights, voxel] = asked.map(|text| text.as_deref().unwrap_or_default().as_bytes());
+    let of_map = [level.level.as_str().as_bytes(), format.media_type().as_bytes(), clips.as_slice()];
+    let tag = tag_of_content(&tiles, &[&of_map[..], &[classes, corners, heights, voxel]].concat());
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let level = level(&map, of.level.as_deref())?;
-    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
     let name = file_name(&home, map.revision, "points", level.level, format.name());
     let body = match format {

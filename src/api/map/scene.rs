@@ -1,6 +1,6 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
-use super::{App, LevelQuery, level, missing, revision, tag_of_file};
+use super::{App, LevelQuery, level, missing, revision, tag_of_content};
 use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -163,12 +163,12 @@ pub(in crate::api) async fn get_map_plan(
     let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?.level;
-    let tag = tag_of_file(&map, &[level.as_str().as_bytes(), format.file().as_bytes()]);
+    let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
+    let file = files.first().ok_or(Error::NoSuchMap)?;
+    let tag = tag_of_content(std::slice::from_ref(file), &[]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
-    let file = files.first().ok_or(Error::NoSuchMap)?;
     let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(&app, file).await) };
     Ok(tagged(send(blob, format.media_type()), &tag))
 }

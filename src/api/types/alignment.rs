@@ -6,13 +6,14 @@ use super::names::{LevelName, Pose2};
 use std::collections::BTreeMap;
 
 answer! {
-    /// The verdict on a clip.
+    /// The verdict on a clip:
+    /// - `aligned`: one pose stands out, and can be used.
+    /// - `ambiguous`: the best pose is not certain enough, because poses elsewhere explain the clip about as well, or because
+    ///   the clip shows too little. Choose one of the alternatives, or film more of the room.
+    /// - `failed`: no pose can be given. The reasons say why; correct their cause, or film again.
     enum AlignmentState from viola_align::AlignmentState {
-        /// One pose stands out.
         Aligned,
-        /// Several poses that are not close to each other explain the clip about equally well.
         Ambiguous,
-        /// No pose can be given; the reasons say why.
         Failed,
     }
 }

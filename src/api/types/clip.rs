@@ -109,19 +109,21 @@ answer! {
 }
 
 answer! {
-    /// State of a clip.
+    /// State of a clip:
+    /// - `uploaded`: stored without a job under way. With the reason `no_lidar_map`, send the home's LiDAR map; with
+    ///   `cancelled`, align the clip again.
+    /// - `queued`: its job waits for a worker, and starts by itself. A reason tells a fault of the service that delays it.
+    /// - `aligning`: its job runs.
+    /// - `aligned`: its pose is known. One pose stands out, the clips around it decided, or a person chose one.
+    /// - `ambiguous`: no pose is certain enough. Choose one of the alignment's alternatives, or film more of the room; the
+    ///   reasons say more.
+    /// - `failed`: it has no pose. The reasons say why; correct their cause, then align the clip again or film again.
     enum ClipState from crate::storage::ClipState {
-        /// Stored without a job under way; the reasons say why: `no_lidar_map` or `cancelled`.
         Uploaded,
-        /// Its job waits for a worker.
         Queued,
-        /// Its job runs.
         Aligning,
-        /// One pose stands out, or a person chose one.
         Aligned,
-        /// No pose is certain enough: see the reasons and the alignment's alternatives.
         Ambiguous,
-        /// No pose can be given; the reasons say why.
         Failed,
     }
 }

@@ -1,6 +1,7 @@
 //! A home.
 
 use super::answer;
+use super::home_map::MapState;
 use super::names::{HomeId, LevelName};
 use crate::storage::{self, ClipState};
 use jiff::Timestamp;
@@ -22,6 +23,8 @@ pub(in crate::api) struct Home {
     clips_by_state: ClipCounts,
     /// The part of each level's LiDAR map that the clips have seen; empty before the first fused map.
     coverage: Vec<LevelCoverage>,
+    /// State of the newest fused map, as in `GET .../map`. Merges that fail do not move `updated_at`.
+    map_state: MapState,
     /// The reasons for which a person should look at the home; empty if there are none.
     needs_attention: Vec<Attention>,
     #[schema(example = "2026-03-14T15:09:26.535Z")]
@@ -55,16 +58,18 @@ answer! {
     }
 }
 
-/// A reason for which a person should look at a home.
+/// A reason for which a person should look at a home:
+/// - `waiting`: clips wait for the home's first LiDAR map, or their jobs were cancelled. Send the map, or align them again.
+/// - `ambiguous`: clips have no certain pose. Choose one of their alternatives, or film more of the room.
+/// - `failed`: clips have no pose. Their reasons say why; correct the cause, or film again.
+/// - `map_failing`: the fused map could not be made at least twice in a row. Read the log of the service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum Attention {
-    /// Clips wait for the home's first LiDAR map, or their jobs were cancelled.
     Waiting,
-    /// Clips are ambiguous: a person can choose among their alternatives.
     Ambiguous,
-    /// Clips failed; their reasons say why.
     Failed,
+    MapFailing,
 }
 
 impl From<storage::Home> for Home {
@@ -93,7 +98,9 @@ impl From<storage::Home> for Home {
                 .into_iter()
                 .filter(|(state, _)| count(*state) > 0)
                 .map(|(_, need)| need)
+                .chain((home.map_state == storage::MapState::Failing).then_some(Attention::MapFailing))
                 .collect(),
+            map_state: home.map_state.into(),
             id: home.id.into(),
             name: home.name,
             coverage: home.coverage.into_iter().map(LevelCoverage::from).collect(),

@@ -121,6 +121,19 @@ answer! {
 }
 
 answer! {
+    /// State of a home's newest map:
+    /// - `current`: it has every change of the home. A home without clips and without a map is `current` too.
+    /// - `due`: changes of the home wait for the next merge, which comes by itself.
+    /// - `failing`: changes wait, and at least two merges in a row have failed. The service tries again after pauses of up to
+    ///   30 minutes; read its log for the cause.
+    enum MapState from crate::storage::MapState {
+        Current,
+        Due,
+        Failing,
+    }
+}
+
+answer! {
     /// One level of a home's map.
     struct MapLevel from crate::storage::MapLevel {
         level: LevelName,

@@ -44,13 +44,16 @@ answer! {
 }
 
 answer! {
-    /// State of a job.
+    /// State of a job:
+    /// - `queued`: it waits for a worker, and starts by itself.
+    /// - `running`: a worker aligns the clip.
+    /// - `succeeded`: the method gave an answer, which may be that the clip cannot be aligned; see the state of the clip.
+    /// - `failed`: there is no answer, and `error` says why. Correct the cause, then align the clip again.
+    /// - `cancelled`: a person or a newer job of the clip ended it before it had an answer.
     enum JobState from crate::storage::JobState {
         Queued,
         Running,
-        /// The method gave an answer, which may be that the clip cannot be aligned.
         Succeeded,
-        /// There is no answer; `error` says why.
         Failed,
         Cancelled,
     }

@@ -15,17 +15,18 @@ answer! {
 }
 
 answer! {
-    /// State of an upload.
+    /// State of an upload:
+    /// - `arriving`: bytes are missing. Send the rest, from `Upload-Offset` of HEAD on.
+    /// - `arrived`: every byte is here and durable; do not send them again. The service makes the clip by itself, except that
+    ///   a partial upload waits for its final one.
+    /// - `joined`: a final upload took it over; look at that one.
+    /// - `finished`: it became a clip.
+    /// - `refused`: it cannot become a clip, and its bytes are gone; `problem` says why.
     enum UploadState from crate::storage::UploadState {
-        /// Bytes are missing.
         Arriving,
-        /// Every byte has arrived and is durable.
         Arrived,
-        /// A final upload took it over.
         Joined,
-        /// It became a clip.
         Finished,
-        /// It cannot become a clip; its bytes are gone.
         Refused,
     }
 }

@@ -21,13 +21,13 @@ answer! {
 }
 
 answer! {
-    /// State of a delivery.
+    /// State of a delivery:
+    /// - `pending`: it is to be sent at `due_at`.
+    /// - `delivered`: the address answered 2xx.
+    /// - `failed`: it is not retried any more. Repair the receiver, then send it again by `.../retry`.
     enum DeliveryState from crate::storage::DeliveryState {
-        /// To be sent at `due_at`.
         Pending,
-        /// The address answered 2xx.
         Delivered,
-        /// It is not retried any more.
         Failed,
     }
 }

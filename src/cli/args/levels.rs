@@ -77,7 +77,9 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     }
     let mut text = String::new();
     let read = File::open(path).and_then(|file| file.take(MAX_YAML_BYTES).read_to_string(&mut text));
-    let image = text.lines().find_map(|line| line.trim_start().strip_prefix("image:"));
+    // Editors of Windows write a byte order mark in front.
+    let lines = text.strip_prefix('\u{feff}').unwrap_or(&text).lines();
+    let image = lines.map(str::trim_start).find_map(|line| line.strip_prefix("image:"));
     if let (Ok(_), Some(image)) = (read, image) {
         let image = image.split(" #").next().unwrap_or_default().trim().trim_matches(['"', '\'']);
         // The reader takes the image beside the YAML file if its folder is absolute or absent.
@@ -142,6 +144,7 @@ mod tests {
         }
         for (file, text, image) in [
             ("map.yaml", "image: plan.png\nresolution: 0.05\n", Some("plan.png")),
+            ("map.yaml", "\u{feff}image: plan.png\r\nresolution: 0.05\r\n", Some("plan.png")),
             ("map.YML", "resolution: 0.05\nimage: \"./plan.png\" # the image\n", Some("plan.png")),
             ("map.yaml", "image: /home/me/plan.png\n", Some("plan.png")),
             ("map.yaml", "image: maps/home.pgm\n", Some("maps/home.pgm")),

@@ -107,6 +107,21 @@ async fn homes_by_text_and_need(storage: Storage) {
             homes.into_iter().map(|home| home.id.to_string()).collect::<Vec<_>>()
         }
     };
+    let elm = home("elm_4");
+    for (change, state) in [
+        ("UPDATE homes SET map_wanted = 1 WHERE id = $1", MapState::Due),
+        ("UPDATE homes SET map_faults = 1 WHERE id = $1", MapState::Due),
+        ("UPDATE homes SET map_faults = 2 WHERE id = $1", MapState::Failing),
+        ("UPDATE homes SET map_made = 1 WHERE id = $1", MapState::Current),
+    ] {
+        execute(&storage, change, elm.key()).await;
+        assert_eq!(storage.home(&elm).await.unwrap().map_state, state);
+        assert_eq!(storage.map_state(&elm).await.unwrap(), state);
+        let expected: &[&str] = if state == MapState::Failing { &["elm_4", "oak-1"] } else { &["oak-1"] };
+        for since in [None, Some(at(-1))] {
+            assert_eq!(found(None, true, since).await, expected, "{change}");
+        }
+    }
     for since in [None, Some(at(-1))] {
         assert_eq!(found(Some("ELM"), false, since).await, ["elm-3", "elm_4"]);
         assert_eq!(found(Some("\u{e4}hren"), false, since).await, ["oak-1"]);

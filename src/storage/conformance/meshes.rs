@@ -6,6 +6,7 @@ use viola_home::PlacedBy;
 
 on_every_back_end!(
     a_mesh_is_of_the_current_revision,
+    a_mesh_stays_while_its_tiles_and_objects_do,
     a_map_is_settled_when_no_work_is_ahead_that_may_replace_it,
     a_home_that_was_made_again_gets_no_mesh_of_the_removed_one,
     a_home_that_was_made_again_gets_no_map_of_the_removed_one,
@@ -46,6 +47,33 @@ async fn a_mesh_is_of_the_current_revision(storage: Storage) {
     assert!(meshes(3).await.is_empty() && meshes(2).await.is_empty(), "earlier revisions have none");
     assert!(add(3, b"third").await);
     assert_eq!(meshes(3).await, [b"third"]);
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
+    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+}
+
+async fn a_mesh_stays_while_its_tiles_and_objects_do(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let main = LevelName::MAIN;
+    for (seconds, has_tiles, has_same_parts, is_kept) in [
+        (10, true, false, false),
+        (20, false, true, true),
+        (30, true, true, false),
+        (40, false, false, false),
+    ] {
+        storage.align_clip(&home, clips[0], at(seconds)).await.unwrap();
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, seconds).await.expect("the home is due");
+        let mut new = revision(&claim, PlacedBy::Alignment, &[seconds as u8]);
+        new.files.push((main, map_file::SCENE, b"{}".to_vec()));
+        new.tiles.retain(|_| has_tiles);
+        new.same_mesh_parts.extend(has_same_parts.then_some(main));
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+        let map = current(&storage, &home).await;
+        let files = storage.home_map_files(&home, map.revision, main, map_file::MESH).await.unwrap();
+        assert_eq!(files.len(), usize::from(is_kept), "{seconds}");
+        let added = storage.add_mesh(&home, &map, main, b"mesh".to_vec()).await.unwrap();
+        assert_eq!(added, !is_kept, "{seconds}");
+    }
     let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
     assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
 }

@@ -72,6 +72,8 @@ pub struct NewRevision {
     /// Sums of tiles that the next merge begins with.
     pub sums: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(LevelName, &'static str, Vec<u8>)>,
+    /// Levels whose new scene has the `mesh_parts` of the last one. They keep their meshes if no tile changed.
+    pub same_mesh_parts: Vec<LevelName>,
     pub objects: Vec<MapObject>,
     /// The seen part of each level.
     pub coverage: Vec<LevelCoverage>,

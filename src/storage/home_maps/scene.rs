@@ -1,6 +1,7 @@
 //! Content of a home's map beyond points, and what the next revision needs of it.
 
 use super::objects::MapObject;
+use crate::storage::columns::to_json;
 use crate::storage::{MapFile, Storage, StorageError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -68,6 +69,14 @@ impl MapScene {
         let missing =
             missing.map(|object| MovedObject { is_found: false, ..object.in_frame(other_from_own) });
         self.objects.iter().map(|object| object.in_frame(other_from_own)).chain(missing).collect()
+    }
+
+    /// Returns the text of all that a mesh has of the objects. Meshes of the same tiles differ only if this text does.
+    pub fn mesh_parts(&self) -> String {
+        let part = |object: &MapObject| {
+            (object.id.clone(), object.class, object.centre_m, object.size_m, object.yaw_rad)
+        };
+        to_json(&self.objects.iter().map(part).collect::<Vec<_>>())
     }
 
     /// Returns the version of the corrections that it has.

@@ -24,7 +24,9 @@ async fn write(client: Client, kill: usize, acknowledged: UnboundedSender<String
 #[tokio::test]
 async fn a_hundred_kills_lose_nothing_and_need_no_hand() {
     let data = TempDir::new().unwrap();
-    let serve = || Process::serve(data.path(), &["--lease-seconds", "1", "--retry-seconds", "0.01"]);
+    let serve = || {
+        Process::serve(data.path(), &["--lease-seconds", "1", "--retry-seconds", "0.01", "--models", "none"])
+    };
     let (mut written, mut clips) = (Vec::new(), Vec::new());
     for kill in 0..KILLS {
         let server = serve();

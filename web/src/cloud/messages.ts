@@ -5,12 +5,16 @@ import type { Points } from "./ply.ts";
 /** The page asks for the first address that is there. */
 export interface Ask {
   urls: string[];
+  /** The `ETag` of points that the page has already; null without any. */
+  known: string | null;
 }
 
 export type Told =
-  | { what: "begin"; count: number; hasClips: boolean }
+  | { what: "begin"; count: number; hasClips: boolean; tag: string | null }
   | { what: "points"; at: number; points: Points }
   | { what: "end" }
+  /** The points are those that the page has. */
+  | { what: "same" }
   /** Nothing at any of the addresses. */
   | { what: "nothing" }
   /** With the service's status and delay; the status is 0 if the connection was lost, and null if the points cannot be read. */

@@ -11,6 +11,8 @@ export interface Arrival {
   begun(cloud: Cloud): void;
   grown(cloud: Cloud): void;
   ended(cloud: Cloud): void;
+  /** The points are those that were known. */
+  same?(): void;
   /** There are no points yet. */
   nothing(): void;
   /** With a `Refusal` unless the points cannot be read. */
@@ -29,6 +31,8 @@ export class Cloud {
   constructor(
     readonly count: number,
     readonly hasClips: boolean,
+    /** The `ETag` of the points. */
+    readonly tag: string | null = null,
   ) {
     this.points = emptyPoints(count);
     const { position, tint, kind, normal } = this.points;
@@ -70,8 +74,8 @@ export class Cloud {
   }
 }
 
-/** Loads the first of the addresses that has points. */
-export function load(urls: string[], arrival: Arrival, signal: AbortSignal): void {
+/** Loads the first of the addresses that has points, unless they are those with the `ETag` that is known. */
+export function load(urls: string[], arrival: Arrival, signal: AbortSignal, known: string | null = null): void {
   if (signal.aborted) return;
   const worker = new Worker(POINTS_WORKER, { type: "module" });
   const stop = () => worker.terminate();
@@ -79,11 +83,13 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal): voi
   let cloud: Cloud | null = null;
   worker.onmessage = ({ data }: MessageEvent<Told>) => {
     if (data.what === "begin") {
-      cloud = new Cloud(data.count, data.hasClips);
+      cloud = new Cloud(data.count, data.hasClips, data.tag);
       arrival.begun(cloud);
     } else if (data.what === "points" && cloud) {
       cloud.add(data.at, data.points);
       arrival.grown(cloud);
+    } else if (data.what === "same") {
+      arrival.same?.();
     } else if (data.what === "nothing") {
       arrival.nothing();
     } else if (data.what === "failed") {
@@ -92,12 +98,12 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal): voi
     } else if (data.what === "end" && cloud) {
       arrival.ended(cloud);
     }
-    if (data.what === "end" || data.what === "nothing" || data.what === "failed") stop();
+    if (data.what !== "begin" && data.what !== "points") stop();
   };
   worker.onerror = () => {
     arrival.failed(new Error("The points could not be read in this browser."));
     stop();
   };
-  const ask: Ask = { urls };
+  const ask: Ask = { urls, known };
   worker.postMessage(ask);
 }

@@ -22,10 +22,10 @@ function lost(): never {
   throw new Refusal(0, explanation(0, ""));
 }
 
-async function open(urls: string[]): Promise<Response | null> {
+async function open({ urls, known }: Ask): Promise<Response | null> {
   for (const url of urls) {
-    const answer = await fetch(url).catch(lost);
-    if (answer.ok) return answer;
+    const answer = await fetch(url, known ? { headers: { "if-none-match": known } } : {}).catch(lost);
+    if (answer.ok || answer.status === 304) return answer;
     if (answer.status === 404) continue;
     const message = explanation(answer.status, await answer.text().catch(lost));
     throw new Refusal(answer.status, message, delay_s(answer.headers.get("retry-after")));
@@ -43,8 +43,9 @@ function joined(chunks: Uint8Array[], size: number): Uint8Array {
   return bytes;
 }
 
-async function load(urls: string[]): Promise<void> {
-  const answer = await open(urls);
+async function load(ask: Ask): Promise<void> {
+  const answer = await open(ask);
+  if (answer?.status === 304) return tell({ what: "same" });
   if (!answer?.body) return tell({ what: "nothing" });
   const stream = new PlyStream(true);
   const pieces = answer.body.getReader();
@@ -61,7 +62,8 @@ async function load(urls: string[]): Promise<void> {
       [chunks, size] = [[], 0];
       if (stream.header && !begun) {
         begun = true;
-        tell({ what: "begin", count: stream.header.count, hasClips: stream.header.properties.has("clip") });
+        const { count, properties } = stream.header;
+        tell({ what: "begin", count, hasClips: properties.has("clip"), tag: answer.headers.get("etag") });
       }
       if (points) at += tellPoints(at, points);
     }
@@ -72,7 +74,7 @@ async function load(urls: string[]): Promise<void> {
 }
 
 self.onmessage = (event: MessageEvent<Ask>) => {
-  load(event.data.urls).catch((error: unknown) => {
+  load(event.data).catch((error: unknown) => {
     const { status, retryAfter_s } = error instanceof Refusal ? error : { status: null, retryAfter_s: null };
     tell({ what: "failed", status, retryAfter_s, message: error instanceof Error ? error.message : String(error) });
   });

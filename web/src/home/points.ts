@@ -1,4 +1,5 @@
-// Loads the points of a home, and again when the map has changed. The earlier points stay until the new ones are complete.
+// Loads the points of a home, and again when the map has other points. The earlier points stay until the new ones are
+// complete.
 
 import { homePath } from "../api.ts";
 import { type Cloud, load } from "../cloud/points.ts";
@@ -12,8 +13,9 @@ const REDRAW_MS = 250;
 /** A cloud, and the map that it was read of. */
 export interface HomeCloud {
   cloud: Cloud;
-  /** The revision and the level of the map. */
+  /** The first revision that was read with these points, and its level. */
   revision: string;
+  /** The newest revision with these points. */
   map_revision: number;
   voxel_m: number;
   /** The ids of the clips; the points have indices of this list. */
@@ -74,6 +76,7 @@ export class HomePoints {
     if (!map) return;
     const of = { revision, map_revision: map.revision, voxel_m: map.info.voxel_m, clips: map.clips.map(({ clip }) => clip) };
     const { onGrown, onStatus, onFailed } = this.listener;
+    const known = this.shown && isWhole(this.shown.cloud) ? this.shown.cloud.tag : null;
     let drawn_ms = 0;
     const grown = (cloud: Cloud) => {
       onStatus(isWhole(cloud) ? "" : `Points ${percent(cloud.shown / cloud.count)}`);
@@ -95,6 +98,11 @@ export class HomePoints {
         this.show({ ...of, cloud });
         grown(cloud);
       },
+      same: () => {
+        this.isLoading = false;
+        onStatus("");
+        if (this.shown) this.show({ ...this.shown, map_revision: map.revision });
+      },
       nothing: () => {
         this.isLoading = false;
         onStatus("");
@@ -113,7 +121,7 @@ export class HomePoints {
         if (!this.isComplete) this.show(null);
         onFailed(`The points: ${error.message}`);
       },
-    }, signal);
+    }, signal, known);
   }
 
   private show(shown: HomeCloud | null): void {

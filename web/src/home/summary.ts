@@ -7,7 +7,7 @@ import { count, isUnderWay, many, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
-const STATE_WORDS = { current: "", due: " · being rebuilt", failing: " · could not be rebuilt, tried again" };
+const STATE_WORDS = { current: "", due: " · being rebuilt", failing: " · could not be rebuilt, the service tries again" };
 
 export class Summary {
   readonly figures = h("p", { class: "stage-facts" });
@@ -45,7 +45,11 @@ export function isBeingMade(data: Pick<HomeData, "clips" | "map" | "level" | "le
 }
 
 function nextStep(data: HomeData): HTMLElement[] {
-  const { lidar, clips, map, level } = data;
+  const { home, lidar, clips, map, level } = data;
+  if (!map && home.map_state === "failing") {
+    return said("The map could not be made",
+      "The service tries again by itself. If this stays, tell the person who runs it: its log has the cause.");
+  }
   if (isBeingMade(data)) return said("The map is being made", "It appears here in a moment.");
   if (clips.some(isUnderWay)) {
     return said("The clips are being aligned", "The map appears here as soon as the first clip has found its place.");

@@ -1,4 +1,4 @@
-// Loads the surface of a home when a person looks at it, and again when the map has changed meanwhile.
+// Loads the surface of a home when a person looks at it, and again when the map has another one.
 
 import * as api from "../api.ts";
 import { readSurface, type Surface } from "../cloud/surface.ts";
@@ -10,6 +10,8 @@ import type { Looks } from "./looks.ts";
 export class HomeSurface {
   /** Stays until a newer one is there; null on a level that was not looked at. */
   shown: Surface | null = null;
+  /** The `ETag` of the shown surface. */
+  private tag: string | null = null;
   /** The revision and the level of the surface that is there, on its way, or refused. */
   private wanted = "";
   private level = "";
@@ -48,11 +50,14 @@ export class HomeSurface {
   private async load({ home, level }: HomeData, signal: AbortSignal): Promise<void> {
     this.onStatus("The surface is being loaded …");
     try {
-      const surface = await readSurface(await patiently(() => api.surface(home.id, level, signal), signal));
-      if (signal.aborted) return surface.dispose();
-      this.shown?.dispose();
-      this.shown = surface;
+      const known = this.shown ? this.tag : null;
+      const answer = await patiently(() => api.surface(home.id, level, known, signal), signal);
+      const surface = answer && (await readSurface(answer.glb));
+      if (signal.aborted) return surface?.dispose();
       this.onStatus("");
+      if (!answer || !surface) return;
+      this.shown?.dispose();
+      [this.shown, this.tag] = [surface, answer.tag];
       this.onChange();
     } catch (error) {
       if (signal.aborted) return;

@@ -164,7 +164,7 @@ function keepUpToDate(
     followed.follow(jobs);
     if (jobs.filter(({ state }) => state === "running").length > 1) several.again();
     // No event tells that a merge failed, or changed nothing.
-    return jobs.length === 0 && data.map && data.map.state !== "current" ? MERGE_MS : null;
+    return jobs.length === 0 && data.home.map_state !== "current" ? MERGE_MS : null;
   }, signal);
   return repeated;
 }

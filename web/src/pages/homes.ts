@@ -1,6 +1,6 @@
 // All homes.
 
-import { homePath, homes, lidarMaps, lidarPicture, makeHome, Refusal } from "../api.ts";
+import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
 import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
@@ -25,7 +25,7 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
   keepUpToDate(place, asked, list, first);
 }
 
-/** Reads the list again when a person looks at it again, and regularly while clips are queued or being aligned. */
+/** Reads the list again when a person looks at it again, and regularly while clips or maps are being worked on. */
 function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
   const repeated = new Repeated(async () => {
     try {
@@ -44,8 +44,8 @@ function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, fi
   if (first.items.some(isUnderWay)) repeated.again();
 }
 
-function isUnderWay({ clips_by_state: { queued, aligning } }: Home): boolean {
-  return queued + aligning > 0;
+function isUnderWay({ clips_by_state: { queued, aligning }, map_state }: Home): boolean {
+  return queued + aligning > 0 || map_state === "due";
 }
 
 class HomeList {
@@ -149,7 +149,7 @@ function card(home: Home): HTMLElement {
         src: homePath(home.id, "lidar-map", "image.png"),
       })
     : h("span", { class: "hint" }, "No LiDAR map yet");
-  picture.addEventListener("error", () => void showFirstLevel(home.id, picture), { once: true });
+  picture.addEventListener("error", () => picture.replaceWith(h("span", { class: "hint" }, "No picture")));
   return h("li", {},
     h("a", { class: "card home-card", href: toHome(home.id), "data-key": home.id },
       h("span", { class: "thumbnail" }, picture),
@@ -160,22 +160,15 @@ function card(home: Home): HTMLElement {
         states(home))));
 }
 
-/** Shows the LiDAR map of the first level in a picture: a home may have no level of the name `main`. */
-async function showFirstLevel(home: string, picture: HTMLElement): Promise<void> {
-  const fail = () => picture.replaceWith(h("span", { class: "hint" }, "No picture"));
-  picture.addEventListener("error", fail);
-  const [first] = await lidarMaps(home, new AbortController().signal).catch(() => []);
-  if (first) picture.setAttribute("src", lidarPicture(home, first.level));
-  else fail();
-}
-
-/** The number of clips in each state that has any. */
-function states(home: Home): HTMLElement {
+/** The number of clips in each state that has any, and whether the map needs attention. */
+export function states(home: Pick<Home, "clips_by_state" | "map_state">): HTMLElement {
   const counts = STATES.filter((state) => home.clips_by_state[state] > 0);
-  return h("span", { class: "row states" }, ...counts.map((state) => {
+  const badges = counts.map((state) => {
     const count = home.clips_by_state[state];
     return h("span", { class: `badge ${state}` }, stateMark(state), `${count} ${stateWord(state).toLowerCase()}`);
-  }));
+  });
+  const map = home.map_state === "failing" && h("span", { class: "badge failed" }, stateMark("failed"), "map needs attention");
+  return h("span", { class: "row states" }, ...badges, map);
 }
 
 function newHome(): HTMLElement {

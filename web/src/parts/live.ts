@@ -2,13 +2,15 @@
 
 import { homePath } from "../api.ts";
 import type { Job } from "../types.ts";
+import { openStream } from "./stream.ts";
 
-/**
- * Follows one running job by its server-sent events. A browser opens six connections to a host at most, and each
- * stream holds one; the stream of the home tells when a queued job starts.
- */
+/** Time between two readings of a page for whose stream no place is left. */
+const CROWDED_MS = 5000;
+
+/** Follows one running job by its server-sent events; the stream of the home tells when a queued job starts. */
 export class Followed {
-  private stream: EventSource | null = null;
+  private close = () => {};
+  private timer = 0;
   private id = "";
 
   constructor(
@@ -31,23 +33,27 @@ export class Followed {
   }
 
   private start(id: string): void {
-    const stream = new EventSource(`/v1/jobs/${encodeURIComponent(id)}/events`);
-    this.stream = stream;
     this.id = id;
-    stream.addEventListener("job", (event: MessageEvent<string>) => this.onJob(JSON.parse(event.data) as Job));
-    stream.addEventListener("end", () => {
+    const end = () => {
       this.stop();
       this.onEnd();
-    });
-    // The browser does not try a refused stream again; the home's own stream tells when to follow the job again.
-    stream.addEventListener("error", () => {
-      if (stream.readyState === EventSource.CLOSED && stream === this.stream) this.stop();
+    };
+    this.close = openStream(`/v1/jobs/${encodeURIComponent(id)}/events`, (stream) => {
+      stream.addEventListener("job", (event: MessageEvent<string>) => this.onJob(JSON.parse(event.data) as Job));
+      stream.addEventListener("end", end);
+      // The browser does not try a refused stream again; the home's own stream tells when to follow the job again.
+      stream.addEventListener("error", () => {
+        if (stream.readyState === EventSource.CLOSED && this.id === id) this.stop();
+      });
+    }, () => {
+      // The page reads the job itself, and follows it again.
+      this.timer = window.setTimeout(end, CROWDED_MS);
     });
   }
 
   private stop(): void {
-    this.stream?.close();
-    this.stream = null;
+    clearTimeout(this.timer);
+    this.close();
     this.id = "";
   }
 }
@@ -59,40 +65,39 @@ const LOST_MS = 5000;
 
 /**
  * Calls back when a home changes, and when its stream is there again after a loss. A page that is not looked at has no
- * stream: six of them would hold all connections that a browser opens to a host.
+ * stream. A page for which no place is left calls back now and then.
  */
 export function onHomeChange(home: string, changed: () => void, signal: AbortSignal): void {
-  let stream: EventSource | null = null;
+  let closeStream = () => {};
   let timer = 0;
   const close = () => {
     clearTimeout(timer);
     timer = 0;
-    stream?.close();
-    stream = null;
+    closeStream();
+  };
+  const reopenAfter = (wait_ms: number) => {
+    clearTimeout(timer);
+    timer = window.setTimeout(() => {
+      changed();
+      open();
+    }, wait_ms);
   };
   const open = () => {
     close();
     if (document.hidden || signal.aborted) return;
-    const opened = new EventSource(homePath(home, "events"));
-    stream = opened;
-    opened.addEventListener("open", () => {
-      clearTimeout(timer);
-      timer = 0;
-      changed();
-    });
-    opened.addEventListener("change", changed);
-    // The browser opens a lost stream again, but not a refused one. Asking for the home tells the page why there is none.
-    opened.addEventListener("error", () => {
-      if (opened.readyState !== EventSource.CLOSED) {
-        timer ||= window.setTimeout(changed, LOST_MS);
-        return;
-      }
-      clearTimeout(timer);
-      timer = window.setTimeout(() => {
+    closeStream = openStream(homePath(home, "events"), (stream) => {
+      stream.addEventListener("open", () => {
+        clearTimeout(timer);
+        timer = 0;
         changed();
-        open();
-      }, REOPEN_MS);
-    });
+      });
+      stream.addEventListener("change", changed);
+      // The browser opens a lost stream again, but not a refused one. Asking for the home tells the page why there is none.
+      stream.addEventListener("error", () => {
+        if (stream.readyState === EventSource.CLOSED) reopenAfter(REOPEN_MS);
+        else timer ||= window.setTimeout(changed, LOST_MS);
+      });
+    }, () => reopenAfter(CROWDED_MS));
   };
   document.addEventListener("visibilitychange", () => (document.hidden ? close() : open()), { signal });
   signal.addEventListener("abort", close);

@@ -76,7 +76,7 @@ pub(super) fn drop_doubtful(
     depth: &mut DepthImage,
 ) -> Result<(), ClipError> {
     let (width, height) = (depth.width, depth.height);
-    let (confidence, (from_width, from_height)) = if name.ends_with(".conf") {
+    let (confidence, (from_width, from_height)) = if name.to_ascii_lowercase().ends_with(".conf") {
         let bytes = unpack(container, name, depth.depth_m.len())?;
         if bytes.len() != depth.depth_m.len() {
             let reason = format!("{} bytes instead of those of {width}x{height} pixels", bytes.len());

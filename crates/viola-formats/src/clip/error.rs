@@ -39,7 +39,10 @@ pub enum ClipError {
     DuplicateFrame { first: String, second: String },
     #[error("colour and depth do not belong together: {reason}")]
     ColorDepthMismatch { reason: String },
-    #[error("{name} is not a picture that can be read: {reason}")]
+    #[error(
+        "{name} is not a picture that can be read: {reason}; export or copy the clip again, or remove this picture: a \
+         frame without one of its pictures is left out"
+    )]
     BadPicture { name: String, reason: String },
     #[error("{name} is {width}x{height}, and pictures may have at most {max_pixels} pixels")]
     PictureTooLarge { name: String, width: u32, height: u32, max_pixels: u64 },

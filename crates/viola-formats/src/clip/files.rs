@@ -9,6 +9,29 @@ use image::{RgbImage, imageops};
 use std::sync::Arc;
 use viola_geometry::{Pinhole, Pose3};
 
+/// Maximum number of files with one name and different endings that are looked through: it bounds the time of a hostile
+/// archive.
+const MAX_ENDINGS: usize = 64;
+
+/// Returns whether a name has this ending, in letters of any case: cameras write `.JPG`.
+pub(super) fn has_ending(name: &str, ending: &str) -> bool {
+    let start = name.len().checked_sub(ending.len());
+    start.and_then(|start| name.get(start..)).is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
+/// Returns the name of the file that is called `name`, or else of one whose ending differs only in the case of its letters.
+pub(super) fn find_file(container: &dyn Container, name: &str) -> Option<String> {
+    if container.contains(name) {
+        return Some(name.to_string());
+    }
+    let dot = name.rfind('.').filter(|dot| !name[*dot..].contains('/'))?;
+    let stem = &name[..=dot];
+    let names = container.names();
+    let first = names.partition_point(|other| other.as_str() < stem);
+    let mut others = names[first..].iter().take_while(|other| other.starts_with(stem)).take(MAX_ENDINGS);
+    others.find(|other| other.eq_ignore_ascii_case(name)).cloned()
+}
+
 /// Place of a frame's colour picture.
 #[derive(Debug, Clone)]
 pub(super) enum ColorAt {
@@ -266,5 +289,67 @@ impl Files {
             depth_camera: cameras.depth,
             depth,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Names(Vec<String>);
+
+    impl Container for Names {
+        fn names(&self) -> &[String] {
+            &self.0
+        }
+
+        fn read(&self, name: &str, _max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
+            Err(ContainerError::Missing { name: name.to_string() })
+        }
+
+        fn region(&self, name: &str, _max_bytes: u64) -> Result<Region, ContainerError> {
+            Err(ContainerError::Missing { name: name.to_string() })
+        }
+    }
+
+    #[test]
+    fn files_are_found_by_endings_in_any_case() {
+        let mut names =
+            ["a.d/b", "a/1.JPG", "a/1.depth.png", "a/10.jpg", "a/2.JPG", "a/2.jpg", "a/3.Jpeg", "é.PNG"]
+                .map(str::to_string)
+                .to_vec();
+        names.sort_unstable();
+        let container = Names(names);
+        for (name, found) in [
+            ("a/1.jpg", Some("a/1.JPG")),
+            ("a/1.DEPTH.png", None),
+            ("a/1.depth.PNG", Some("a/1.depth.png")),
+            ("a/2.jpg", Some("a/2.jpg")),
+            ("a/2.JPG", Some("a/2.JPG")),
+            ("a/3.jpeg", Some("a/3.Jpeg")),
+            ("a/3.jpg", None),
+            ("A/3.jpeg", None),
+            ("a.D/b", None),
+            ("a.", None),
+            ("a", None),
+            ("", None),
+            ("é.png", Some("é.PNG")),
+        ] {
+            assert_eq!(find_file(&container, name).as_deref(), found, "{name}");
+        }
+    }
+
+    #[test]
+    fn endings_are_told_in_any_case() {
+        for (name, ending, is_told) in [
+            ("bag_0.MCAP", ".mcap", true),
+            ("bag_0.db3", ".db3", true),
+            ("db", ".db", false),
+            ("a.db3", ".db", false),
+            ("éa", "xa", false),
+            ("", "", true),
+        ] {
+            assert_eq!(has_ending(name, ending), is_told, "{name}");
+        }
     }
 }

@@ -40,6 +40,8 @@ pub enum WriteError {
     Write { name: String, source: std::io::Error },
     #[error("no frame has a pose, and this layout needs them")]
     NoPose,
+    #[error("none of {frames} frames with a pose can be decoded; the first one: {source}")]
+    NotDecoded { frames: usize, source: ClipError },
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -84,7 +86,7 @@ pub fn write(
         WrittenLayout::TumRgbd => Box::new(tum::Tum::default()),
         WrittenLayout::Scannet => Box::new(scannet::Scannet::default()),
     };
-    let (mut written, mut broken) = (0, 0);
+    let (mut written, mut broken, mut first_error) = (0, 0, None);
     let mut frames = clip.stream(posed.clone());
     for done in (0..posed.len()).step_by(BATCH) {
         viola_geometry::progress::check(progress)?;
@@ -99,7 +101,10 @@ pub fn write(
                     header.time_s = header.time_s.or(Some(place as f64 * STEP_S));
                     batch.push((place, frame));
                 }
-                Err(_) => broken += 1,
+                Err(error) => {
+                    broken += 1;
+                    first_error.get_or_insert(error);
+                }
             }
         }
         if let Some((0, first)) = batch.first() {
@@ -115,7 +120,10 @@ pub fn write(
         written += batch.len();
     }
     if written == 0 {
-        return Err(WriteError::NoPose);
+        let frames = posed.len();
+        return Err(
+            first_error.map_or(WriteError::NoPose, |source| WriteError::NotDecoded { frames, source })
+        );
     }
     if broken > 0 {
         notes.push(format!("{broken} frames could not be decoded and were left out"));

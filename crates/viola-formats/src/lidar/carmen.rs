@@ -50,12 +50,15 @@ struct Message {
     ranges_m: Vec<f64>,
 }
 
-/// Returns whether the first line that is not a comment is a message of CARMEN's.
+/// Returns whether any line is a message of CARMEN's: other programs' messages may come first.
 pub(super) fn is_log(text: &[u8]) -> bool {
-    let mut lines = text.split(|b| *b == b'\n').map(<[u8]>::trim_ascii);
-    let first = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
-    let word = first.and_then(|line| line.split(|b| *b == b' ').next()).unwrap_or_default();
-    MESSAGES.iter().any(|message| message.as_bytes() == word)
+    let mut names = text.split(|b| *b == b'\n').map(message_name);
+    names.any(|name| MESSAGES.iter().any(|message| message.as_bytes() == name))
+}
+
+/// Returns the first word of a line.
+fn message_name(line: &[u8]) -> &[u8] {
+    line.trim_ascii_start().split(u8::is_ascii_whitespace).next().unwrap_or_default()
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
@@ -90,7 +93,7 @@ fn scans(bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Scan>, LidarError>
     let (mut old, mut is_full) = (false, false);
     for (index, line) in bytes.split(|b| *b == b'\n').enumerate() {
         let bad = |reason: &str| LidarError::BadLog { line: index + 1, reason: reason.to_string() };
-        if !line.starts_with(b"FLASER ") && !line.starts_with(b"ROBOTLASER1 ") {
+        if !matches!(message_name(line), b"FLASER" | b"ROBOTLASER1") {
             continue;
         }
         let line = std::str::from_utf8(line).map_err(|_| bad("it is not text"))?;

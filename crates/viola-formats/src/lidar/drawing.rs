@@ -167,7 +167,7 @@ pub(super) fn shorten(name: &str) -> String {
     name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
 }
 
-/// Adds walls at the floor's border if the map has few: some early robots (Dreame 1C) hardly store walls.
+/// Adds walls at the floor's border if the map has few or none: some early robots (Dreame 1C) hardly store walls.
 fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
     let (width, height) = (grid.frame.width, grid.frame.height);
     let walls = grid.cells.iter().filter(|cell| **cell == Cell::Occupied).count();
@@ -184,14 +184,15 @@ fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
             }
         }
     }
-    if walls == 0 || walls as f64 >= MIN_WALL_FRACTION * border.len() as f64 {
+    if walls as f64 >= MIN_WALL_FRACTION * border.len() as f64 {
         return;
     }
     for &(x, y) in &border {
         grid.set(x, y, Cell::Occupied);
     }
+    let few = if walls == 0 { "no".to_string() } else { format!("only {walls}") };
     notes.push(format!(
-        "the map has only {walls} wall cells; the {} cells around its floor were taken as walls too",
+        "the map has {few} wall cells; the {} cells around its floor were taken as walls",
         border.len()
     ));
 }

@@ -1,13 +1,15 @@
 //! ROS map_server maps: a yaml file and a grey image (nav2_map_server `map_io.cpp`).
 
+mod bmp;
 mod raster;
 mod turn;
+mod yaml;
 
+use self::yaml::Description;
 use super::build::{Parts, build, occupied_centres};
 use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
 use crate::container::{Container, ContainerError, Zip};
-use serde::Deserialize;
-use viola_geometry::{Grid, GridFrame, Pose2};
+use viola_geometry::{Grid, GridFrame};
 
 const MAX_YAML_BYTES: u64 = 64 << 10;
 /// A free threshold that keeps a map saver's unknown (205) from being free.
@@ -17,48 +19,10 @@ const COARSE_CELL_M: f64 = 0.2;
 /// A smaller yaw moves the largest map by less than a cell.
 const MIN_YAW_RAD: f64 = 1e-6;
 
-#[derive(Deserialize)]
-struct Description {
-    image: String,
-    resolution: f64,
-    origin: Vec<f64>,
-    #[serde(default)]
-    negate: Option<Switch>,
-    occupied_thresh: f64,
-    free_thresh: f64,
-    #[serde(default)]
-    mode: Mode,
-}
-
-#[derive(Deserialize, Default, Clone, Copy, PartialEq)]
-#[serde(try_from = "String")]
-enum Mode {
-    #[default]
-    Trinary,
-    Scale,
-    Raw,
-}
-
-impl TryFrom<String> for Mode {
-    type Error = String;
-
-    /// Parses a mode in letters of either case, as map_server does.
-    fn try_from(name: String) -> Result<Mode, String> {
-        match name.to_ascii_lowercase().as_str() {
-            "trinary" => Ok(Mode::Trinary),
-            "scale" => Ok(Mode::Scale),
-            "raw" => Ok(Mode::Raw),
-            _ => Err(format!("mode is trinary, scale or raw, and not {name}")),
-        }
-    }
-}
-
-#[derive(Deserialize, Clone, Copy)]
-#[serde(untagged)]
-enum Switch {
-    Bool(bool),
-    Number(i64),
-}
+/// Words in the names of the masks of costmap filters, which lie beside a map.
+const MASK_WORDS: [&str; 5] = ["mask", "keepout", "speed", "filter", "semantic"];
+/// Maximum number of names in an error.
+const MAX_LISTED: usize = 10;
 
 /// Returns whether a file is a map's description by its name.
 pub(super) fn is_yaml(name: &str) -> bool {
@@ -66,7 +30,35 @@ pub(super) fn is_yaml(name: &str) -> bool {
     name.ends_with(".yaml") || name.ends_with(".yml")
 }
 
-/// Reads a zip with one yaml file and the image that it names, or with one file of any other map.
+/// Returns whether a file is a mask by its name, whatever its folder's.
+fn is_mask(path: &str) -> bool {
+    let name = path.rsplit('/').next().unwrap_or_default().to_ascii_lowercase();
+    MASK_WORDS.iter().any(|word| name.contains(word))
+}
+
+/// Returns the yaml file of the map: the only one, or the only one that is no mask's.
+fn yaml_of_map<'a>(yamls: &[&'a str]) -> Result<&'a str, LidarError> {
+    let maps: Vec<&str> = yamls.iter().copied().filter(|name| !is_mask(name)).collect();
+    match (yamls, maps.as_slice()) {
+        (&[], _) => Err(LidarError::UnknownFormat),
+        (&[only], _) | (_, &[only]) => Ok(only),
+        (all, maps) => {
+            let several = if maps.is_empty() { all } else { maps };
+            let names: Vec<String> =
+                several.iter().take(MAX_LISTED).map(|name| format!("{name:.80}")).collect();
+            let more = if several.len() > MAX_LISTED { ", ..." } else { "" };
+            let reason = format!(
+                "it is one of {} in the archive that may be the map's ({}{more}); send one map",
+                several.len(),
+                names.join(", ")
+            );
+            let name = names.into_iter().next().unwrap_or_default();
+            Err(LidarError::BadYaml { name, reason })
+        }
+    }
+}
+
+/// Reads a zip with the yaml file of one map and the image that it names, or with one file of any other map.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
     if let [name] = zip.names()
@@ -78,29 +70,30 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         }
         return LidarMap::read(&bytes);
     }
-    let mut yamls = zip.names().iter().filter(|name| is_yaml(name));
-    let name = yamls.next().ok_or(LidarError::UnknownFormat)?;
-    if let Some(second) = yamls.next() {
-        let reason = format!("the archive has another one, {second}; send one map");
-        return Err(LidarError::BadYaml { name: name.clone(), reason });
-    }
+    let yamls: Vec<&str> = zip.names().iter().map(String::as_str).filter(|name| is_yaml(name)).collect();
+    let name = yaml_of_map(&yamls)?;
+    let has_masks = yamls.len() > 1;
     let folder = name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
     let files = zip.names().iter().filter_map(|path| path.strip_prefix(folder.as_str()));
-    let mut images = files.filter(|file| is_image(file));
+    let mut images = files.filter(|file| is_image(file) && !(has_masks && is_mask(file)));
     let only_image = images.next().filter(|_| images.next().is_none());
-    read(&zip.read(name, MAX_YAML_BYTES)?, name, only_image, |image| {
+    let mut map = read(&zip.read(name, MAX_YAML_BYTES)?, name, only_image, |image| {
         let path = format!("{folder}{image}");
         if !zip.contains(&path) {
-            return Err(LidarError::MissingImage { yaml: name.clone(), image: image.to_string() });
+            return Err(LidarError::MissingImage { yaml: name.to_string(), image: image.to_string() });
         }
         Ok(zip.read(&path, MAX_FILE_BYTES)?)
-    })
+    })?;
+    if has_masks {
+        map.info.notes.push(format!("{} yaml files of masks were ignored", yamls.len() - 1));
+    }
+    Ok(map)
 }
 
 /// Returns whether a file in the yaml file's folder is an image by its name.
 fn is_image(name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
-    !name.contains('/') && (lower.ends_with(".pgm") || lower.ends_with(".png"))
+    !name.contains('/') && [".pgm", ".png", ".bmp"].iter().any(|ending| lower.ends_with(ending))
 }
 
 /// Reads a yaml file, and its image with `read_image`. `only_image` is the only image beside it, if there is one.
@@ -114,11 +107,10 @@ pub(super) fn read(
     if yaml.len() as u64 > MAX_YAML_BYTES {
         return Err(bad(format!("it has more than {MAX_YAML_BYTES} bytes")));
     }
-    let mut description: Description =
-        serde_yaml_ng::from_slice(yaml).map_err(|error| bad(error.to_string()))?;
+    let mut description = Description::parse(yaml).map_err(bad)?;
     let mut notes = Vec::new();
     let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
-    let origin = check(&description).map_err(bad)?;
+    let origin = description.origin().map_err(bad)?;
     if description.resolution > COARSE_CELL_M {
         notes.push(format!(
             "cells of {} m are coarse: poses of clips are up to half a cell off, and most clips are not aligned",
@@ -214,27 +206,6 @@ fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> 
         return Err(format!("image is {image:.80}, and must name a file beside the yaml file"));
     }
     Ok(name.to_string())
-}
-
-/// Checks the numbers and returns the pose of the image's lower-left corner in the map.
-fn check(description: &Description) -> Result<Pose2, String> {
-    let Description { resolution, occupied_thresh, free_thresh, .. } = *description;
-    if !(0.001..=1.0).contains(&resolution) {
-        return Err(format!("resolution is {resolution}, and must be from 0.001 to 1 metre for each pixel"));
-    }
-    let &[x_m, y_m, yaw_rad] = description.origin.as_slice() else {
-        return Err("origin must be [x, y, yaw]".to_string());
-    };
-    let is_bounded = |v: f64| v.abs() < 1e6;
-    if !(is_bounded(x_m) && is_bounded(y_m) && is_bounded(yaw_rad)) {
-        return Err("origin must be finite".to_string());
-    }
-    if !(0.0 <= free_thresh && free_thresh < occupied_thresh && occupied_thresh <= 1.0) {
-        return Err(format!(
-            "free_thresh is {free_thresh} and occupied_thresh is {occupied_thresh}; 0 <= free < occupied <= 1 must hold"
-        ));
-    }
-    Ok(Pose2::new(x_m, y_m, yaw_rad))
 }
 
 #[cfg(test)]

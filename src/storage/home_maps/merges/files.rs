@@ -26,9 +26,13 @@ impl Storage {
         let files =
             new.files.iter().map(|(level, name, bytes)| (*level, *name, None, Some(bytes.as_slice())));
         let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest.as_slice()));
-        // The mesh of a level that changed is made later.
+        // The mesh of a level that changed is made later; another name of an object or a room changes no mesh.
         let scenes = new.files.iter().filter(|(_, name, _)| *name == map_file::SCENE);
-        let meshes = scenes.map(|(level, ..)| (*level, map_file::MESH, None, None));
+        let keeps_mesh = |level: &LevelName| {
+            new.same_mesh_parts.contains(level) && !new.tiles.iter().any(|(key, _)| key.level == *level)
+        };
+        let changed = scenes.filter(|(level, ..)| !keeps_mesh(level));
+        let meshes = changed.map(|(level, ..)| (*level, map_file::MESH, None, None));
         let (mut written, mut puts) = (Vec::new(), Vec::new());
         for (level, name, tile, bytes) in tiles.chain(sums).chain(files).chain([manifest]).chain(meshes) {
             // Every attempt has its own keys, as with the results of clips.

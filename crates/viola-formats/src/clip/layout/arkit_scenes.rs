@@ -26,19 +26,22 @@ const COLOR_FOLDERS: [&str; 3] = ["lowres_wide", "vga_wide", "wide"];
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, TRAJECTORY))? else { return Ok(None) };
-    let depth = timed_files(container, &format!("{root}lowres_depth/"), ".png");
-    let confidence = timed_files(container, &format!("{root}confidence/"), ".png");
-    let color_of = |folder: &&str| timed_files(container, &format!("{root}{folder}/"), ".png");
+    let depth = timed_files(container, &format!("{root}lowres_depth/"), "png");
+    let confidence = timed_files(container, &format!("{root}confidence/"), "png");
+    let color_of = |folder: &&str| timed_files(container, &format!("{root}{folder}/"), "png");
     let (folder, color) = COLOR_FOLDERS
         .iter()
         .map(|folder| (*folder, color_of(folder)))
         .find(|(_, files)| !files.is_empty())
         .unwrap_or((COLOR_FOLDERS[0], Vec::new()));
-    let cameras = timed_files(container, &format!("{root}{folder}_intrinsics/"), ".pincam");
+    let cameras = timed_files(container, &format!("{root}{folder}_intrinsics/"), "pincam");
     if cameras.is_empty() {
         return Err(ClipError::MissingIntrinsics { name: format!("{root}{folder}_intrinsics/*.pincam") });
     }
-    let poses = read_trajectory(container, &format!("{root}{TRAJECTORY}"))?;
+    let mut notes = vec![format!(
+        "{folder} and lowres_depth were paired by time; poses were interpolated between those of {TRAJECTORY}"
+    )];
+    let poses = read_trajectory(container, &format!("{root}{TRAJECTORY}"), &mut notes)?;
 
     let (color_s, depth_s, camera_s) = (times(&color), times(&depth), times(&cameras));
     let confidence_s = times(&confidence);
@@ -73,14 +76,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_pictures: depth.len(),
         incomplete,
         intrinsics: format!("{folder}_intrinsics/*.pincam, for each frame; depth is scaled to it"),
-        notes: vec![format!(
-            "{folder} and lowres_depth were paired by time; poses were interpolated between those of {TRAJECTORY}"
-        )],
+        notes,
         ..Layout::new("arkit_scenes", Cameras::One(Intrinsics { name, numbers }), sources)
     }))
 }
 
-/// Returns the files `<anything>_<seconds><ending>` right under a folder, in the order of their times.
+/// Returns the files `<anything>_<seconds>.<ending>` right under a folder, in the order of their times.
 fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> Vec<Timed<&'a str>> {
     let names = container.names();
     let first = names.partition_point(|name| name.as_str() < folder);
@@ -88,7 +89,7 @@ fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> 
         .iter()
         .take_while(|name| name.starts_with(folder))
         .filter_map(|name| {
-            let stem = name.strip_suffix(ending)?;
+            let (stem, _) = name.rsplit_once('.').filter(|(_, own)| own.eq_ignore_ascii_case(ending))?;
             let time_s: f64 = stem.rsplit(['_', '/']).next()?.parse().ok()?;
             time_s.is_finite().then_some(Timed { time_s, value: name.as_str() })
         })
@@ -119,19 +120,21 @@ fn read_pincam(container: &dyn Container, name: &str) -> Result<Numbers, ClipErr
 }
 
 /// Reads the poses, inverted to camera-to-world; rows without a finite pose are skipped.
-fn read_trajectory(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
+fn read_trajectory(
+    container: &dyn Container,
+    name: &str,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Timed<Pose3>>, ClipError> {
     let mut poses = Vec::new();
-    for (line, text) in read_table(container, name)?.rows() {
-        let [time_s, rx, ry, rz, tx, ty, tz] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
-            name: name.to_string(),
-            line,
-            reason: "expected 7 numbers: time, rotation (axis times angle), translation".to_string(),
-        })?;
+    read_table(container, name)?.read_rows(notes, |text| {
+        let [time_s, rx, ry, rz, tx, ty, tz] =
+            parse_row(text).ok_or("expected 7 numbers: time, rotation (axis times angle), translation")?;
         let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz));
         if let (true, Some(pose)) = (time_s.is_finite(), rigid(rotation, Vector3::new(tx, ty, tz))) {
             poses.push(Timed { time_s, value: pose.inverse() });
         }
-    }
+        Ok(())
+    })?;
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(poses)
 }

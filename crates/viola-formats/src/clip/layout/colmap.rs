@@ -8,6 +8,7 @@ use super::natural::natural_order;
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Source, incomplete, only_root, roots_of,
 };
+use crate::clip::files::find_file;
 use crate::container::Container;
 use model::{Image, Model};
 
@@ -37,9 +38,9 @@ fn layout(container: &dyn Container, root: &str, model: Model) -> Result<Layout,
     images.dedup_by(|a, b| a.name == b.name);
     let mut sources = Vec::new();
     for (number, Image { name, camera, world_from_camera }) in images.into_iter().enumerate() {
-        let color = Some(format!("{root}images/{name}")).filter(|name| container.contains(name));
-        let depth = DEPTHS.iter().map(|end| format!("{root}stereo/depth_maps/{name}{end}"));
-        let depth = depth.into_iter().find(|name| container.contains(name));
+        let color = find_file(container, &format!("{root}images/{name}"));
+        let mut depth = DEPTHS.iter().map(|end| format!("{root}stereo/depth_maps/{name}{end}"));
+        let depth = depth.find_map(|name| find_file(container, &name));
         color_pictures += usize::from(color.is_some());
         depth_pictures += usize::from(depth.is_some());
         let (Some(color), Some(depth)) = (color, depth) else { continue };

@@ -8,6 +8,7 @@ use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, MILLIMETRES, Numbers, OPENGL, Of,
     Source, only_root, roots_of, with_opencv_axes,
 };
+use crate::clip::files::find_file;
 use crate::container::Container;
 use serde::Deserialize;
 use viola_geometry::{Pose3, Vector3};
@@ -21,6 +22,8 @@ const NERF_CAPTURE_NAMES: [(&str, &str, &str); 2] =
     [("images/", "images/", ".depth.png"), ("rgb/", "depth/", ".png")];
 /// Coefficients up to this are ignored: they move a pixel at the edge by less than a depth pixel.
 const MAX_DISTORTION: f64 = 0.02;
+/// The models of perspective cameras (nerfstudio, cameras.py, `CAMERA_MODEL_TO_TYPE`); their lenses have coefficients.
+const PERSPECTIVE_MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
 #[derive(Deserialize)]
 struct Transforms {
@@ -33,15 +36,18 @@ struct Transforms {
     integer_depth_scale: Option<f64>,
     /// NeRFCapture's name of `integer_depth_scale`.
     depth_integer_scale: Option<f64>,
+}
+
+/// Intrinsics of all frames, or of one.
+#[derive(Deserialize)]
+struct Camera {
+    camera_model: Option<String>,
+    /// The mark of a fisheye in files of instant-ngp, which have no `camera_model`.
+    is_fisheye: Option<bool>,
     k1: Option<f64>,
     k2: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
-}
-
-/// Intrinsics of all frames, or of one.
-#[derive(Deserialize, Clone, Copy)]
-struct Camera {
     fl_x: Option<f64>,
     fl_y: Option<f64>,
     cx: Option<f64>,
@@ -80,6 +86,26 @@ impl Camera {
 
     fn is_given(&self) -> bool {
         self.fl_x.is_some() || self.cx.is_some()
+    }
+
+    /// Refuses a camera whose pictures are not those of a pinhole. `name` is the file's, `of` says whose camera it is.
+    fn check_model(&self, name: &str, of: &str) -> Result<(), ClipError> {
+        let field = match &self.camera_model {
+            Some(model) if !PERSPECTIVE_MODELS.contains(&model.as_str()) => {
+                format!("camera_model {model:.40}")
+            }
+            _ if self.is_fisheye == Some(true) => "is_fisheye".to_string(),
+            _ => return Ok(()),
+        };
+        let reason = format!(
+            "the {field} of {of} is not that of a pinhole camera (OPENCV, PINHOLE, SIMPLE_PINHOLE); undistort colour and \
+             depth first, for example with ns-process-data or COLMAP's image_undistorter"
+        );
+        Err(ClipError::BadIntrinsics { name: name.to_string(), reason })
+    }
+
+    fn is_distorted(&self) -> bool {
+        [self.k1, self.k2, self.p1, self.p2].into_iter().flatten().any(|k| k.abs() > MAX_DISTORTION)
     }
 }
 
@@ -148,6 +174,16 @@ impl Transforms {
         }
     }
 
+    /// Refuses cameras that are no pinholes; returns whether a lens distorts the pictures.
+    fn check_lenses(&self, name: &str) -> Result<bool, ClipError> {
+        self.camera.check_model(name, "all frames")?;
+        for frame in &self.frames {
+            frame.camera.check_model(name, &frame.file_path)?;
+        }
+        let cameras = self.frames.iter().map(|frame| &frame.camera);
+        Ok(cameras.chain([&self.camera]).any(Camera::is_distorted))
+    }
+
     fn is_by_colmap(&self) -> bool {
         self.frames.iter().any(|frame| frame.colmap_im_id.is_some())
     }
@@ -179,8 +215,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     file.sort_frames();
     let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
     let mut notes = Vec::new();
-    let bends = [file.k1, file.k2, file.p1, file.p2].into_iter().flatten().any(|k| k.abs() > MAX_DISTORTION);
-    if bends {
+    if file.check_lenses(&name)? {
         notes.push("the lens distortion (k1, k2, p1, p2) was not undone".to_string());
     }
 
@@ -245,8 +280,8 @@ fn in_unit_of_depth(mut pose: Pose3, applied: Option<f64>) -> Pose3 {
 /// Returns the file of a path of the JSON; NeRFCapture omits the extension.
 fn picture(container: &dyn Container, root: &str, path: &str) -> Option<String> {
     let name = format!("{root}{}", listed_path(path));
-    let endings = ["", ".png", ".jpg", ".jpeg"].into_iter().map(|ending| format!("{name}{ending}"));
-    endings.into_iter().find(|name| container.contains(name))
+    let mut names = ["", ".png", ".jpg", ".jpeg"].into_iter().map(|ending| format!("{name}{ending}"));
+    names.find_map(|name| find_file(container, &name))
 }
 
 #[cfg(test)]

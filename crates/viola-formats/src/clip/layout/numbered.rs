@@ -81,7 +81,7 @@ impl Files<'_> {
     }
 }
 
-/// Returns the files under a folder by the number that `number_of` gives them; numbers must be unique.
+/// Returns the files under a folder by the number that `number_of` gives for a name in lower case; numbers must be unique.
 pub(super) fn numbered_under<'a>(
     container: &'a dyn Container,
     folder: &str,
@@ -91,7 +91,7 @@ pub(super) fn numbered_under<'a>(
     let first = names.partition_point(|name| name.as_str() < folder);
     let mut files = BTreeMap::new();
     for name in names[first..].iter().take_while(|name| name.starts_with(folder)) {
-        let Some(number) = number_of(&name[folder.len()..]) else { continue };
+        let Some(number) = number_of(&name[folder.len()..].to_ascii_lowercase()) else { continue };
         if let Some(first) = files.insert(number, name.as_str()) {
             return Err(ClipError::DuplicateFrame { first: first.to_string(), second: name.clone() });
         }

@@ -5,6 +5,7 @@
 
 use super::tum::read_poses;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
+use crate::clip::files::find_file;
 use crate::clip::rendered::Cloud;
 use crate::container::Container;
 use crate::ply::Vertices;
@@ -32,19 +33,19 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
 /// Returns the name of the path beside a cloud; `None` if the file is no cloud or has no path.
 fn path_beside(container: &dyn Container, name: &str) -> Option<String> {
-    let stem = name.strip_suffix(".ply")?;
+    let (stem, _) = name.rsplit_once('.').filter(|(_, ending)| ending.eq_ignore_ascii_case("ply"))?;
     let folder = &name[..name.rfind('/').map_or(0, |slash| slash + 1)];
     let paths = [format!("{stem}.txt"), format!("{folder}trajectory.txt")];
-    paths.into_iter().find(|path| container.contains(path))
+    paths.iter().find_map(|path| find_file(container, path))
 }
 
 fn layout(container: &dyn Container, name: &str, path: &str) -> Result<Layout, ClipError> {
     let (cloud, read) = read_cloud(container, name)?;
-    let poses = read_poses(container, path)?;
     let mut notes = vec![
         "the unit of the points is unknown: the alignment finds the scale".to_string(),
         "depth was rendered from the points with a view of 60 x 47 degrees".to_string(),
     ];
+    let poses = read_poses(container, path, &mut notes)?;
     if cloud.points.len() as u64 != read {
         notes.push(format!("{} of {read} points were taken", cloud.points.len()));
     }

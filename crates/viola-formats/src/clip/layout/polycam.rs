@@ -8,11 +8,13 @@ use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENGL, Of, Source,
     only_root, with_opencv_axes,
 };
+use crate::clip::files::{find_file, has_ending};
 use crate::container::Container;
 use serde::Deserialize;
 use viola_geometry::Vector3;
 
 const MAX_CAMERA_BYTES: u64 = 64 << 10;
+const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 const CAMERAS: &str = "keyframes/cameras/";
 const CORRECTED_CAMERAS: &str = "keyframes/corrected_cameras/";
 
@@ -59,7 +61,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let root_of = |name: &'_ String| {
         let at = name.find(CAMERAS).or_else(|| name.find(CORRECTED_CAMERAS))?;
         let is_root = at == 0 || name.as_bytes()[at - 1] == b'/';
-        (is_root && name.ends_with(".json")).then_some(at)
+        (is_root && has_ending(name, ".json")).then_some(at)
     };
     let roots = names.iter().filter_map(|name| root_of(name).map(|at| &name[..at]));
     let Some(root) = only_root(roots)? else { return Ok(None) };
@@ -77,29 +79,28 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     // The stems are microseconds of one clock, sorted as numbers.
     let mut stems: Vec<(u64, &str, &str)> = Vec::new();
     for file in &pictures {
-        let Some((stem, "jpg" | "jpeg" | "png")) = file.rsplit_once('.') else { continue };
-        let Ok(time_us) = stem.parse() else { continue };
+        let Some((stem, ending)) = file.rsplit_once('.') else { continue };
+        let is_picture = PICTURES.iter().any(|picture| ending.eq_ignore_ascii_case(picture));
+        let (true, Ok(time_us)) = (is_picture, stem.parse()) else { continue };
         stems.push((time_us, stem, file));
     }
     stems.sort_unstable();
     let mut sources = Vec::new();
     let mut first_camera = None;
     for (time_us, stem, file) in &stems {
-        let camera_name = format!("{root}keyframes/{kind}cameras/{stem}.json");
-        let depth = format!("{root}keyframes/depth/{stem}.png");
-        if !container.contains(&camera_name) || !container.contains(&depth) {
-            continue;
-        }
+        let beside = |file: String| find_file(container, &format!("{root}keyframes/{file}"));
+        let camera = beside(format!("{kind}cameras/{stem}.json"));
+        let depth = beside(format!("depth/{stem}.png"));
+        let (Some(camera_name), Some(depth)) = (camera, depth) else { continue };
         let camera: Camera = read_json(container, &camera_name, MAX_CAMERA_BYTES)?;
         first_camera.get_or_insert_with(|| Intrinsics { name: camera_name, numbers: camera.numbers() });
-        let confidence = format!("{root}keyframes/confidence/{stem}.png");
         sources.push(Source {
             number: sources.len() as u32,
             time_s: Some(*time_us as f64 * 1e-6),
             world_from_camera: pose_from_rows(&camera.rows()).map(with_opencv_axes),
             color: ColorAt::File(format!("{root}keyframes/{kind}images/{file}")),
             depth: DepthAt::Png(depth),
-            confidence: container.contains(&confidence).then_some(confidence),
+            confidence: beside(format!("confidence/{stem}.png")),
             numbers: Some(camera.numbers()),
         });
     }

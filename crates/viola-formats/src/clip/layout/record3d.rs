@@ -1,7 +1,7 @@
 //! Record3D's `.r3d`: a zip of `metadata` (JSON) and `rgbd/N.{jpg,depth,conf}`, depth and confidence as LZFSE
 //! (marek-simonik/record3d, issues 7, 24, 27, 43, 81, 83, 93, 99 and 108).
 
-use super::json::read_json;
+use super::json::{or_default, read_json};
 use super::numbered::number;
 use super::text::pose_from_quaternion;
 use super::{
@@ -19,7 +19,7 @@ const MAX_METADATA_BYTES: u64 = 48 << 20;
 /// Maximum relative change of a frame's intrinsics from the first frame's: the lens moves to stabilise.
 const MAX_DRIFT: f64 = 0.1;
 
-/// Contents of `metadata`; only newer versions of the app write all of it.
+/// Contents of `metadata`; only newer versions of the app write all of it, and some write `null` instead.
 #[derive(Deserialize)]
 struct Metadata {
     w: u32,
@@ -31,11 +31,11 @@ struct Metadata {
     intrinsics: [f64; 9],
     fps: Option<f64>,
     /// qx qy qz qw tx ty tz
-    #[serde(default)]
+    #[serde(default, deserialize_with = "or_default")]
     poses: Vec<[f64; 7]>,
-    #[serde(rename = "frameTimestamps", default)]
+    #[serde(rename = "frameTimestamps", default, deserialize_with = "or_default")]
     times_s: Vec<f64>,
-    #[serde(rename = "perFrameIntrinsicCoeffs", default)]
+    #[serde(rename = "perFrameIntrinsicCoeffs", default, deserialize_with = "or_default")]
     own_intrinsics: Vec<[f64; 4]>,
 }
 
@@ -51,7 +51,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let has_metadata = |root: &&str| container.contains(&format!("{root}metadata"));
     let Some(root) = only_root(files().map(|(root, ..)| root).filter(has_metadata))? else { return Ok(None) };
     let by_number = |wanted: &str| -> BTreeMap<u32, &String> {
-        let own = files().filter(|(of, _, extension, _)| *of == root && *extension == wanted);
+        let own =
+            files().filter(|(of, _, extension, _)| *of == root && extension.eq_ignore_ascii_case(wanted));
         own.map(|(_, number, _, name)| (number, name)).collect()
     };
     let [color, depth, confidence] = ["jpg", "depth", "conf"].map(by_number);

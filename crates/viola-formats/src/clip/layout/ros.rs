@@ -13,9 +13,9 @@ mod path;
 use super::associate::associate;
 use super::trajectory::times;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete};
-use crate::clip::files::Part;
+use crate::clip::files::{Part, has_ending};
 use crate::container::Container;
-use bag::{Bag, Images};
+use bag::{Bag, Images, Unread};
 use message::CameraInfo;
 use std::cmp::Reverse;
 use viola_geometry::Vector3;
@@ -28,13 +28,14 @@ const MAX_FILES: usize = 1000;
 /// Finds a bag in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let names = container.names();
-    let packed = |name: &&String| name.ends_with(".db3.zstd") || name.ends_with(".mcap.zstd");
+    let packed = |name: &&String| has_ending(name, ".db3.zstd") || has_ending(name, ".mcap.zstd");
     if let Some(name) = names.iter().find(packed) {
         let reason = "the whole file is compressed; unpack it with `zstd -d`, then send it".to_string();
         return Err(ClipError::BadMetadata { name: name.clone(), reason });
     }
     // A file that was sent alone may have any name.
-    let is_candidate = |name: &&String| names.len() == 1 || name.ends_with(".mcap") || name.ends_with(".db3");
+    let is_candidate =
+        |name: &&String| names.len() == 1 || has_ending(name, ".mcap") || has_ending(name, ".db3");
     let files: Vec<&String> = names.iter().filter(is_candidate).take(MAX_FILES).collect();
     let Some(first) = files.first() else { return Ok(None) };
     let folder = first.rfind('/').map_or("", |end| &first[..=end]);
@@ -56,10 +57,10 @@ fn layout(bag: &mut Bag, name: &str) -> Result<Layout, ClipError> {
         images.pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
     let Some((depth_topic, depth)) = depth_topic(bag) else {
-        let reason =
-            "it has no topic with depth: sensor_msgs/msg/Image of 16UC1 or 32FC1, or compressedDepth"
-                .to_string();
-        return Err(ClipError::BadMetadata { name: name.to_string(), reason });
+        let wanted =
+            "it has no topic with depth: sensor_msgs/msg/Image of 16UC1 or 32FC1, or compressedDepth";
+        let unread = unread_topic(bag, |_| true).map_or(String::new(), |words| format!("; {words}"));
+        return Err(ClipError::BadMetadata { name: name.to_string(), reason: format!("{wanted}{unread}") });
     };
     let color = color_topic(bag, depth_topic, depth);
     let (cameras, is_distorted) = cameras(bag, depth_topic, depth, color)?;
@@ -77,25 +78,62 @@ fn layout(bag: &mut Bag, name: &str) -> Result<Layout, ClipError> {
     if is_distorted {
         notes.push("the lens distortion in camera_info was not applied".to_string());
     }
+    let unread = left_out(bag, name, [Some((depth_topic, depth)), color], &mut notes)?;
+    if color.is_none() {
+        let is_color = |topic: &str| !topic.contains("depth") && !is_infrared(topic);
+        notes.extend(unread_topic(bag, is_color));
+    }
     let counts = (color_times_s.len(), depth_times_s.len());
     let camera = depth.frame.clone();
     let path = path::find(bag, &camera, &of_frames_s);
     notes.push(format!("poses are from {}, interpolated to the depth pictures", path.from));
-    notes.extend(path.note);
+    notes.extend(path.notes);
     // The topics again: the poses of the bag were sorted meanwhile.
     let sources = sources(bag, &pairs, path.poses);
     Ok(Layout {
-        pose_files: "/odom, /pose or /tf",
+        pose_files: "/tf, /odom or /pose",
         depth_unit: "millimetres of 16 bits, or metres as 32-bit floats",
         gravity: if path.z_is_up { "world z is up (REP 105)" } else { "unknown" }.to_string(),
         up_in_world: path.z_is_up.then(Vector3::z),
         color_pictures: counts.0,
         depth_pictures: counts.1,
-        incomplete: incomplete(counts.0, counts.1, pairs.len()),
+        incomplete: incomplete(counts.0, counts.1, pairs.len()) + unread,
         intrinsics: "camera_info".to_string(),
         notes,
         ..Layout::new("ros2_bag", cameras, sources)
     })
+}
+
+/// Returns the number of pictures of the chosen topics that cannot be read, and adds notes about them. Refuses a topic if
+/// most of its pictures are such.
+fn left_out(
+    bag: &Bag,
+    name: &str,
+    topics: [Option<(&String, &Images)>; 2],
+    notes: &mut Vec<String>,
+) -> Result<usize, ClipError> {
+    let mut left_out = 0;
+    for (topic, images) in topics.into_iter().flatten() {
+        let Some(Unread { count, reason }) = bag.unread.get(topic) else { continue };
+        let all = count + images.pictures.len();
+        let told = format!("{count} of {all} pictures of {topic} cannot be read");
+        if 2 * count > all {
+            let reason = format!("{told}; the first one: {reason}; record the topic again, or leave it out");
+            return Err(ClipError::BadMetadata { name: name.to_string(), reason });
+        }
+        notes.push(format!("{told}, and were left out; the first one: {reason}"));
+        left_out += count;
+    }
+    Ok(left_out)
+}
+
+/// Describes the wanted topic without a picture that can be read, of several the one with depth in its name, then the one
+/// with most pictures.
+fn unread_topic(bag: &Bag, is_wanted: impl Fn(&str) -> bool) -> Option<String> {
+    let topics = bag.unread.iter().filter(|(topic, _)| !bag.images.contains_key(*topic) && is_wanted(topic));
+    let (topic, unread) = topics
+        .max_by_key(|(topic, unread)| (topic.contains("depth"), unread.count, Reverse(topic.as_str())))?;
+    Some(format!("no picture of {topic} can be read; the first one: {}", unread.reason))
 }
 
 /// Returns the frames in the order of time.

@@ -6,7 +6,7 @@ mod camera;
 
 use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Source};
-use crate::clip::files::{Coding, Part};
+use crate::clip::files::{Coding, Part, has_ending};
 use crate::clip::sqlite::{Database, Row, Table};
 use crate::clip::{MAX_FRAMES, picture};
 use crate::container::{Container, Scratch, Spool};
@@ -31,7 +31,7 @@ const GRAVITY_LINK: i64 = 9;
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let names = container.names();
     // A file that was sent alone may have any name.
-    let is_candidate = |name: &&String| names.len() == 1 || name.ends_with(".db");
+    let is_candidate = |name: &&String| names.len() == 1 || has_ending(name, ".db");
     let mut found: Option<(&String, Layout)> = None;
     for name in names.iter().filter(is_candidate) {
         let region = container.region(name, MAX_BYTES)?;

@@ -8,6 +8,7 @@ use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENGL, Of, Source,
     only_root, with_opencv_axes,
 };
+use crate::clip::files::find_file;
 use crate::container::Container;
 use serde::Deserialize;
 use viola_geometry::Vector3;
@@ -26,8 +27,9 @@ struct FrameFile {
 /// Splits `scan/frame_00012.json` into `scan/` and `00012`.
 fn split(name: &str) -> Option<(&str, &str)> {
     let (root, file) = name.split_at(name.rfind('/').map_or(0, |slash| slash + 1));
-    let digits = file.strip_prefix("frame_")?.strip_suffix(".json")?;
-    number(digits).map(|_| (root, digits))
+    let (digits, ending) = file.strip_prefix("frame_")?.rsplit_once('.')?;
+    let is_frame = number(digits).is_some() && ending.eq_ignore_ascii_case("json");
+    is_frame.then_some((root, digits))
 }
 
 /// Finds the recording in a container; returns `None` if there is none.
@@ -38,26 +40,25 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let (mut color_pictures, mut depth_pictures, mut all) = (0, 0, 0);
     let mut first = None;
     for (_, digits) in frames() {
-        let color = format!("{root}frame_{digits}.jpg");
-        let depth = format!("{root}depth_{digits}.png");
-        let (has_color, has_depth) = (container.contains(&color), container.contains(&depth));
+        let of_frame =
+            |kind: &str, ending: &str| find_file(container, &format!("{root}{kind}_{digits}.{ending}"));
+        let (color, depth) = (of_frame("frame", "jpg"), of_frame("depth", "png"));
         all += 1;
-        color_pictures += usize::from(has_color);
-        depth_pictures += usize::from(has_depth);
-        let (true, true, Some(number)) = (has_color, has_depth, number(digits)) else { continue };
-        let name = format!("{root}frame_{digits}.json");
+        color_pictures += usize::from(color.is_some());
+        depth_pictures += usize::from(depth.is_some());
+        let (Some(color), Some(depth), Some(number)) = (color, depth, number(digits)) else { continue };
+        let Some(name) = of_frame("frame", "json") else { continue };
         let file: FrameFile = read_json(container, &name, MAX_FRAME_BYTES)?;
         let [fx, _, cx, _, fy, cy, ..] = file.intrinsics;
         let numbers = Numbers { fx, fy, cx, cy, of: Of::Color };
         first.get_or_insert(Intrinsics { name, numbers });
-        let confidence = format!("{root}conf_{digits}.png");
         sources.push(Source {
             number,
             time_s: file.time.filter(|time_s| time_s.is_finite()),
             world_from_camera: pose_from_rows(&file.world_from_camera).map(with_opencv_axes),
             color: ColorAt::File(color),
             depth: DepthAt::Png(depth),
-            confidence: container.contains(&confidence).then_some(confidence),
+            confidence: of_frame("conf", "png"),
             numbers: Some(numbers),
         });
     }

@@ -4,6 +4,7 @@
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
 use super::{Cameras, ClipError, Layout, Of};
+use crate::clip::files::find_file;
 use crate::container::Container;
 use viola_geometry::Vector3;
 
@@ -12,11 +13,14 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;
     let (color_pictures, depth_pictures) = (files.count(Kind::Color), files.count(Kind::Depth));
-    let of_color = || read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"), Of::Color);
-    let of_depth = || read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"), Of::Depth);
+    let intrinsics_of = |camera: &str, of: Of| {
+        let name = format!("{root}intrinsic/intrinsic_{camera}.txt");
+        read_intrinsics(container, &find_file(container, &name).unwrap_or(name), of)
+    };
+    let of_depth = || intrinsics_of("depth", Of::Depth);
     let (cameras, intrinsics) = if color_pictures > 0 {
         let words = "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt";
-        (Cameras::Each { color: of_color()?, depth: of_depth()? }, words)
+        (Cameras::Each { color: intrinsics_of("color", Of::Color)?, depth: of_depth()? }, words)
     } else {
         (Cameras::One(of_depth()?), "intrinsic/intrinsic_depth.txt")
     };
@@ -37,7 +41,7 @@ fn split(name: &str) -> Option<Part<'_>> {
     let (folder, file) = name.rsplit_once('/')?;
     let (stem, extension) = file.rsplit_once('.')?;
     let kind_name = folder.rsplit('/').next()?;
-    let kind = match (kind_name, extension) {
+    let kind = match (kind_name, extension.to_ascii_lowercase().as_str()) {
         ("color", "jpg" | "jpeg" | "png") => Kind::Color,
         ("depth", "png") => Kind::Depth,
         ("pose", "txt") => Kind::Pose,

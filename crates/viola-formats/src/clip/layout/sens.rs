@@ -4,7 +4,7 @@
 use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
 use crate::clip::MAX_FRAMES;
-use crate::clip::files::{Coding, Part};
+use crate::clip::files::{Coding, Part, has_ending};
 use crate::container::{Container, Region};
 
 /// Maximum size of a file: whole scenes have some gigabytes.
@@ -20,7 +20,7 @@ const MAX_PART_BYTES: u64 = 64 << 20;
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let names = container.names();
     // A file that was sent alone may have any name.
-    let is_candidate = |name: &&String| names.len() == 1 || name.ends_with(".sens");
+    let is_candidate = |name: &&String| names.len() == 1 || has_ending(name, ".sens");
     let mut candidates = names.iter().filter(is_candidate);
     let Some(name) = candidates.next() else { return Ok(None) };
     if let Some(second) = candidates.next() {
@@ -28,7 +28,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     let region = container.region(name, MAX_BYTES)?;
     let mut cursor = Cursor { region: &region, name, at: 0 };
-    match (cursor.u32(), name.ends_with(".sens")) {
+    match (cursor.u32(), has_ending(name, ".sens")) {
         (Ok(3 | 4), _) => {}
         (Ok(version), true) => {
             return Err(cursor.bad(format!("version {version} of .sens is not read, only 3 and 4")));
@@ -39,7 +39,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let header = match cursor.header() {
         Ok(header) => header,
         // A version number alone does not make a .sens file.
-        Err(_) if !name.ends_with(".sens") => return Ok(None),
+        Err(_) if !has_ending(name, ".sens") => return Ok(None),
         Err(error) => return Err(error),
     };
     let sources = cursor.frames(&header)?;

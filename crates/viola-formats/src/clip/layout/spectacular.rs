@@ -7,7 +7,7 @@
 mod lines;
 
 use super::inertial::Forces;
-use super::json::read_json;
+use super::json::{or_default, read_json};
 use super::numbered::{number, numbered_under};
 use super::text::{pose_from_quaternion, pose_from_rows};
 use super::trajectory::{Timed, pose_at};
@@ -15,6 +15,7 @@ use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of, video,
 };
 use crate::clip::MAX_FRAMES;
+use crate::clip::files::find_file;
 use crate::container::Container;
 use crate::video::VideoInfo;
 use nalgebra::Quaternion;
@@ -24,6 +25,7 @@ use viola_geometry::{Pose3, Vector3};
 
 const DATA: &str = "data.jsonl";
 const CALIBRATION: &str = "calibration.json";
+const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
 const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
 /// Maximum time between a frame and the poses before and after it.
 const MAX_POSE_GAP_S: f64 = 0.05;
@@ -51,7 +53,7 @@ struct CalibratedCamera {
     image_height: Option<u32>,
     #[serde(alias = "imuToCameraMatrix")]
     imu_to_camera: Option<[[f64; 4]; 4]>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "or_default")]
     distortion_coefficients: Vec<f64>,
 }
 
@@ -115,7 +117,7 @@ impl Recorded {
 /// Refuses depth as a video, with another error than for missing depth.
 fn refuse_depth_video(container: &dyn Container, root: &str) -> Result<(), ClipError> {
     let names = ["data2.mkv", "data2.mp4", "data2.mov"].map(|file| format!("{root}{file}"));
-    match names.into_iter().find(|name| container.contains(name)) {
+    match names.iter().find_map(|name| find_file(container, name)) {
         Some(name) => Err(ClipError::DepthVideo { name }),
         None => Ok(()),
     }
@@ -180,7 +182,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let pictures = |folder: &str| {
         numbered_under(container, &format!("{root}{folder}/"), |file| {
             let (stem, ending) = file.rsplit_once('.')?;
-            number(stem).filter(|_| matches!(ending, "png" | "jpg" | "jpeg"))
+            let is_picture = PICTURES.iter().any(|picture| ending.eq_ignore_ascii_case(picture));
+            number(stem).filter(|_| is_picture)
         })
     };
     let depth = pictures("frames2")?;

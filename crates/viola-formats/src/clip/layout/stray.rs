@@ -7,17 +7,18 @@
 //! programs that unpack or convert the video apply it, so their pictures are upright beside depth that lies.
 
 mod imu;
+mod odometry;
 
 use super::numbered::{number, numbered_under};
-use super::text::{all_numbers, pose_from_quaternion, read_intrinsics, read_table};
+use super::text::read_intrinsics;
 use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, incomplete,
     only_root, roots_of, video,
 };
 use crate::container::Container;
-use nalgebra::Quaternion;
+use odometry::Row;
 use std::collections::BTreeMap;
-use viola_geometry::{Pose3, Vector3};
+use viola_geometry::Vector3;
 
 const ODOMETRY: &str = "odometry.csv";
 const INTRINSICS: &str = "camera_matrix.csv";
@@ -29,18 +30,11 @@ const TURNED: &str = "colour is upright and depth lies as the sensor does: colou
 /// Maximum relative change of a frame's intrinsics from the last frame's: the lens moves to stabilise.
 const MAX_DRIFT: f64 = 0.1;
 
-/// A row of the odometry.
-struct Row {
-    /// In pixels of the colour picture.
-    numbers: Option<Numbers>,
-    time_s: Option<f64>,
-    world_from_camera: Option<Pose3>,
-}
-
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, ODOMETRY))? else { return Ok(None) };
-    let rows = read_odometry(container, &format!("{root}{ODOMETRY}"))?;
+    let mut notes = Vec::new();
+    let rows = odometry::read(container, &format!("{root}{ODOMETRY}"), &mut notes)?;
     let pictures = |folder: &str, endings: &[&str]| {
         numbered_under(container, &format!("{root}{folder}/"), |file| {
             let (stem, ending) = file.rsplit_once('.')?;
@@ -67,7 +61,6 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         None => color.get(&number).map(|name| ColorAt::File(name.to_string())),
     };
     let intrinsics = read_intrinsics(container, &format!("{root}{INTRINSICS}"), Of::Color)?;
-    let mut notes = Vec::new();
     let use_own = use_own(&rows, &intrinsics.numbers, &mut notes);
 
     let mut sources = Vec::new();
@@ -153,42 +146,4 @@ fn is_turned(
     let Some((color_width, color_height)) = first.color.size(container)? else { return Ok(false) };
     let (depth_width, depth_height) = first.depth.size(container)?;
     Ok(color_width < color_height && depth_width > depth_height && numbers.cx > numbers.cy)
-}
-
-/// Returns the rows by frame number; old recordings have no times and numbers, and are counted. Since April
-/// 2026 the frame's intrinsics and the centre of the lens distortion, which may be empty, follow the pose.
-fn read_odometry(container: &dyn Container, name: &str) -> Result<BTreeMap<u32, Row>, ClipError> {
-    let mut rows = BTreeMap::new();
-    let table = read_table(container, name)?;
-    for (count, (line, text)) in table.rows().filter(|(_, text)| !is_head(text)).enumerate() {
-        let bad =
-            |reason: &str| ClipError::BadIndex { name: name.to_string(), line, reason: reason.to_string() };
-        let columns =
-            || bad("expected numbers: timestamp, frame, x, y, z, qx, qy, qz, qw, and maybe fx, fy, cx, cy");
-        let values = all_numbers(text).ok_or_else(columns)?;
-        let (head, [x, y, z, qx, qy, qz, qw], behind) = match values.as_slice() {
-            pose if pose.len() == 7 => (None, pose.first_chunk().ok_or_else(columns)?, &[][..]),
-            [time_s, frame, rest @ ..] if matches!(rest.len(), 7 | 11..) => {
-                let (pose, behind) = rest.split_first_chunk().ok_or_else(columns)?;
-                (Some((*time_s, *frame)), pose, behind)
-            }
-            _ => return Err(columns()),
-        };
-        let number = match head {
-            Some((_, frame)) if frame.fract() == 0.0 && (0.0..=4e9).contains(&frame) => frame as u32,
-            Some(_) => return Err(bad("the frame is no whole number")),
-            None => count as u32,
-        };
-        let numbers = behind.first_chunk().map(|&[fx, fy, cx, cy]| Numbers { fx, fy, cx, cy, of: Of::Color });
-        let world_from_camera =
-            pose_from_quaternion(Quaternion::new(*qw, *qx, *qy, *qz), Vector3::new(*x, *y, *z));
-        let time_s = head.map(|(time_s, _)| time_s).filter(|time_s| time_s.is_finite());
-        rows.insert(number, Row { numbers, time_s, world_from_camera });
-    }
-    Ok(rows)
-}
-
-/// Returns whether a line holds the columns' names.
-fn is_head(text: &str) -> bool {
-    text.split(',').next().is_none_or(|word| word.trim().parse::<f64>().is_err() && text.contains("qw"))
 }

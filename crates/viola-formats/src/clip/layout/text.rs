@@ -122,16 +122,17 @@ pub(super) fn listed_path(path: &str) -> String {
 
 /// A text file with one entry per line; `#` begins a comment.
 pub(super) struct Table {
+    name: String,
     text: String,
 }
 
 pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table, ClipError> {
     let bytes = container.read(name, MAX_TABLE_BYTES)?;
-    String::from_utf8(bytes).map(|text| Table { text }).map_err(|_| ClipError::BadIndex {
-        name: name.to_string(),
-        line: 1,
-        reason: "the file is not text".to_string(),
-    })
+    let name = name.to_string();
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(Table { name, text }),
+        Err(_) => Err(ClipError::BadIndex { name, line: 1, reason: "the file is not text".to_string() }),
+    }
 }
 
 impl Table {
@@ -140,6 +141,36 @@ impl Table {
         let lines = without_mark(&self.text).lines().enumerate();
         let lines = lines.map(|(index, line)| (index + 1, line.trim()));
         lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+    }
+
+    /// Reads the rows by `read`, whose error is the fault of a row. Such a row is refused, unless it was cut off.
+    pub fn read_rows(
+        &self,
+        notes: &mut Vec<String>,
+        mut read: impl FnMut(&str) -> Result<(), &'static str>,
+    ) -> Result<(), ClipError> {
+        for (line, text) in self.rows() {
+            if let Err(reason) = read(text) {
+                notes.push(self.cut_off(line, reason)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns a note about a bad row that was cut off, and refuses any other bad row.
+    ///
+    /// A recorder that ends while it writes leaves a last line without a line end. A complete row may lack its
+    /// line end as well, so only a row that cannot be read is left out.
+    pub fn cut_off(&self, line: usize, reason: &str) -> Result<String, ClipError> {
+        if self.text.ends_with('\n') || line != self.text.lines().count() {
+            return Err(ClipError::BadIndex { name: self.name.clone(), line, reason: reason.to_string() });
+        }
+        Ok(self.left_out(line))
+    }
+
+    /// Returns the note about a table whose end is missing.
+    pub fn left_out(&self, line: usize) -> String {
+        format!("the end of {}, from line {line}, was cut off and was left out", self.name)
     }
 }
 

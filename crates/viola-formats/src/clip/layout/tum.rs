@@ -12,14 +12,18 @@ use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
     roots_of,
 };
+use crate::clip::files::find_file;
 use crate::clip::{Shutter, picture};
 use crate::container::Container;
 use nalgebra::Quaternion;
 use viola_geometry::{Pose3, Vector3};
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
-/// Maximum time between the pictures of a frame, and between a frame and the poses around it.
+/// Maximum time between the pictures of a frame.
 const MAX_GAP_S: f64 = 0.02;
+/// Limits of [`max_pose_gap_s`]. Motion capture has 100 poses a second, and the slowest odometry has 10: between two poses
+/// 0.22 s apart, a hand that accelerates by 1 m/s2 is at most 6 mm from the straight line.
+const POSE_GAPS_S: (f64, f64) = (0.02, 0.11);
 /// The default calibration of ROS drivers and of the data set's pages, for a Kinect's 640x480 pictures.
 pub(super) const KINECT: Numbers =
     Numbers { fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, of: Of::Size(640, 480) };
@@ -36,10 +40,13 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some(root) = only_root(roots_of(container, "depth.txt").filter(is_root))? else {
         return Ok(None);
     };
-    let color = read_list(container, root, "rgb.txt")?;
+    let mut notes = Vec::new();
+    let color = read_list(container, root, "rgb.txt", &mut notes)?;
     let has_color = !color.present.is_empty() || color.missing > 0;
-    let depth = read_list(container, root, "depth.txt")?;
-    let poses = read_poses(container, &format!("{root}groundtruth.txt"))?;
+    let depth = read_list(container, root, "depth.txt", &mut notes)?;
+    let poses = read_poses(container, &format!("{root}groundtruth.txt"), &mut notes)?;
+    let forces = read_forces(container, &format!("{root}accelerometer.txt"), &mut notes)?;
+    let max_pose_gap_s = max_pose_gap_s(&poses);
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
 
     let pictures_of: Vec<(Option<usize>, usize)> = if has_color {
@@ -50,13 +57,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     };
     let incomplete =
         incomplete(color_pictures, depth_pictures, pictures_of.len()) + color.missing + depth.missing;
-    let mut notes = Vec::new();
-    let file = format!("{root}{INTRINSICS}");
-    let is_given = container.contains(&file);
-    if !is_given && depth.present.first().is_some_and(|picture| is_not_of_kinect(container, &picture.value)) {
-        return Err(ClipError::MissingIntrinsics { name: file });
+    let file = find_file(container, &format!("{root}{INTRINSICS}"));
+    let first = depth.present.first().filter(|_| file.is_none());
+    if first.is_some_and(|picture| is_not_of_kinect(container, &picture.value)) {
+        return Err(ClipError::MissingIntrinsics { name: format!("{root}{INTRINSICS}") });
     }
-    let (cameras, shutter, intrinsics) = if is_given {
+    let (cameras, shutter, intrinsics) = if let Some(file) = file {
         let cameras = Cameras::One(read_intrinsics(container, &file, Of::Depth)?);
         (cameras, None, format!("{INTRINSICS}, for colour and depth"))
     } else {
@@ -73,15 +79,16 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     notes.push(format!(
         "poses were interpolated to when the depth picture's middle row was read, {:.0} ms before its time, \
-         from those within {MAX_GAP_S} s of it",
-        late_s * 1e3
+         between poses at most {:.2} s apart",
+        late_s * 1e3,
+        2.0 * max_pose_gap_s
     ));
     let sources = pictures_of.iter().enumerate().map(|(number, &(color_index, depth_index))| {
         let picture = &depth.present[depth_index];
         Source {
             number: number as u32,
             time_s: Some(picture.time_s),
-            world_from_camera: pose_at(&poses, picture.time_s - late_s, MAX_GAP_S),
+            world_from_camera: pose_at(&poses, picture.time_s - late_s, max_pose_gap_s),
             color: color_index
                 .map_or(ColorAt::Absent, |index| ColorAt::File(color.present[index].value.clone())),
             depth: DepthAt::Png(picture.value.clone()),
@@ -90,8 +97,6 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         }
     });
     let sources = sources.collect();
-
-    let forces = read_forces(container, &format!("{root}accelerometer.txt"))?;
     let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };
     Ok(Some(Layout {
         pose_files: "groundtruth.txt",
@@ -109,8 +114,18 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
+/// Returns the maximum time between a picture and the nearer of the poses around it; these are at most twice as far apart.
+/// It is a tenth more than the usual interval of the poses, within [`POSE_GAPS_S`]: a missing pose is bridged, and lost
+/// tracking is not. The benchmark's `evaluate_rpe.py` takes poses up to twice their median interval away.
+fn max_pose_gap_s(poses: &[Timed<Pose3>]) -> f64 {
+    let mut intervals_s: Vec<f64> = poses.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
+    intervals_s.sort_by(f64::total_cmp);
+    let usual_s = intervals_s.get(intervals_s.len() / 2).copied().unwrap_or_default();
+    (1.1 * usual_s).clamp(POSE_GAPS_S.0, POSE_GAPS_S.1)
+}
+
 /// Returns whether a picture has another aspect ratio than a Kinect's 4:3, up to cropping by some pixels.
-fn is_not_of_kinect(container: &dyn Container, name: &str) -> bool {
+pub(super) fn is_not_of_kinect(container: &dyn Container, name: &str) -> bool {
     let ratio = |(width, height): (u32, u32)| f64::from(width) * 0.75 / f64::from(height);
     // A damaged picture is refused later.
     picture::size(container, name).is_ok_and(|size| (ratio(size) - 1.0).abs() > 0.02)
@@ -123,24 +138,27 @@ struct List {
 }
 
 /// Empty without the file.
-fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, ClipError> {
+fn read_list(
+    container: &dyn Container,
+    root: &str,
+    file: &str,
+    notes: &mut Vec<String>,
+) -> Result<List, ClipError> {
     let name = format!("{root}{file}");
     let mut list = List { present: Vec::new(), missing: 0 };
     if !container.contains(&name) {
         return Ok(list);
     }
-    for (line, text) in read_table(container, &name)?.rows() {
-        let bad = |reason: &str| ClipError::BadIndex { name: name.clone(), line, reason: reason.to_string() };
+    read_table(container, &name)?.read_rows(notes, |text| {
         let (time, picture) =
-            text.split_once(char::is_whitespace).ok_or_else(|| bad("expected a time and a file name"))?;
-        let time_s = time.parse().ok().filter(|t: &f64| t.is_finite()).ok_or_else(|| bad("bad time"))?;
-        let value = format!("{root}{}", listed_path(picture.trim()));
-        if container.contains(&value) {
-            list.present.push(Timed { time_s, value });
-        } else {
-            list.missing += 1;
+            text.split_once(char::is_whitespace).ok_or("expected a time and a file name")?;
+        let time_s = time.parse().ok().filter(|t: &f64| t.is_finite()).ok_or("bad time")?;
+        match find_file(container, &format!("{root}{}", listed_path(picture.trim()))) {
+            Some(value) => list.present.push(Timed { time_s, value }),
+            None => list.missing += 1,
         }
-    }
+        Ok(())
+    })?;
     list.present.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(list)
 }
@@ -149,38 +167,59 @@ fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, 
 ///
 /// A Kinect's accelerometer has x and y opposite to its camera's. So rotated, the forces of `freiburg1_rpy`
 /// are upright in the motion capture's world to 4 degrees; no other right-angled rotation does that.
-fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipError> {
+fn read_forces(container: &dyn Container, name: &str, notes: &mut Vec<String>) -> Result<Forces, ClipError> {
     let mut samples = Vec::new();
     if container.contains(name) {
-        for (line, text) in read_table(container, name)?.rows() {
-            let [time_s, ax, ay, az] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
-                name: name.to_string(),
-                line,
-                reason: "expected 4 numbers: time ax ay az".to_string(),
-            })?;
+        read_table(container, name)?.read_rows(notes, |text| {
+            let [time_s, ax, ay, az] = parse_row(text).ok_or("expected 4 numbers: time ax ay az")?;
             samples.push(Timed { time_s, value: Vector3::new(-ax, -ay, az) });
-        }
+            Ok(())
+        })?;
     }
     Ok(Forces::new(samples))
 }
 
 /// Reads the trajectory in the order of time; rows without a finite pose are skipped. Empty without the file.
-pub(super) fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
+pub(super) fn read_poses(
+    container: &dyn Container,
+    name: &str,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Timed<Pose3>>, ClipError> {
     let mut poses = Vec::new();
     if !container.contains(name) {
         return Ok(poses);
     }
-    for (line, text) in read_table(container, name)?.rows() {
-        let [time_s, tx, ty, tz, qx, qy, qz, qw] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
-            name: name.to_string(),
-            line,
-            reason: "expected 8 numbers: time tx ty tz qx qy qz qw".to_string(),
-        })?;
+    read_table(container, name)?.read_rows(notes, |text| {
+        let [time_s, tx, ty, tz, qx, qy, qz, qw] =
+            parse_row(text).ok_or("expected 8 numbers: time tx ty tz qx qy qz qw")?;
         let pose = pose_from_quaternion(Quaternion::new(qw, qx, qy, qz), Vector3::new(tx, ty, tz));
         if let (true, Some(value)) = (time_s.is_finite(), pose) {
             poses.push(Timed { time_s, value });
         }
-    }
+        Ok(())
+    })?;
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(poses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_are_taken_from_as_far_as_they_usually_are_apart() {
+        for (times_s, gap_s) in [
+            (&[5.0][..], 0.02),
+            (&[], 0.02),
+            // Motion capture that lost its markers once, odometry of 16 Hz that lacks a pose, and key frames.
+            (&[0.0, 0.01, 0.02, 0.9, 0.91, 0.92], 0.02),
+            (&[0.0, 0.0625, 0.1875, 0.25], 0.06875),
+            (&[0.0, 1.0, 2.5], 0.11),
+        ] {
+            let pose = |&time_s: &f64| Timed { time_s, value: Pose3::identity() };
+            let poses: Vec<_> = times_s.iter().map(pose).collect();
+            let found_s = max_pose_gap_s(&poses);
+            assert!((found_s - gap_s).abs() < 1e-9, "{times_s:?}: {found_s} instead of {gap_s}");
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Colour as a video.
 
 use super::ClipError;
+use crate::clip::files::find_file;
 use crate::container::{Container, Region};
 use crate::video::{Codec, VideoInfo, inspect};
 
@@ -14,7 +15,7 @@ pub(super) fn find(
     files: &[&str],
 ) -> Result<Option<(String, Region, VideoInfo)>, ClipError> {
     let mut names = files.iter().map(|file| format!("{root}{file}"));
-    let Some(name) = names.find(|name| container.contains(name)) else { return Ok(None) };
+    let Some(name) = names.find_map(|name| find_file(container, &name)) else { return Ok(None) };
     let region = container.region(&name, MAX_BYTES)?;
     let info = inspect(&region).map_err(|source| ClipError::Video { name: name.clone(), source })?;
     Ok(Some((name, region, info)))

@@ -1,6 +1,7 @@
 //! The image of a ROS map: decoded, and its grey values read as occupancy.
 
-use super::{Description, Mode, Switch};
+use super::bmp;
+use super::yaml::{Description, Mode};
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
@@ -8,13 +9,14 @@ use std::io::Cursor;
 /// Maximum size of the decoded image.
 const MAX_IMAGE_BYTES: u64 = 256 << 20;
 
-/// Decodes a PGM or PNG image. Values of a PGM whose white is not 255 or 65535 are scaled up to that.
+/// Decodes a PGM, PNG or BMP image. Values of a PGM whose white is not 255 or 65535 are scaled up to that.
 pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarError> {
     let bad = |reason: String| LidarError::BadImage { name: name.to_string(), reason };
     let (format, bytes_per_cell) = match bytes {
         [b'P', b'2' | b'5', ..] => (ImageFormat::Pnm, 1),
         [0x89, b'P', b'N', b'G', ..] => (ImageFormat::Png, 0),
-        _ => return Err(bad("it is neither PGM nor PNG".to_string())),
+        [b'B', b'M', ..] => return bmp::decode(bytes, name),
+        _ => return Err(bad("it is neither PGM, PNG nor BMP".to_string())),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
@@ -49,8 +51,7 @@ const MIN_UNKNOWN_FRACTION: f64 = 0.03;
 /// 205 is an occupancy of 0.196. Editors add other values and save grey as red, green and blue.
 pub(super) fn is_saved_with_wide_threshold(image: &DynamicImage, description: &Description) -> bool {
     let saved_occupancy = 1.0 - f64::from(SAVED_UNKNOWN) / 255.0;
-    if description.mode != Mode::Trinary || negates(description) || description.free_thresh <= saved_occupancy
-    {
+    if description.mode != Mode::Trinary || description.negate || description.free_thresh <= saved_occupancy {
         return false;
     }
     let Some(count) = Count::of(image) else { return false };
@@ -103,14 +104,6 @@ impl Count {
     }
 }
 
-fn negates(description: &Description) -> bool {
-    match description.negate {
-        Some(Switch::Bool(negate)) => negate,
-        Some(Switch::Number(negate)) => negate != 0,
-        None => false,
-    }
-}
-
 /// Returns one cell per pixel, row by row from the bottom; the image begins at the top.
 pub(super) fn classify(image: &DynamicImage, description: &Description) -> Vec<Cell> {
     let channels = usize::from(image.color().channel_count());
@@ -119,7 +112,7 @@ pub(super) fn classify(image: &DynamicImage, description: &Description) -> Vec<C
         color_channels: if image.color().has_alpha() { channels - 1 } else { channels },
         max_value: if is_wide { 65_535.0 } else { 255.0 },
         mode: description.mode,
-        negate: negates(description),
+        negate: description.negate,
         occupied: description.occupied_thresh,
         free: description.free_thresh,
     };
@@ -129,7 +122,7 @@ pub(super) fn classify(image: &DynamicImage, description: &Description) -> Vec<C
     } else if let Some(samples) = image.as_flat_samples_u16() {
         rows(samples.samples, row_values, channels, &rule)
     } else {
-        // Neither PGM nor PNG decodes to floating point; such an image would be unknown everywhere.
+        // No format here decodes to floating point; such an image would be unknown everywhere.
         vec![Cell::Unknown; image.width() as usize * image.height() as usize]
     }
 }
@@ -221,8 +214,8 @@ mod tests {
         Description {
             image: String::new(),
             resolution: 0.05,
-            origin: vec![0.0; 3],
-            negate: Some(Switch::Bool(negate)),
+            origin: [0.0; 3],
+            negate,
             occupied_thresh: 0.65,
             free_thresh,
             mode,

@@ -31,6 +31,13 @@ pub(super) struct Picture {
     pub size: (u32, u32),
 }
 
+/// Pictures of one topic that cannot be read.
+pub(super) struct Unread {
+    pub count: usize,
+    /// The reason of the first one.
+    pub reason: String,
+}
+
 /// Poses of one topic, in any order.
 pub(super) struct Poses {
     pub world: String,
@@ -44,6 +51,7 @@ pub(super) struct Bag {
     /// The pictures' bytes: messages lie in chunks, on scattered pages or in several files.
     pub spool: Spool,
     pub images: BTreeMap<String, Images>,
+    pub unread: BTreeMap<String, Unread>,
     pub cameras: BTreeMap<String, CameraInfo>,
     pub odometry: BTreeMap<String, Poses>,
     pub poses: BTreeMap<String, Poses>,
@@ -58,6 +66,7 @@ impl Bag {
         let mut bag = Bag {
             spool: Spool::new(&container.scratch(), MAX_PICTURES_BYTES)?,
             images: BTreeMap::new(),
+            unread: BTreeMap::new(),
             cameras: BTreeMap::new(),
             odometry: BTreeMap::new(),
             poses: BTreeMap::new(),
@@ -86,8 +95,8 @@ impl Bag {
     fn add(&mut self, name: &str, topic: &str, kind: Kind, message: &[u8]) -> Result<(), ClipError> {
         let bad = |reason: String| ClipError::BadMetadata { name: name.to_string(), reason };
         let damaged = || bad(format!("a message of {topic} is damaged"));
-        let topics = self.images.len() + self.cameras.len() + self.odometry.len() + self.poses.len();
-        if topics > MAX_TOPICS {
+        let topics = self.images.len() + self.unread.len() + self.cameras.len();
+        if topics + self.odometry.len() + self.poses.len() > MAX_TOPICS {
             return Err(bad(format!("there are more than {MAX_TOPICS} topics")));
         }
         match kind {
@@ -95,8 +104,9 @@ impl Bag {
                 let is_bare = kind == Kind::Image;
                 let image =
                     if is_bare { message::image(message) } else { message::compressed_image(message) };
-                if let Some(image) = image.ok_or_else(damaged)? {
-                    self.add_image(topic, image, message)?;
+                match image.unwrap_or_else(|| Err("the message is damaged".to_string())) {
+                    Ok(image) => self.add_image(topic, image, message)?,
+                    Err(reason) => self.add_unread(topic, reason),
                 }
             }
             Kind::CameraInfo => {
@@ -152,8 +162,19 @@ impl Bag {
             // A message has at most `MAX_MESSAGE_BYTES`.
             let part = Part { at: self.spool.append(bytes)?, bytes: bytes.len() as u32, coding, number: 0 };
             images.pictures.push(Timed { time_s: header.time_s, value: Picture { part, size } });
+        } else {
+            self.add_unread(
+                topic,
+                "it is depth and the topic's first picture is colour, or the reverse".to_string(),
+            );
         }
         Ok(())
+    }
+
+    /// Counts a picture that cannot be read; one of them costs a frame, and not the bag.
+    fn add_unread(&mut self, topic: &str, reason: String) {
+        let unread = self.unread.entry(topic.to_string()).or_insert(Unread { count: 0, reason });
+        unread.count += 1;
     }
 }
 

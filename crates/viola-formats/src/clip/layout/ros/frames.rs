@@ -66,15 +66,23 @@ impl Frames {
         self.above(frame).find(is_end).map_or(frame, |(frame, _)| frame)
     }
 
-    /// Returns the root above a frame, if the frame moves in it.
+    /// Returns the frame called `map` above a frame, or else the root, if the frame moves in it.
     pub fn world<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
-        let moves = self.above(frame).any(|(_, edge)| edge.is_some_and(|edge| !edge.is_static));
-        self.above(frame).last().map(|(frame, _)| frame).filter(|_| moves)
+        let mut moves = false;
+        let mut world = None;
+        for (name, edge) in self.above(frame) {
+            world = Some(name);
+            if name.rsplit('/').next() == Some("map") {
+                break;
+            }
+            moves |= edge.is_some_and(|edge| !edge.is_static);
+        }
+        world.filter(|_| moves)
     }
 
     /// Returns whether a mobile base is among a frame and those above it: its z axis is up.
     pub fn is_on_base(&self, frame: &str) -> bool {
-        self.above(frame).any(|(name, _)| name.ends_with("base_link") || name.ends_with("base_footprint"))
+        self.above(frame).any(|(name, _)| is_base(name))
     }
 
     /// Returns the pose of `from` in `to` at a time, by their lowest common frame.
@@ -91,6 +99,11 @@ impl Frames {
         let (common, common_from_to) = climb(to).find(|(name, _)| of_from.contains_key(name))?;
         Some(common_from_to.inverse() * of_from.get(common)?)
     }
+}
+
+/// Returns whether a frame is that of a mobile base (REP 105).
+pub(super) fn is_base(frame: &str) -> bool {
+    frame.ends_with("base_link") || frame.ends_with("base_footprint")
 }
 
 impl Edge {

@@ -76,8 +76,8 @@ pub(super) struct Image {
     pub data: Range<usize>,
 }
 
-/// Parses a bare picture; the inner `None` is an encoding that is not read.
-pub(super) fn image(message: &[u8]) -> Option<Option<Image>> {
+/// Parses a bare picture. `None` is a damaged message; the inner error is the reason why the picture cannot be read.
+pub(super) fn image(message: &[u8]) -> Option<Result<Image, String>> {
     let mut cdr = Cdr::new(message)?;
     let header = header(&mut cdr)?;
     let (height, width) = (cdr.u32()?, cdr.u32()?);
@@ -85,51 +85,88 @@ pub(super) fn image(message: &[u8]) -> Option<Option<Image>> {
     let is_big_endian = cdr.u8()? != 0;
     let stride = cdr.u32()?;
     let data = range(message, cdr.bytes()?);
-    let Some(encoding) = Encoding::of(encoding) else { return Some(None) };
-    // Another camera of the robot, or a placeholder before its first picture.
-    if picture::check_pixels("", width, height).is_err() {
-        return Some(None);
-    }
-    let rows = Rows { encoding, is_big_endian, width, height, stride };
-    if rows.bytes()? > data.len() as u64 {
-        return None;
-    }
-    let (is_depth, coding) = (encoding.is_depth(), Coding::Rows(rows));
-    Some(Some(Image { header, is_depth, size: (width, height), coding, data }))
+    Some(rows(encoding, (width, height), stride, is_big_endian, data.len()).map(|rows| Image {
+        header,
+        is_depth: rows.encoding.is_depth(),
+        size: (width, height),
+        coding: Coding::Rows(rows),
+        data,
+    }))
 }
 
-/// Parses a compressed picture; the inner `None` is a format that is not read.
-pub(super) fn compressed_image(message: &[u8]) -> Option<Option<Image>> {
+/// Returns the rows of a bare picture that has this number of bytes, or the reason why it cannot be read.
+fn rows(
+    encoding: &str,
+    (width, height): (u32, u32),
+    stride: u32,
+    is_big_endian: bool,
+    bytes: usize,
+) -> Result<Rows, String> {
+    let known = Encoding::of(encoding).ok_or_else(|| format!("its encoding {encoding:.40} is not read"))?;
+    // Another camera of the robot, or a placeholder before its first picture.
+    picture::check_pixels("it", width, height).map_err(|error| error.to_string())?;
+    let rows = Rows { encoding: known, is_big_endian, width, height, stride };
+    let wanted = rows
+        .bytes()
+        .ok_or_else(|| format!("its step is {stride} bytes, and a row has {width} pixels of {encoding}"))?;
+    if wanted > bytes as u64 {
+        return Err(format!("it has {bytes} bytes instead of {wanted}"));
+    }
+    Ok(rows)
+}
+
+/// Parses a compressed picture, as [`image`] does a bare one.
+pub(super) fn compressed_image(message: &[u8]) -> Option<Result<Image, String>> {
     let mut cdr = Cdr::new(message)?;
     let header = header(&mut cdr)?;
     let format = cdr.text()?;
     let bytes = cdr.bytes()?;
-    if !format.contains("compressedDepth") {
-        let Ok(size) = picture::size_of(bytes, "") else { return Some(None) };
-        let is_depth = picture::is_grey16(bytes);
-        let data = range(message, bytes);
-        return Some(Some(Image { header, is_depth, size, coding: Coding::Picture, data }));
-    }
-    let (parameters, packed) = bytes.split_at_checked(DEPTH_HEADER_BYTES)?;
+    let packed =
+        if format.contains("compressedDepth") { packed_depth(format, bytes) } else { packed_picture(bytes) };
+    Some(packed.map(|Packed { is_depth, size, coding, bytes }| Image {
+        header,
+        is_depth,
+        size,
+        coding,
+        data: range(message, bytes),
+    }))
+}
+
+/// A compressed picture without its message.
+struct Packed<'a> {
+    is_depth: bool,
+    size: (u32, u32),
+    coding: Coding,
+    bytes: &'a [u8],
+}
+
+/// Returns a JPEG or PNG, or the reason why it cannot be read.
+fn packed_picture(bytes: &[u8]) -> Result<Packed<'_>, String> {
+    let size = picture::size_of(bytes, "it").map_err(|error| error.to_string())?;
+    Ok(Packed { is_depth: picture::is_grey16(bytes), size, coding: Coding::Picture, bytes })
+}
+
+/// Returns the depth behind the parameters of `compressedDepth`, or the reason why it cannot be read.
+fn packed_depth<'a>(format: &str, bytes: &'a [u8]) -> Result<Packed<'a>, String> {
+    let cut = "it ends too early";
+    let (parameters, packed) = bytes.split_at_checked(DEPTH_HEADER_BYTES).ok_or(cut)?;
     let parameters: Vec<f32> =
         parameters.as_chunks().0.iter().map(|value| f32::from_le_bytes(*value)).collect();
     let is_inverse = format.starts_with("32FC1");
-    let (size, coding, packed) = if format.contains("rvl") {
-        let (size, packed) = packed.split_at_checked(8)?;
-        let side = |at: usize| size[at..].first_chunk().map_or(0, |side| u32::from_le_bytes(*side));
-        let Ok(size) = picture::check_pixels("", side(0), side(4)) else { return Some(None) };
+    if format.contains("rvl") {
         // Inverse depth in RVL is possible, but no recording of it is known.
         if is_inverse {
-            return Some(None);
+            return Err("inverse depth that is packed by RVL is not read".to_string());
         }
-        (size, Coding::Rvl(size), packed)
-    } else {
-        let Ok(size) = picture::size_of(packed, "") else { return Some(None) };
-        let inverse = Coding::InversePicture { a: parameters[1], b: parameters[2] };
-        (size, if is_inverse { inverse } else { Coding::Picture }, packed)
-    };
-    let data = range(message, packed);
-    Some(Some(Image { header, is_depth: true, size, coding, data }))
+        let (size, bytes) = packed.split_at_checked(8).ok_or(cut)?;
+        let side = |at: usize| size[at..].first_chunk().map_or(0, |side| u32::from_le_bytes(*side));
+        let size = picture::check_pixels("it", side(0), side(4)).map_err(|error| error.to_string())?;
+        return Ok(Packed { is_depth: true, size, coding: Coding::Rvl(size), bytes });
+    }
+    let size = picture::size_of(packed, "it").map_err(|error| error.to_string())?;
+    let inverse = Coding::InversePicture { a: parameters[1], b: parameters[2] };
+    let coding = if is_inverse { inverse } else { Coding::Picture };
+    Ok(Packed { is_depth: true, size, coding, bytes: packed })
 }
 
 /// Returns the place of a part of a message.

@@ -1,7 +1,7 @@
-//! The camera's poses, from odometry, from poses with a header, or from the tree of frames.
+//! The camera's poses, from the tree of frames, from odometry, or from poses with a header.
 
 use super::bag::{Bag, Poses};
-use super::frames::{MAX_GAP_S, body_from_optical};
+use super::frames::{MAX_GAP_S, body_from_optical, is_base};
 use crate::clip::layout::trajectory::pose_at;
 use viola_geometry::Pose3;
 
@@ -14,31 +14,52 @@ pub(super) struct Path {
     pub from: String,
     pub poses: Vec<Option<Pose3>>,
     pub z_is_up: bool,
-    pub note: Option<String>,
+    pub notes: Vec<String>,
 }
 
-/// Returns the first source with a pose for half of the times, or else the one with most poses.
+impl Path {
+    fn count(&self) -> usize {
+        self.poses.iter().flatten().count()
+    }
+}
+
+/// Returns the poses of the tree of frames if it has one for half of the times: a robot that knows its map corrects the
+/// odometry there. Otherwise returns the first topic with so many, or else the source with most poses.
 pub(super) fn find(bag: &mut Bag, camera: &str, times_s: &[f64]) -> Path {
     for topic in bag.odometry.values_mut().chain(bag.poses.values_mut()) {
         topic.poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     }
     let bag = &*bag;
-    let mut best: Option<(usize, Path)> = None;
-    let of_topics = bag
-        .odometry
-        .iter()
-        .chain(&bag.poses)
-        .map(|(topic, poses)| of_topic(bag, topic, poses, camera, times_s));
-    for path in of_topics.chain(std::iter::once_with(|| of_frames(bag, camera, times_s))) {
-        let count = path.poses.iter().flatten().count();
-        if 2 * count >= times_s.len() {
-            return path;
+    let is_enough = |path: &Path| 2 * path.count() >= times_s.len();
+    let tree = of_frames(bag, camera, times_s);
+    let is_in_world = bag.frames.world(camera).is_some_and(|world| !is_robot(bag, world));
+    if is_in_world && is_enough(&tree) {
+        return tree;
+    }
+    let mut best: Option<Path> = None;
+    for (topic, poses) in bag.odometry.iter().chain(&bag.poses) {
+        let path = of_topic(bag, topic, poses, camera, times_s);
+        if is_enough(&path) {
+            best = Some(path);
+            break;
         }
-        if best.as_ref().is_none_or(|(most, _)| count > *most) {
-            best = Some((count, path));
+        if path.count() > best.as_ref().map_or(tree.count(), Path::count) {
+            best = Some(path);
         }
     }
-    best.map_or_else(|| of_frames(bag, camera, times_s), |(_, path)| path)
+    let Some(mut best) = best else { return tree };
+    if is_in_world {
+        let (count, all) = (tree.count(), times_s.len());
+        best.notes
+            .push(format!("{} was not used: it has poses for {count} of {all} depth pictures", tree.from));
+    }
+    best
+}
+
+/// Returns whether the root of the tree is a part of the robot: the joints of its head move the camera there, and only
+/// odometry moves the robot.
+fn is_robot(bag: &Bag, root: &str) -> bool {
+    is_base(root) || bag.odometry.values().any(|of| bag.frames.body(&of.child) == root)
 }
 
 /// Returns the poses of a topic, and of the camera on the moving frame.
@@ -59,23 +80,26 @@ fn of_topic(bag: &Bag, topic: &str, of: &Poses, camera: &str, times_s: &[f64]) -
         from: topic.to_string(),
         poses: times_s.iter().map(pose).collect(),
         z_is_up: is_world(&of.world) && bag.frames.is_on_base(child),
-        note: is_assumed.then(|| {
-            format!(
-                "/tf does not connect {camera} with the poses of {topic}; their axes were taken as {axes}"
-            )
-        }),
+        notes: is_assumed
+            .then(|| {
+                format!(
+                    "/tf does not connect {camera} with the poses of {topic}; their axes were taken as {axes}"
+                )
+            })
+            .into_iter()
+            .collect(),
     }
 }
 
-/// Returns the poses of the camera in the root of the tree of frames.
+/// Returns the poses of the camera in the map, or else in the root, of the tree of frames.
 fn of_frames(bag: &Bag, camera: &str, times_s: &[f64]) -> Path {
     let world = bag.frames.world(camera);
     let pose = |time_s: &f64| world.and_then(|world| bag.frames.pose(world, camera, *time_s));
     Path {
-        from: "/tf".to_string(),
+        from: world.map_or("/tf".to_string(), |world| format!("/tf (from {world} to {camera})")),
         poses: times_s.iter().map(pose).collect(),
         z_is_up: world.is_some_and(is_world) && bag.frames.is_on_base(camera),
-        note: None,
+        notes: Vec::new(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reads `data.jsonl` line by line: it has hundreds of lines per second.
 
 use crate::clip::ClipError;
+use crate::clip::layout::json::or_default;
 use crate::clip::layout::text::pose_from_rows;
 use crate::clip::layout::trajectory::Timed;
 use crate::clip::layout::{Numbers, Of};
@@ -25,7 +26,7 @@ pub(super) struct Line {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct FrameEntry {
-    #[serde(default)]
+    #[serde(default, deserialize_with = "or_default")]
     camera_ind: u32,
     camera_parameters: Option<Parameters>,
     imu_to_camera: Option<[[f64; 4]; 4]>,

@@ -1,0 +1,183 @@
+//! The yaml file of a ROS map.
+//!
+//! map_server reads it with yaml-cpp, which converts the text of a value, whether it is in quotes or not, and takes more
+//! words for true and false than YAML 1.2.
+
+use serde::Deserialize;
+use serde::de::{Deserializer, Error, Unexpected, Visitor};
+use std::fmt;
+use viola_geometry::Pose2;
+
+#[derive(Deserialize)]
+pub(super) struct Description {
+    pub image: String,
+    #[serde(deserialize_with = "number")]
+    pub resolution: f64,
+    #[serde(deserialize_with = "three_numbers")]
+    pub origin: [f64; 3],
+    #[serde(default, deserialize_with = "switch")]
+    pub negate: bool,
+    #[serde(deserialize_with = "number")]
+    pub occupied_thresh: f64,
+    #[serde(deserialize_with = "number")]
+    pub free_thresh: f64,
+    #[serde(default)]
+    pub mode: Mode,
+}
+
+#[derive(Deserialize, Default, Clone, Copy, PartialEq)]
+#[serde(try_from = "String")]
+pub(super) enum Mode {
+    #[default]
+    Trinary,
+    Scale,
+    Raw,
+}
+
+impl TryFrom<String> for Mode {
+    type Error = String;
+
+    /// Parses a mode in letters of either case, as map_server does.
+    fn try_from(name: String) -> Result<Mode, String> {
+        match name.to_ascii_lowercase().as_str() {
+            "trinary" => Ok(Mode::Trinary),
+            "scale" => Ok(Mode::Scale),
+            "raw" => Ok(Mode::Raw),
+            _ => Err(format!("mode is trinary, scale or raw, and not {name}")),
+        }
+    }
+}
+
+/// Converts the text of a value.
+struct Text<T> {
+    parse: fn(&str) -> Option<T>,
+    expected: &'static str,
+}
+
+impl<T> Visitor<'_> for Text<T> {
+    type Value = T;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(self.expected)
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<T, E> {
+        (self.parse)(text.trim()).ok_or_else(|| E::invalid_value(Unexpected::Str(text), &self))
+    }
+}
+
+struct Number(f64);
+
+impl<'de> Deserialize<'de> for Number {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Number, D::Error> {
+        number(deserializer).map(Number)
+    }
+}
+
+fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    deserializer.deserialize_str(Text::<f64> { parse: |text| text.parse().ok(), expected: "a number" })
+}
+
+fn three_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
+    <[Number; 3]>::deserialize(deserializer).map(|numbers| numbers.map(|Number(number)| number))
+}
+
+fn switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    let parse = |text: &str| match text.to_ascii_lowercase().as_str() {
+        "true" | "yes" | "on" | "y" => Some(true),
+        "false" | "no" | "off" | "n" | "" => Some(false),
+        number => number.parse::<i64>().ok().map(|number| number != 0),
+    };
+    deserializer.deserialize_str(Text::<bool> { parse, expected: "0, 1, true or false" })
+}
+
+impl Description {
+    pub fn parse(yaml: &[u8]) -> Result<Description, String> {
+        // The reader of YAML counts a byte order mark as a column, so the first line would be indented.
+        let yaml = yaml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(yaml);
+        serde_yaml_ng::from_slice(yaml).map_err(|error| error.to_string())
+    }
+
+    /// Checks the numbers and returns the pose of the image's lower-left corner in the map.
+    pub fn origin(&self) -> Result<Pose2, String> {
+        let Description { resolution, origin, occupied_thresh, free_thresh, .. } = *self;
+        if !(0.001..=1.0).contains(&resolution) {
+            return Err(format!(
+                "resolution is {resolution}, and must be from 0.001 to 1 metre for each pixel"
+            ));
+        }
+        let [x_m, y_m, yaw_rad] = origin;
+        if !origin.iter().all(|value| value.abs() < 1e6) {
+            return Err("origin must be finite".to_string());
+        }
+        if !(0.0 <= free_thresh && free_thresh < occupied_thresh && occupied_thresh <= 1.0) {
+            return Err(format!(
+                "free_thresh is {free_thresh} and occupied_thresh is {occupied_thresh}; 0 <= free < occupied <= 1 must hold"
+            ));
+        }
+        Ok(Pose2::new(x_m, y_m, yaw_rad))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "image: map.pgm\nresolution: 0.05\norigin: [-1.0, 2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\n\
+        free_thresh: 0.196\n";
+
+    fn edited(from: &str, to: &str) -> Result<Description, String> {
+        assert!(GOOD.contains(from), "{from}");
+        Description::parse(GOOD.replace(from, to).as_bytes())
+    }
+
+    #[test]
+    fn values_are_read_as_map_server_reads_them() {
+        for (text, negate) in [
+            ("0", false),
+            ("1", true),
+            ("\"0\"", false),
+            ("'1'", true),
+            ("no", false),
+            ("No", false),
+            ("yes", true),
+            ("off", false),
+            ("ON", true),
+            ("false", false),
+            ("\"true\"", true),
+            ("", false),
+            ("1 # white is occupied", true),
+        ] {
+            let read = edited("negate: 0", &format!("negate: {text}"));
+            assert_eq!(read.map(|description| description.negate), Ok(negate), "{text}");
+        }
+        let other = "# saved by hand\n---\nimage: 'map.pgm' # the image\nresolution: \"0.05\"\n\
+            origin: [\"-1.0\", 2, '0.0']\noccupied_thresh: '0.65'\nfree_thresh: \" .196\"\n";
+        for yaml in
+            [GOOD.to_string(), other.to_string(), format!("\u{feff}{GOOD}"), GOOD.replace('\n', "\r\n")]
+        {
+            let read = Description::parse(yaml.as_bytes()).unwrap_or_else(|error| panic!("{yaml}: {error}"));
+            assert_eq!(
+                (read.image.as_str(), read.resolution, read.origin),
+                ("map.pgm", 0.05, [-1.0, 2.0, 0.0])
+            );
+            assert_eq!((read.occupied_thresh, read.free_thresh, read.negate), (0.65, 0.196, false), "{yaml}");
+        }
+    }
+
+    #[test]
+    fn errors_name_the_field() {
+        for (from, to, field) in [
+            ("0.65", "most", "occupied_thresh"),
+            ("0.196", "[0.196]", "free_thresh"),
+            ("negate: 0", "negate: maybe", "negate"),
+            ("[-1.0, 2.0, 0.0]", "[-1.0, 2.0]", "origin"),
+            ("[-1.0, 2.0, 0.0]", "[-1.0, 2.0, 0.0, 0.0]", "origin"),
+            ("[-1.0, 2.0, 0.0]", "[-1.0, far, 0.0]", "origin[1]"),
+            ("0.05", "5 cm", "resolution"),
+        ] {
+            let error = edited(from, to).err().unwrap_or_default();
+            assert!(error.starts_with(field), "{to}: {error}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Pictures in a bag that cannot be read.
+
+use super::*;
+use crate::exports::check_poses;
+use crate::refusals::check_error;
+use crate::writers::as_folder;
+use viola_formats::clip::{Clip, ClipError};
+
+fn open(messages: &[Message]) -> Result<Clip, ClipError> {
+    let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
+    Clip::open(folder.path())
+}
+
+/// Replaces the last `count` messages of a topic.
+fn spoil(mut messages: Vec<Message>, topic: &str, count: usize, odd: &[u8]) -> Vec<Message> {
+    let of_topic = messages.iter_mut().filter(|(_, own, ..)| *own == topic);
+    of_topic.rev().take(count).for_each(|(.., cdr)| *cdr = odd.to_vec());
+    messages
+}
+
+/// Returns a bare picture of 32x24 pixels.
+fn bare(encoding: &str, step: u32, bytes: usize) -> Vec<u8> {
+    let cdr = Cdr::new().header(5000.0, "camera_depth_optical_frame").u32(24).u32(32).text(encoding);
+    cdr.put([0]).u32(step).bytes(&vec![1; bytes]).0
+}
+
+fn packed(format: &str, bytes: &[u8]) -> Vec<u8> {
+    Cdr::new().header(5000.0, "camera_depth_optical_frame").text(format).bytes(bytes).0
+}
+
+/// Checks a bag of five frames, of which one picture, two, three, and all are such.
+fn check(messages: &[Message], topic: &str, odd: &[u8], reason: &str) {
+    let spoiled = |count: usize| open(&spoil(messages.to_vec(), topic, count, odd));
+    for count in [1, 2] {
+        let clip = spoiled(count).unwrap_or_else(|error| panic!("{topic}, {reason}: {error}"));
+        let info = clip.info();
+        // The other picture of the frame is in no frame either.
+        assert_eq!((info.frames, info.skipped_incomplete), (5 - count, 2 * count), "{topic}, {reason}");
+        let told = format!("{count} of 5 pictures of {topic} cannot be read, and were left out");
+        let is_told = |note: &String| note.contains(&told) && note.contains(reason);
+        assert!(info.notes.iter().any(is_told), "{told}, {reason}: {:?}", info.notes);
+        check_poses(&clip, &Recording::small(5 - count as u32), topic);
+    }
+    for naming in [format!("3 of 5 pictures of {topic} cannot be read"), reason.to_string()] {
+        check_error(
+            spoiled(3).err().unwrap_or_else(|| panic!("{naming}: not refused")),
+            "bad_metadata",
+            &naming,
+        );
+    }
+    let none = format!("no picture of {topic} can be read");
+    match spoiled(5) {
+        Err(error) => {
+            assert!(topic.contains("depth") && error.to_string().contains(&none), "{topic}: {error}");
+            check_error(error, "bad_metadata", reason);
+        }
+        Ok(clip) => {
+            let info = clip.info();
+            assert_eq!((info.frames, info.color_width, topic.contains("depth")), (5, 0, false), "{topic}");
+            let is_told = |note: &String| note.contains(&none) && note.contains(reason);
+            assert!(info.notes.iter().any(is_told), "{none}, {reason}: {:?}", info.notes);
+        }
+    }
+}
+
+#[test]
+fn a_picture_that_cannot_be_read_costs_its_frame_alone() {
+    let recording = Recording::small(5);
+    let messages = messages(&recording, PosesBy::Odometry);
+    let whole = 32 * 24 * 2;
+    for topic in [DEPTH, COLOR] {
+        for (odd, reason) in [
+            (bare("16UC1", 0, whole), "its step is 0 bytes, and a row has 32 pixels of 16UC1"),
+            (bare("16UC1", 64, 100), "it has 100 bytes instead of 1536"),
+            (bare("yuv422_yuy2", 64, whole), "its encoding yuv422_yuy2 is not read"),
+            (bare("16UC1", 64, whole)[..40].to_vec(), "the message is damaged"),
+        ] {
+            check(&messages, topic, &odd, reason);
+        }
+    }
+    let messages = compressed(&recording, depth_png);
+    let (depth, color) =
+        ("/camera/depth/image_rect_raw/compressedDepth", "/camera/color/image_raw/compressed");
+    for (topic, odd, reason) in [
+        (depth, packed("16UC1; compressedDepth png", &[0; 5]), "it ends too early"),
+        (depth, packed("16UC1; compressedDepth rvl", &[0; 15]), "it ends too early"),
+        (depth, packed("16UC1; compressedDepth png", &[0; 99]), "neither JPEG nor PNG"),
+        (depth, packed("32FC1; compressedDepth rvl", &[0; 99]), "inverse depth"),
+        (color, packed("bgr8; jpeg compressed bgr8", b"GIF89a"), "neither JPEG nor PNG"),
+    ] {
+        check(&messages, topic, &odd, reason);
+    }
+}
+
+#[test]
+fn a_picture_of_the_other_kind_costs_its_frame_alone() {
+    let recording = Recording::small(5);
+    let messages = messages(&recording, PosesBy::Odometry);
+    for (topic, odd) in [(DEPTH, color(&recording, 4)), (COLOR, depth(&recording, 4))] {
+        let clip = open(&spoil(messages.clone(), topic, 1, &odd)).unwrap();
+        let info = clip.info();
+        assert_eq!((info.frames, info.skipped_incomplete), (4, 2), "{topic}");
+        let is_told = |note: &String| note.contains("the topic's first picture");
+        assert!(info.notes.iter().any(is_told), "{topic}: {:?}", info.notes);
+    }
+}
