@@ -202,7 +202,7 @@ fn row(home: &Home, timed: bool, count: usize, folder: &Path) -> Result<String, 
     let recordings = Recordings { folder: folder.to_owned(), map_from_clip };
     let members: Vec<Member> = (0..count).map(|at| recordings.member(at, timed)).collect();
     let network = built_in_network()?;
-    let lidar = home.survey().lidar_map();
+    let lidar = home.survey().lidar_map()?;
     let mut load = Load { of: &recordings, sums: sums.into_iter().collect(), read: 0 };
     // On Linux the peak starts from 0 again.
     let _ = std::fs::write("/proc/self/clear_refs", "5");

@@ -12,7 +12,7 @@ use viola_align::complete::{self, Imagination, View, ViewStrategy};
 use viola_align::{Activation, AlignParams, CompleteParams, register_completing};
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
-use viola_lab::simulate::{Sensor, Set};
+use viola_lab::simulate::Set;
 
 fn main() {
     let with_paper = std::env::args().any(|argument| argument == "--paper");
@@ -25,7 +25,6 @@ fn main() {
             seeds: 1000..1010,
             clips_per_home: 1,
             frames: vec![60],
-            sensor: Sensor::PhoneLidar,
             picture_labels: None,
             foreign: false,
             withhold_poses: false,

@@ -59,11 +59,12 @@ use crate::storage::Storage;
 use crate::webhooks::WebhookParams;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use fairness::{Arrivals, ExportPlaces, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
+use fairness::{Arrivals, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
 use parameters::Parameters;
 use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
+use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
@@ -98,10 +99,12 @@ struct Shared {
     has_keys: AtomicBool,
     readers: Arc<Readers>,
     makers: Makers,
-    /// The places of requests that wait for changes, and of searches for homes.
+    /// The places of requests that wait for changes, of searches for homes, and of exports.
     waits: FairPlaces,
     searches: FairPlaces,
-    exports: ExportPlaces,
+    exports: FairPlaces,
+    /// One export compresses at a time, so that other requests wait for one piece at most.
+    compressing: Arc<Semaphore>,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
 }
@@ -131,7 +134,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
+    components(schemas(types::ClassName, map::points::PointFormat, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. An answer with an `ETag` \
         and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),

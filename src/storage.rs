@@ -55,7 +55,7 @@ pub use clip_list::ClipFilter;
 pub use clip_state::ClipState;
 pub use clips::{Added, Clip, NewClip};
 pub use corrections::{
-    CorrectionError, Corrections, Kept, MAX_CORRECTIONS, ObjectChange, ObjectState, RoomChange, RoomState,
+    CorrectionError, CorrectionState, Corrections, Kept, MAX_CORRECTIONS, ObjectChange, RoomChange,
 };
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;

@@ -9,7 +9,7 @@ use viola_align::AlignParams;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
-use viola_lab::simulate::{Sensor, Set};
+use viola_lab::simulate::Set;
 
 const STARTS: usize = 100;
 /// Runs; the fastest counts, because other processes disturb the rest.
@@ -22,7 +22,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         seeds: 1000..1001,
         clips_per_home: 1,
         frames: vec![60],
-        sensor: Sensor::PhoneLidar,
         picture_labels: None,
         foreign: false,
         withhold_poses: false,

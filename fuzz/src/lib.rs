@@ -2,6 +2,7 @@
 
 pub mod clip_files;
 mod clips;
+pub mod targets;
 
 pub use clips::{check_file, check_layout};
 pub use viola_formats::{clip, container, lidar, video};

@@ -133,9 +133,9 @@ pub(super) async fn answer(
 
 /// State shared by all connections.
 struct Door {
-    tenants: Arc<AcceptQueue>,
+    tenants: AcceptQueue,
     /// The lanes of networks.
-    unknown: Arc<AcceptQueue>,
+    unknown: AcceptQueue,
     tenant_of: TenantOf,
     router: Router,
     params: ConnectionParams,
@@ -158,8 +158,10 @@ impl Door {
         };
         let Ok(Ok(lane)) = lane else { return debug!("a connection sent nothing") };
         place.came();
-        let lanes = if matches!(lane, Lane::Tenant(_)) { &self.tenants } else { &self.unknown };
-        let begin = lanes.begin(lane).await;
+        let begin = match lane {
+            Lane::Tenant(tenant) => self.tenants.begin(tenant.name()).await,
+            Lane::Network(network) => self.unknown.begin(&network.to_string()).await,
+        };
         if let Err(error) = prepare(&stream) {
             warn!(%error, "a connection keeps the system's defaults");
         }

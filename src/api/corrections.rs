@@ -15,6 +15,7 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use viola_geometry::taxonomy::Class;
+use viola_home::{ObjectCorrection, RoomCorrection};
 
 const MAX_NAME_CHARACTERS: usize = 100;
 /// Maximum distance of a place from the origin of the map, and range of its height: beyond any home.
@@ -100,7 +101,7 @@ pub(super) async fn get_map_object(
     State(app): State<App>,
     ObjectPath { home, object }: ObjectPath,
 ) -> Result<Document<CorrectedObject>, Error> {
-    Ok(Document(app.storage.object_state(&home, &object).await?.into()))
+    Ok(Document(app.storage.corrected::<ObjectCorrection>(&home, &object).await?.into()))
 }
 
 /// Correct an object: its class, name or place; pin or hide it
@@ -129,7 +130,8 @@ pub(super) async fn correct_map_object(
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedObject::from(Clone::clone(state))));
         let now = Timestamp::now();
-        let state = app.storage.correct_object(&home, &object, &change, is_expected, now).await?;
+        let state =
+            app.storage.correct::<ObjectCorrection>(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
         Ok(with_tag(CorrectedObject::from(state)))
     })
@@ -145,7 +147,7 @@ pub(super) async fn get_map_room(
     State(app): State<App>,
     RoomPath { home, room }: RoomPath,
 ) -> Result<Document<CorrectedRoom>, Error> {
-    Ok(Document(app.storage.room_state(&home, &room).await?.into()))
+    Ok(Document(app.storage.corrected::<RoomCorrection>(&home, &room).await?.into()))
 }
 
 /// Correct a room: name it, merge it with others, or split it by a line
@@ -173,7 +175,7 @@ pub(super) async fn correct_map_room(
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedRoom::from(Clone::clone(state))));
         let now = Timestamp::now();
-        let state = app.storage.correct_room(&home, &room, &change, is_expected, now).await?;
+        let state = app.storage.correct::<RoomCorrection>(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
         Ok(with_tag(CorrectedRoom::from(state)))
     })

@@ -82,22 +82,28 @@ pub(super) struct RoomPath {
     pub room: String,
 }
 
-impl<S: Send + Sync> FromRequestParts<S> for ObjectPath {
-    type Rejection = Error;
+/// Extracts the paths below a home. Each further part is read by a method of [`Path`].
+macro_rules! paths_below_home {
+    ($($name:ident { $($part:ident: $read:ident),* })*) => {
+        $(impl<S: Send + Sync> FromRequestParts<S> for $name {
+            type Rejection = Error;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ObjectPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(ObjectPath { home: access::of(parts)?.home(&path.part("home")?)?, object: path.part("object")? })
-    }
+            async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<$name, Error> {
+                let path = Path::of(parts, state).await?;
+                let home = access::of(parts)?.home(&path.part("home")?)?;
+                Ok($name { home, $($part: path.$read(stringify!($part))?),* })
+            }
+        })*
+    };
 }
 
-impl<S: Send + Sync> FromRequestParts<S> for RoomPath {
-    type Rejection = Error;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<RoomPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(RoomPath { home: access::of(parts)?.home(&path.part("home")?)?, room: path.part("room")? })
-    }
+paths_below_home! {
+    HomePath {}
+    LevelPath { level: part }
+    LevelRevisionPath { level: part, revision: number }
+    ClipPath { clip: id }
+    ObjectPath { object: part }
+    RoomPath { room: part }
 }
 
 /// A path to an upload.
@@ -143,43 +149,6 @@ impl<S: Send + Sync> FromRequestParts<S> for DeliveryPath {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<DeliveryPath, Error> {
         let path = Path::of(parts, state).await?;
         Ok(DeliveryPath { webhook: path.id("webhook")?, delivery: path.id("delivery")? })
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for HomePath {
-    type Rejection = Error;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<HomePath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(HomePath { home: access::of(parts)?.home(&path.part("home")?)? })
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for LevelPath {
-    type Rejection = Error;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<LevelPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(LevelPath { home: access::of(parts)?.home(&path.part("home")?)?, level: path.part("level")? })
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for LevelRevisionPath {
-    type Rejection = Error;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<LevelRevisionPath, Error> {
-        let path = Path::of(parts, state).await?;
-        let home = access::of(parts)?.home(&path.part("home")?)?;
-        Ok(LevelRevisionPath { home, level: path.part("level")?, revision: path.number("revision")? })
-    }
-}
-
-impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
-    type Rejection = Error;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(ClipPath { home: access::of(parts)?.home(&path.part("home")?)?, clip: path.id("clip")? })
     }
 }
 

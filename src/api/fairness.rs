@@ -1,7 +1,6 @@
 //! Fair use of the service: limits for each tenant and each address, so that none of them slows the others down.
 
 mod arrivals;
-mod exports;
 mod failed_keys;
 mod limits;
 mod makers;
@@ -14,7 +13,6 @@ pub use limits::LimitParams;
 pub use readers::ReaderParams;
 
 pub(super) use arrivals::{Arrival, Arrivals};
-pub(super) use exports::{ExportPlace, ExportPlaces};
 pub(super) use failed_keys::FailedKeys;
 pub(super) use limits::Limits;
 pub(super) use makers::Makers;

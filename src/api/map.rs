@@ -1,6 +1,7 @@
 //! `/v1/homes/{home}/map`
 
 mod changes;
+mod format;
 mod made_file;
 mod mesh;
 pub(super) mod points;
@@ -153,6 +154,14 @@ pub(super) async fn list_map_revisions(
 ) -> Result<Document<List<types::HomeMap>>, Error> {
     let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
     Ok(Document(query.list(maps, |map| map.revision)?))
+}
+
+/// Runs work on a thread that may block.
+async fn apart<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(done) => done,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    }
 }
 
 /// Returns the name under which a browser saves a file of one level: what it is, and the level unless that is `main`.

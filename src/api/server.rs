@@ -3,12 +3,11 @@
 use super::bodies::BodyParams;
 use super::connections::{ConnectionParams, TenantOf};
 use super::fairness::{
-    Arrivals, ExportPlaces, FailedKeyParams, FailedKeys, LimitParams, Limits, Makers, ReaderParams, Readers,
-    Turns,
+    Arrivals, FailedKeyParams, FailedKeys, LimitParams, Limits, Makers, ReaderParams, Readers, Turns,
 };
 use super::layers::Origin;
 use super::uploads::{UploadParams, clean};
-use super::{App, Shared, access, changes, connections, homes, metrics};
+use super::{App, Shared, access, changes, connections, export, homes, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
@@ -18,6 +17,7 @@ use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpSocket};
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
@@ -109,7 +109,8 @@ pub async fn serve(
         makers: Makers::default(),
         waits: changes::waits(),
         searches: homes::searches(),
-        exports: ExportPlaces::default(),
+        exports: export::exports(),
+        compressing: Arc::new(Semaphore::new(1)),
         stop: stop.clone(),
     }));
     let cleaned = app.clone();

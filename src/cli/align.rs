@@ -102,12 +102,8 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
 
     watch.enter(Stage::Report);
     let lidar = levels::of_level(&maps, aligned.alignment.level)?;
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
-    let write = |name: &str, bytes: &[u8]| -> Result<()> {
-        let path = arguments.out.join(name);
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
-    };
+    output::folder(&arguments.out)?;
+    let write = |name: &str, bytes: &[u8]| output::write_bytes(&arguments.out.join(name), bytes);
     // A folder that has `result.json` is whole.
     output::remove(&arguments.out.join("result.json"))?;
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
@@ -116,8 +112,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let folder = arguments.out.join(COMPLETION);
     remove_pictures(&folder).with_context(|| format!("cannot remove pictures of {}", folder.display()))?;
     if !pictures.is_empty() {
-        std::fs::create_dir_all(&folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        output::folder(&folder)?;
         for (name, bytes) in &pictures {
             write(&format!("{COMPLETION}/{name}"), bytes)?;
         }

@@ -4,6 +4,7 @@ mod client;
 mod recordings;
 
 use super::args::{NetworkArguments, numbers};
+use super::output;
 use crate::api::{
     BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
     serve,
@@ -136,7 +137,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     let followed = recordings.clips.iter().map(|clip| follow(&client, clip, &bars));
     let answers = futures::future::try_join_all(followed).await?;
     bars.clear().context("cannot write to the terminal")?;
-    fs::create_dir_all(pictures).with_context(|| format!("cannot make {}", pictures.display()))?;
+    output::folder(pictures)?;
     println!("\n{:<8} {:<10} {:>9} {:>9} {:>10}  where", "clip", "state", "error", "turn", "time");
     let mut found = 0;
     for (recording, answer) in recordings.clips.iter().zip(&answers) {
@@ -144,8 +145,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
         if answer.alignment.is_some() {
             for (file, name) in [("overlay.png", "png"), ("cloud.ply", "ply")] {
                 let bytes = client.result(HOME, &answer.id, file).await?;
-                let path = pictures.join(format!("{}.{name}", recording.name));
-                fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+                output::write_bytes(&pictures.join(format!("{}.{name}", recording.name)), bytes)?;
             }
         }
     }
@@ -216,6 +216,6 @@ fn fresh_folder(folder: &Path) -> Result<()> {
         FolderLock::refuse_in_use(&folder.join("service"))?;
         fs::remove_dir_all(folder).with_context(|| format!("cannot empty {shown}"))?;
     }
-    fs::create_dir_all(folder).with_context(|| format!("cannot make {shown}"))?;
-    fs::write(folder.join(MARKER), "").with_context(|| format!("cannot write to {shown}"))
+    output::folder(folder)?;
+    output::write_bytes(&folder.join(MARKER), "")
 }

@@ -10,12 +10,12 @@ mod track;
 mod unused;
 
 use super::args::{NetworkArguments, numbers};
+use super::output;
 use super::progress::Steps;
 use super::provenance::{commit, program};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use viola_align::{AlignParams, MadeBy};
@@ -24,7 +24,7 @@ use viola_lab::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
     SceneClips, Suite, SurveyParams,
 };
-use viola_lab::simulate::{ClipParams, Sensor, Set};
+use viola_lab::simulate::{ClipParams, Set};
 use viola_network::manifest::Task;
 use viola_reconstruct::{LabelParams, TrackParams};
 
@@ -53,9 +53,6 @@ pub struct EvaluateArguments {
         conflicts_with_all = ["scene", "map"]
     )]
     seeds: Range<u64>,
-    /// Depth sensor of the simulated clips: phone-lidar, structured-light.
-    #[arg(long, default_value = "phone-lidar", conflicts_with_all = ["scene", "map", "home"])]
-    sensor: Sensor,
     /// Least accuracy of labels that simulated pictures get from the truth, 0 to 1: a wrong label may be right by
     /// chance. They replace a network, because simulated pictures are too plain for one.
     #[arg(
@@ -189,8 +186,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         methods.iter_mut().for_each(Method::list_all);
     }
     let pictures = out.join("failed");
-    fs::create_dir_all(&pictures)
-        .with_context(|| format!("cannot make the folder {}", pictures.display()))?;
+    output::folder(&pictures)?;
     let suite = suite(arguments)?;
     if suite.cases().is_empty() {
         bail!("there are no clips: the recording is shorter than the lengths asked for");
@@ -248,8 +244,7 @@ fn fit(arguments: &EvaluateArguments, results: &[ClipResult], path: &Path) -> Re
     };
     let model = evaluate::fit(results, made_by)
         .context("the probability cannot be fitted: the results are all right or all wrong")?;
-    fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
-        .with_context(|| format!("cannot write {}", path.display()))
+    output::write_bytes(path, serde_json::to_string_pretty(&model)? + "\n")
 }
 
 /// Returns the source of the clips, for the fitted model.
@@ -316,7 +311,6 @@ fn homes(arguments: &EvaluateArguments) -> HomesParams {
         seeds: arguments.seeds.clone(),
         clips_per_home: arguments.clips.unwrap_or(default_clips(arguments)) as u64,
         frames: arguments.lengths(),
-        sensor: arguments.sensor,
         picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
@@ -372,6 +366,5 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 fn save(out: &Path, name: &str, text: &str) -> Result<()> {
-    let path = out.join(name);
-    fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    output::write_bytes(&out.join(name), text)
 }

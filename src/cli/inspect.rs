@@ -2,9 +2,10 @@
 
 mod sketch;
 
+use super::output;
 use super::video_tools::video_tools;
 use super::wrong_file::{self, Advice};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use viola_formats::clip::{Clip, ClipError, ClipInfo};
@@ -64,8 +65,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
 
 fn map(arguments: &InspectArguments, map: &LidarMap) -> Result<()> {
     if let Some(picture) = &arguments.picture {
-        std::fs::write(picture, home::lidar_png(map))
-            .with_context(|| format!("cannot write {}", picture.display()))?;
+        output::write_bytes(picture, home::lidar_png(map))?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&map.info)?);
@@ -112,8 +112,7 @@ fn print_map(info: &LidarInfo) {
 
 fn clip(arguments: &InspectArguments, clip: &Clip) -> Result<()> {
     if let Some(picture) = &arguments.picture {
-        std::fs::write(picture, home::contact_sheet_png(clip)?)
-            .with_context(|| format!("cannot write {}", picture.display()))?;
+        output::write_bytes(picture, home::contact_sheet_png(clip)?)?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(clip.info())?);

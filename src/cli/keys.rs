@@ -1,6 +1,7 @@
 //! `viola keys`: manages the keys of the service.
 
 use super::args::StoreArguments;
+use super::output;
 use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
@@ -110,23 +111,23 @@ async fn list(arguments: &ListArguments) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&documents)?);
         return Ok(());
     }
-    println!(
-        "{:36}  {:16}  {:8}  {:16}  {:8}  {:16}  {:16}  label",
-        "id", "tenant", "role", "home", "state", "expires", "last used"
-    );
-    for key in &keys {
-        let home = key.home.as_ref().map_or("all", HomeId::as_str);
-        let when = |at: Option<Timestamp>| {
-            at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string())
-        };
-        let (expires, used) = (when(key.expires_at), when(key.last_used_at));
-        let (id, tenant, role) = (key.id, key.tenant.name(), key.role.name());
-        println!(
-            "{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {expires:16}  {used:16}  {}",
-            state(key, now),
-            key.label
-        );
-    }
+    let when =
+        |at: Option<Timestamp>| at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
+    let head = ["id", "tenant", "role", "home", "state", "expires", "last used", "label"];
+    let mut rows = vec![head.map(str::to_owned)];
+    rows.extend(keys.iter().map(|key| {
+        [
+            key.id.to_string(),
+            key.tenant.name().to_owned(),
+            key.role.name().to_owned(),
+            key.home.as_ref().map_or("all", HomeId::as_str).to_owned(),
+            state(key, now).to_owned(),
+            when(key.expires_at),
+            when(key.last_used_at),
+            key.label.clone(),
+        ]
+    }));
+    print!("{}", output::columns(&rows));
     Ok(())
 }
 

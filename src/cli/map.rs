@@ -21,7 +21,7 @@ use super::progress::{TerminalProgress, print_line};
 use super::video_tools::video_tools;
 use super::wrong_file::Advice;
 use crate::jobs::{JobParams, level_maps};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use clip::{Aligner, HomeClip};
 use content::Content;
@@ -104,7 +104,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let out = &arguments.out;
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let levels = level_maps(&maps);
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
 
     let mut aligner =
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };

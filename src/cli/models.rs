@@ -1,6 +1,5 @@
 //! `viola models`: lists, fetches and checks the neural networks.
 
-mod archive;
 mod check;
 mod download;
 mod drawing;
@@ -8,9 +7,9 @@ mod fetch;
 pub(super) mod sum;
 #[cfg(test)]
 mod test_server;
-mod timed;
 
 use super::args::NO_NETWORKS;
+use super::output;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -111,13 +110,7 @@ fn list(folder: &Folder, json: bool) -> Result<()> {
             entry.licence.clone(),
         ]);
     }
-    let widths: Vec<usize> =
-        (0..5).map(|c| rows.iter().map(|row| row[c].chars().count()).max().unwrap_or(0)).collect();
-    for row in &rows {
-        let cells: Vec<String> =
-            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:width$}")).collect();
-        println!("{}  {}", cells.join("  "), row[5]);
-    }
+    print!("{}", output::columns(&rows));
     for entry in &manifest.networks {
         if let Source::Export { how } = &entry.source
             && !entry.path(&folder.models).is_file()

@@ -1,4 +1,4 @@
-//! Output files and folders.
+//! Output files, folders and tables.
 
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
@@ -32,9 +32,14 @@ pub fn write_whole<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> R
     written
 }
 
-/// [`write_whole`] of bytes.
-pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_whole(path, |to| Ok(to.write_all(bytes)?))
+/// [`write_whole`] of bytes or of a text.
+pub fn write_bytes(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
+    write_whole(path, |to| Ok(to.write_all(bytes.as_ref())?))
+}
+
+/// Makes a folder and those above it, if they are missing.
+pub fn folder(path: &Path) -> Result<()> {
+    fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
 }
 
 /// Removes a file of an earlier run, if it is there.
@@ -75,6 +80,20 @@ fn resolved(path: &Path) -> PathBuf {
     real.unwrap_or(absolute)
 }
 
+/// Returns the rows with aligned columns.
+pub fn columns<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; N] = std::array::from_fn(width);
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> =
+            row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        text += cells.join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,6 +111,15 @@ mod tests {
         assert!(error.to_string().starts_with("cannot write "), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn columns_are_as_wide_as_their_longest_cell() {
+        let rows = [["clip", "state", "why"], ["clé", "a long state", ""], ["a-long-name", "ok", "none"]];
+        assert_eq!(
+            columns(&rows.map(|row| row.map(str::to_owned))),
+            "clip         state         why\nclé          a long state\na-long-name  ok            none\n"
+        );
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! `viola completions` and `viola man`: files for shells and for `man`.
 
+use super::output;
 use anyhow::{Context, Result};
 use clap::{Args, Command};
 use clap_complete::Shell;
@@ -28,9 +29,9 @@ pub fn completions(arguments: &CompletionsArguments, program: &Command) -> Resul
 pub fn man(arguments: &ManArguments, program: &Command) -> Result<()> {
     match &arguments.out {
         Some(folder) => {
-            let unwritable = || format!("cannot write {}", folder.display());
-            std::fs::create_dir_all(folder).with_context(unwritable)?;
-            clap_mangen::generate_to(program.clone(), folder).with_context(unwritable)
+            output::folder(folder)?;
+            clap_mangen::generate_to(program.clone(), folder)
+                .with_context(|| format!("cannot write {}", folder.display()))
         }
         None => {
             let mut page = Vec::new();

@@ -3,9 +3,8 @@
 use super::args::numbers;
 use super::output;
 use super::progress::print_line;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde_json::json;
-use std::fs;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
     Catalogue, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv,
@@ -47,7 +46,7 @@ pub struct SimulateArguments {
 
 pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
     print_line("making a home and mapping it with its vacuum");
     let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let home = Home::furnished(&HomeParams::new(arguments.set, arguments.seed), &catalogue);
@@ -70,12 +69,12 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         },
         "clips": clips.iter().map(|clip| &clip.truth).collect::<Vec<_>>(),
     });
-    save(out, "valetudo.json", serde_json::to_string(&valetudo_json(&survey))?.as_bytes())?;
-    save(out, "map.yaml", ros_yaml(&survey, "map.pgm").as_bytes())?;
-    save(out, "map.pgm", &ros_pgm(&survey))?;
-    save(out, "points.csv", points_csv(&survey).as_bytes())?;
-    save(out, "truth.json", serde_json::to_string_pretty(&truth)?.as_bytes())?;
-    save(out, "plan.png", &plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
+    save(out, "valetudo.json", serde_json::to_string(&valetudo_json(&survey))?)?;
+    save(out, "map.yaml", ros_yaml(&survey, "map.pgm"))?;
+    save(out, "map.pgm", ros_pgm(&survey))?;
+    save(out, "points.csv", points_csv(&survey))?;
+    save(out, "truth.json", serde_json::to_string_pretty(&truth)?)?;
+    save(out, "plan.png", plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
     for (index, clip) in clips.iter().enumerate() {
         let path = out.join(format!("clip_{index}.zip"));
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
@@ -94,7 +93,7 @@ fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipPar
     home.clip(survey, index, params)
 }
 
-fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+fn save(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {
     let path = folder.join(name);
     output::write_bytes(&path, bytes)?;
     println!("{}", path.display());
@@ -104,6 +103,7 @@ fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn clips_of_an_earlier_run_are_removed() {

@@ -1,9 +1,9 @@
 //! `viola surfaces`: labelled surfaces of simulated clips, for training.
 
 use super::args::numbers;
+use super::output;
 use super::progress::Steps;
-use anyhow::{Context, Result};
-use std::fs;
+use anyhow::Result;
 use std::ops::Range;
 use std::path::PathBuf;
 use viola_align::AlignParams;
@@ -37,7 +37,7 @@ pub struct SurfacesArguments {
 
 pub fn run(arguments: &SurfacesArguments) -> Result<()> {
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
     let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let seeds = arguments.seeds.end.saturating_sub(arguments.seeds.start);
     let steps = Steps::new(seeds * arguments.set.len() as u64);
@@ -78,11 +78,7 @@ fn surfaces_of_home(
         let surface =
             labelled_surface(clip, &objects, &AlignParams { seed, ..AlignParams::default() }, &Silent)?;
         if let Some(surface) = surface {
-            // A file that is there is whole.
-            let unfinished = path.with_extension("part");
-            fs::write(&unfinished, &surface.bytes)
-                .and_then(|()| fs::rename(&unfinished, &path))
-                .with_context(|| format!("cannot write {}", path.display()))?;
+            output::write_bytes(&path, &surface.bytes)?;
         }
     }
     Ok(())

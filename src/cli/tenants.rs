@@ -1,6 +1,7 @@
 //! `viola tenants`: lists the tenants, sets their limits and removes one.
 
 use super::args::StoreArguments;
+use super::output;
 use super::progress::spinner;
 use crate::storage::{Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
@@ -91,11 +92,12 @@ async fn list(arguments: &ListArguments) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&documents)?);
         return Ok(());
     }
-    println!("{:32}  {:>14}  {:>14}  {:>14}", "tenant", "bytes of files", "max. bytes", "max. uploads");
-    for (tenant, bytes, limits) in &tenants {
+    let mut rows = vec![["tenant", "bytes of files", "max. bytes", "max. uploads"].map(str::to_owned)];
+    rows.extend(tenants.iter().map(|(tenant, bytes, limits)| {
         let (max_bytes, max_uploads) = (shown(limits.max_bytes), shown(limits.max_uploads));
-        println!("{:32}  {bytes:>14}  {max_bytes:>14}  {max_uploads:>14}", tenant.name());
-    }
+        [tenant.name().to_owned(), bytes.to_string(), max_bytes, max_uploads]
+    }));
+    print!("{}", output::columns(&rows));
     Ok(())
 }
 

@@ -241,9 +241,7 @@ async fn clips_are_listed_by_state_and_time() {
             page["items"].as_array().unwrap().iter().map(|clip| clip["id"].clone()).collect::<Vec<_>>()
         }
     };
-    assert_eq!(listed("state=queued").await, [ids[0].clone(), ids[2].clone()]);
     assert_eq!(listed("state=uploaded,failed").await, [ids[1].clone()]);
-    assert_eq!(listed("state=uploaded,queued&updated_after=2020-01-01T00:00:00Z").await, ids);
     assert!(listed("updated_after=2399-01-01T00:00:00%2B01:00").await.is_empty());
     // A filter and a cursor together.
     let first = server.get(&format!("{clips}?state=queued&limit=1")).await.ok(200);

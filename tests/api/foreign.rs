@@ -10,7 +10,7 @@ use std::process::Command;
 use viola_testing::{room, zips};
 
 /// Each file with its path below the home.
-const FILES: [(&str, &str); 17] = [
+const FILES: [(&str, &str); 20] = [
     ("map.json", "map"),
     ("objects.json", "map/objects"),
     ("points.ply", "map/points"),
@@ -28,9 +28,12 @@ const FILES: [(&str, &str); 17] = [
     ("plan.geojson", "map/plan?format=geojson"),
     ("plan.json", "map/plan?format=json"),
     ("home.mcap", "map/recording"),
+    ("valetudo.json", "map/robot?format=valetudo"),
+    ("calibration.json", "map/robot?format=calibration"),
+    ("matter.json", "map/robot?format=matter"),
 ];
 /// Files that a reader opens, each of which it tells about in a line.
-const READ: usize = 11;
+const READ: usize = 14;
 
 #[tokio::test]
 async fn readers_of_other_programs_find_the_home_in_its_files() {

@@ -77,29 +77,6 @@ async fn lidar_maps_count_and_only_the_last_are_kept() {
     acme.post(&format!("{home}/clips"), small_clip()).await.problem(507, "tenant-full");
 }
 
-/// 4096 empty uploads of one tenant once made all others wait for a day.
-#[tokio::test]
-async fn a_tenant_with_too_many_uploads_locks_out_nobody() {
-    let server = Server::with(|params| params.uploads.limits.in_tenant = 20).await;
-    let acme = server.client("acme", Role::Uploader, None).await;
-    let begin = |client: &Client| {
-        let request = client.tus(Method::POST, "/v1/uploads").header("upload-length", 10);
-        request.header("upload-concat", "partial")
-    };
-    for _ in 0..20 {
-        acme.send(begin(&acme)).await.ok(201);
-    }
-    acme.send(begin(&acme)).await.problem(429, "too-many-uploads");
-    let bolt = server.client("bolt", Role::Admin, None).await;
-    bolt.make_home("h").await;
-    let upload = bolt.begin("h", small_clip().len()).await;
-    assert_eq!(bolt.go_on(&upload, &small_clip()).await.status, 204);
-    let usage = bolt.get("/v1/usage").await.ok(200);
-    assert_eq!((&usage["uploads"], &usage["max_uploads"]), (&0.into(), &20.into()));
-    let for_one_home = server.client("acme", Role::Reader, Some("h")).await;
-    for_one_home.get("/v1/usage").await.problem(403, "forbidden");
-}
-
 /// Dry runs and bodies without a length once filled the disk beyond every quota.
 #[tokio::test]
 async fn bytes_that_arrive_are_bounded() {

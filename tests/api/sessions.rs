@@ -89,15 +89,6 @@ async fn event_streams_end_with_their_key_or_session() {
 }
 
 #[tokio::test]
-async fn a_session_ends_after_twelve_hours() {
-    let server = Server::without_workers().await;
-    let (_, secret) = server.key("acme", Role::Reader, None).await;
-    let session = cookie(&sign_in(&server, secret.show()).await);
-    server.execute("UPDATE sessions SET expires_at = expires_at - 43200000").await;
-    with_cookie(&server, Method::GET, &session).await.problem(401, "session-ended");
-}
-
-#[tokio::test]
 async fn cookies_are_for_tls_only_beside_loopback() {
     let server = Server::without_workers().await;
     let (_, secret) = server.key("acme", Role::Reader, None).await;

@@ -6,6 +6,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use sha1::{Digest, Sha1};
 use std::time::Duration;
+use viola::storage::Role;
 use viola_testing::tus::{BYTES, encoded, metadata, sha256};
 use viola_testing::{eventually, room};
 
@@ -484,6 +485,7 @@ async fn abandoned_uploads_expire() {
     assert_eq!(server.head(&finished).await.header("viola-clip"), last.header("viola-clip"));
 }
 
+/// 4096 empty uploads of one tenant once made all others wait for a day.
 #[tokio::test]
 async fn only_so_many_may_be_unfinished() {
     let server = Server::with(|params| {
@@ -500,17 +502,33 @@ async fn only_so_many_may_be_unfinished() {
         let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
         request.header("Upload-Metadata", metadata(&[("home", home)]))
     };
+    let partial = || {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
+        request.header("Upload-Concat", "partial")
+    };
     let first = server.begin("a", 10).await;
     server.begin("a", 10).await;
     check_refused(begin("a"), 429, "too-many-uploads", "").await;
-    server.begin("b", 10).await;
+    // A partial upload is of no home, but of the tenant.
+    server.send(partial()).await.ok(201);
     check_refused(begin("b"), 429, "too-many-uploads", "").await;
+    check_refused(partial(), 429, "too-many-uploads", "").await;
     for offset in 0..3 {
         server.send(server.patch(&first, offset, b"x")).await.ok(204);
     }
     check_refused(server.patch(&first, 3, b"x"), 413, "too-many-pieces", "").await;
     server.send(server.tus(Method::DELETE, &first)).await.ok(204);
     server.send(begin("b")).await.ok(201);
+    // The uploads of one tenant lock out no other.
+    check_refused(partial(), 429, "too-many-uploads", "").await;
+    let other = server.client("bolt", Role::Admin, None).await;
+    other.make_home("h").await;
+    let upload = other.begin("h", small_clip().len()).await;
+    assert_eq!(other.go_on(&upload, &small_clip()).await.status, 204);
+    let usage = other.get("/v1/usage").await.ok(200);
+    assert_eq!((&usage["uploads"], &usage["max_uploads"]), (&0.into(), &3.into()));
+    let for_one_home = server.client("bolt", Role::Reader, Some("h")).await;
+    for_one_home.get("/v1/usage").await.problem(403, "forbidden");
 }
 
 #[tokio::test]

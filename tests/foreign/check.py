@@ -11,6 +11,7 @@ import sys
 import plans
 import points
 import recording
+import robots
 import surfaces
 from truth import Truth
 
@@ -26,6 +27,9 @@ FILES = {
     "plan.dxf": plans.dxf,
     "plan.pdf": plans.pdf,
     "home.mcap": recording.mcap,
+    "valetudo.json": robots.valetudo,
+    "calibration.json": robots.calibration,
+    "matter.json": robots.matter,
 }
 
 

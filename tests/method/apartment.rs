@@ -90,7 +90,6 @@ impl Progress for StopIn {
     fn enter(&self, stage: Stage) {
         self.seen.lock().unwrap().push(stage);
     }
-    fn advance(&self, _fraction: f64) {}
     fn cancelled(&self) -> bool {
         self.seen.lock().unwrap().last() == Some(&self.stage)
     }

@@ -10,7 +10,7 @@ use viola_lab::evaluate::labels::{self, Truth};
 use viola_lab::evaluate::{
     ClipResult, HomeClips, HomesParams, Method, Run, Scene, SceneClips, Suite, excerpts,
 };
-use viola_lab::simulate::{Sensor, Set};
+use viola_lab::simulate::Set;
 use viola_network::RuntimeParams;
 use viola_network::manifest::{self, Task};
 use viola_reconstruct::LabelParams;
@@ -54,7 +54,6 @@ fn homes(sets: &[Set], seeds: std::ops::Range<u64>, frames: usize) -> HomesParam
         seeds,
         clips_per_home: 1,
         frames: vec![frames],
-        sensor: Sensor::PhoneLidar,
         picture_labels: None,
         foreign: false,
         withhold_poses: false,

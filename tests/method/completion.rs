@@ -15,7 +15,7 @@ use viola_formats::clip::{Clip, Frame};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Progress, Silent, Stage};
 use viola_home as home;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, valetudo_json};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip};
 use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::Manifest;
@@ -38,7 +38,7 @@ fn recorded(seed: u64, number: u64) -> Recorded {
 fn recorded_with(seed: u64, number: u64, color_width: u32) -> Recorded {
     let home = Home::generate(&HomeParams::new(Set::Upper, seed));
     let survey = home.survey();
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes()).unwrap();
+    let lidar = survey.lidar_map().unwrap();
     let params = ClipParams { frames: 60, color_width, ..ClipParams::default() };
     let recorded = home.clip(&survey, number, &params);
     let truth = recorded.truth.map_from_clip;
@@ -224,8 +224,6 @@ impl Progress for Impatient {
     fn enter(&self, stage: Stage) {
         self.completing.store(stage == Stage::Complete, Ordering::Relaxed);
     }
-
-    fn advance(&self, _: f64) {}
 
     fn cancelled(&self) -> bool {
         self.cancels && self.completing.load(Ordering::Relaxed)

@@ -8,7 +8,7 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::angle_between;
 use viola_geometry::progress::{EarlyPose, Progress, Silent, Stage};
 use viola_lab::evaluate::Oracle;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, valetudo_json};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set};
 use viola_reconstruct::LabelParams;
 
 /// A [`Progress`] that keeps the stages and the poses in the order in which it hears them.
@@ -25,8 +25,6 @@ impl Progress for Heard {
     fn enter(&self, stage: Stage) {
         self.0.lock().unwrap().push(Told::Begun(stage));
     }
-
-    fn advance(&self, _fraction: f64) {}
 
     fn cancelled(&self) -> bool {
         false
@@ -48,7 +46,7 @@ fn recorded() -> (Clip, LabelParams, LidarMap) {
     let color_width = Sensor::PhoneLidar.depth_camera().width;
     let params = ClipParams { frames: 24, color_width, ..ClipParams::default() };
     let clip = home.clip(&survey, 0, &params);
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes()).unwrap();
+    let lidar = survey.lidar_map().unwrap();
     let (clip, oracle) = Oracle::with_clip(Arc::new(clip), 1.0, 0);
     (clip, LabelParams { segmenter: Some(oracle), ..LabelParams::default() }, lidar)
 }

@@ -97,7 +97,7 @@ fn maps_of_real_robots() {
 fn maps_of_simulated_homes() {
     let map = |seed: u64| {
         let home = Home::generate(&HomeParams::new(Set::Normal, seed));
-        (format!("home {seed}"), home.survey().lidar_map())
+        (format!("home {seed}"), home.survey().lidar_map().unwrap())
     };
     check(&(0..4).map(map).collect::<Vec<_>>(), &[], 0.9);
 }

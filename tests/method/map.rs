@@ -312,6 +312,9 @@ fn readers_of_other_programs_find_the_home_in_its_files() {
         "plan.dxf",
         "plan.pdf",
         "home.mcap",
+        "valetudo.json",
+        "calibration.json",
+        "matter.json",
     ];
     let output = command.arg("-B").arg(check).arg(folder.path()).args(files).output().unwrap();
     assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));

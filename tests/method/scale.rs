@@ -4,7 +4,7 @@ use viola_align::{AlignParams, Alignment, AlignmentState};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
-use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, valetudo_json};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set};
 
 fn align(clip: &Clip, lidar: &LidarMap) -> Alignment {
     viola_align::align(clip, None, lidar, &AlignParams::default(), &Silent).unwrap().alignment
@@ -18,7 +18,7 @@ fn a_simulated_clip_is_found_in_any_unit() {
     let recorded = home.clip(&survey, 0, &ClipParams { frames: 40, color_width, ..ClipParams::default() });
     let truth = recorded.truth.map_from_clip;
     let clip = recorded.into_clip();
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes()).unwrap();
+    let lidar = survey.lidar_map().unwrap();
     let metric = align(&clip, &lidar);
     assert_eq!((metric.state, metric.scale, metric.scale_std), (AlignmentState::Aligned, None, None));
     for unit_m in [0.22, 4.6] {

@@ -2,6 +2,8 @@
 
 #[path = "../../fuzz/src/clip_files.rs"]
 mod clip_files;
+#[path = "../../fuzz/src/targets.rs"]
+mod targets;
 
 use crate::archives::archives;
 use crate::drawing::*;
@@ -12,6 +14,7 @@ use crate::robot_files::*;
 use crate::unknown_scale::{colmap, points};
 use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
+use targets::{Input, TARGETS};
 use viola_formats::clip::Clip;
 
 /// Returns the seeds by target, without the bytes that a target prepends itself.
@@ -24,19 +27,19 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("ros", "raw", [yaml("mode: raw"), vec![0], pgm(grey(100, 0, 255))].concat()),
     ];
     for (name, bytes) in one_of_each_format() {
-        let (target, prefix): (_, &[u8]) = match name.split(' ').next().unwrap_or_default() {
-            "csv" => ("csv", b""),
-            "ply" => ("ply", b"ply\n"),
-            "pcd" => ("pcd", b"# .PCD v0.7"),
-            "carmen" => ("carmen", b""),
-            "roborock" if bytes.starts_with(b"rr") => ("roborock", b"rr\x14\0"),
-            "valetudo" if bytes.starts_with(b"{") => ("valetudo", b"{"),
-            "valetudo" => ("valetudo_png", b"\x89PNG\r\n\x1a\n"),
-            _ => ("any", b""),
+        let target = match name.split(' ').next().unwrap_or_default() {
+            "csv" => "csv",
+            "ply" => "ply",
+            "pcd" => "pcd",
+            "carmen" => "carmen",
+            "roborock" if bytes.starts_with(b"rr") => "roborock",
+            "valetudo" if bytes.starts_with(b"{") => "valetudo",
+            "valetudo" => "valetudo_png",
+            _ => "any",
         };
-        let inner =
-            bytes.strip_prefix(prefix).unwrap_or_else(|| panic!("{name} does not begin as it should"));
-        seeds.push((target, name, inner.to_vec()));
+        // A log may begin with the line that the target prepends.
+        let seed = if target == "carmen" { bytes.clone() } else { after_prefix(target, name, &bytes) };
+        seeds.push((target, name, seed));
         seeds.push(("any", name, bytes));
     }
     let files = [("a/b.txt".to_owned(), b"some text".repeat(9)), ("c.bin".to_owned(), vec![7; 600])];
@@ -68,18 +71,17 @@ fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("clip_seven_scenes", "seven scenes", seven_scenes("", &numbers)),
         ("clip_tum", "tum", tum("", &numbers)),
     ];
-    let sens = std::mem::take(&mut writers::sens("", &recording)[0].1);
-    let mut seeds = vec![("clip_sens", "sens", sens[4..].to_vec()), ("clip_any", "sens", sens)];
+    let mut seeds = Vec::new();
     let alone = [
+        ("clip_sens", "sens", writers::sens("", &recording)),
         ("clip_sqlite", "rtabmap", crate::databases::rtabmap("", &recording)),
         ("clip_sqlite", "db3", crate::bags::db3("", &recording)),
         ("clip_mcap", "mcap", crate::bags::mcap("", &recording)),
         ("clip_mcap", "mcap lz4", crate::bags::mcap_split("", &recording)),
     ];
     for (target, name, mut files) in alone {
-        let magic_bytes = if target == "clip_mcap" { 8 } else { 16 };
         let bytes = std::mem::take(&mut files[0].1);
-        seeds.push((target, name, bytes[magic_bytes..].to_vec()));
+        seeds.push((target, name, after_prefix(target, name, &bytes)));
         seeds.push(("clip_any", name, bytes));
     }
     for (target, name, files) in layouts {
@@ -95,22 +97,30 @@ fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     seeds
 }
 
+/// Returns a file without the bytes that the target prepends.
+fn after_prefix(target: &str, name: &str, file: &[u8]) -> Vec<u8> {
+    let prefix = TARGETS.iter().find_map(|(own, input)| match input {
+        Input::Map(prefix) | Input::ClipFile(prefix) if *own == target => Some(*prefix),
+        _ => None,
+    });
+    let seed = prefix.and_then(|prefix| file.strip_prefix(prefix));
+    seed.unwrap_or_else(|| panic!("{name} does not begin as {target} expects it")).to_vec()
+}
+
 /// Writes the seeds into the folder that `VIOLA_FUZZ_CORPUS` names, for `fuzz/run`.
 #[test]
 fn fuzz_seeds_are_there_for_every_target() {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fuzz/fuzz_targets");
     let folder = std::env::var_os("VIOLA_FUZZ_CORPUS").map(PathBuf::from);
     let seeds = seeds();
-    for entry in std::fs::read_dir(root).unwrap() {
-        let target = entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
+    for (target, input) in TARGETS {
         // The seeds of videos are the files in tests/video, which fuzz/run copies.
-        if target.starts_with("video_") {
+        if matches!(input, Input::VideoTables | Input::H264 | Input::Hevc) {
             continue;
         }
         let own: Vec<_> = seeds.iter().filter(|(of, _, _)| *of == target).collect();
         assert!(!own.is_empty(), "{target} has no seed");
         let Some(folder) = &folder else { continue };
-        let folder = folder.join(&target);
+        let folder = folder.join(target);
         std::fs::create_dir_all(&folder).unwrap();
         for (_, name, bytes) in own {
             std::fs::write(folder.join(name.replace(' ', "_")), bytes).unwrap();

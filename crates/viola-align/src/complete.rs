@@ -287,8 +287,6 @@ mod tests {
             self.is_completing.store(stage == Stage::Complete, Ordering::Relaxed);
         }
 
-        fn advance(&self, _: f64) {}
-
         fn cancelled(&self) -> bool {
             self.is_completing.load(Ordering::Relaxed) && self.polls.fetch_add(1, Ordering::Relaxed) > 0
         }

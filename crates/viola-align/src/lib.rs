@@ -43,16 +43,13 @@ use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{LevelName, Pose3};
-use viola_reconstruct::{
-    Feature, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View,
-};
+use viola_reconstruct::{Feature, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
 
 /// Parameters of an alignment, stage by stage.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AlignParams {
     pub seed: u64,
     pub track: TrackParams,
-    pub fuse: FuseParams,
     pub label: LabelParams,
     pub raycast: RaycastParams,
     pub hit_weights: HitWeightParams,

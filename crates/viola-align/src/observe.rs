@@ -132,7 +132,7 @@ pub(super) fn fuse(
         let poses = tracked.or(by_device.as_ref().map(|trajectory| (&trajectory.world_from_camera, false)));
         let poses = poses
             .map(|(world_from_camera, is_of_key_frames)| fuse::Poses { world_from_camera, is_of_key_frames });
-        fuse::fuse(clip, frames.clone(), poses, &params.fuse, progress)
+        fuse::fuse(clip, frames.clone(), poses, progress)
     };
     let mut fused = fuse(tracked.as_ref())?;
     if let (None, Ok(first)) = (&tracked, &fused)

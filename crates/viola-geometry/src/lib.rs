@@ -1,4 +1,5 @@
-//! Transforms, cameras, planes, grids and distance fields. No I/O; metres and radians throughout.
+//! Transforms, cameras, planes, grids and distance fields, and arithmetic that several crates share. No I/O; metres
+//! and radians throughout.
 //!
 //! Transforms are named by their spaces so that they cancel: `map_from_clip * clip_from_camera` is a
 //! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is the frame of the
@@ -6,8 +7,10 @@
 //! camera's heading; `map` is the LiDAR map's own frame, x right, y up.
 
 mod camera;
+mod conjugate_gradients;
 mod distance_field;
 mod grid;
+pub mod groups;
 mod level_name;
 mod plane;
 mod pose2;
@@ -16,6 +19,7 @@ pub mod stopwatch;
 pub mod taxonomy;
 
 pub use camera::Pinhole;
+pub use conjugate_gradients::conjugate_gradients;
 pub use distance_field::DistanceField;
 pub use grid::{Grid, GridFrame, cell_of, cells_around};
 pub use level_name::{InvalidLevelName, LevelName, MAX_LEVELS};

@@ -99,12 +99,13 @@ pub struct EarlyPose {
     pub probability: f64,
 }
 
-/// Receives the progress of the method. Worker threads call it, so it must be quick.
+/// Receives the progress of the method. Worker threads call it, so it must be quick. A receiver around another one names
+/// each call that it forwards: the others are ignored.
 pub trait Progress: Sync {
     /// Reports the start of a stage.
-    fn enter(&self, stage: Stage);
+    fn enter(&self, _stage: Stage) {}
     /// Reports that `fraction` (0..1) of the current stage is done.
-    fn advance(&self, fraction: f64);
+    fn advance(&self, _fraction: f64) {}
     /// Returns whether a stop was requested. Stages poll this often and end with [`Cancelled`].
     fn cancelled(&self) -> bool;
     /// Returns whether the current stage's time budget is used up; the stage then keeps its results so far.
@@ -141,8 +142,6 @@ pub fn begin(progress: &dyn Progress, stage: Stage) -> Result<(), Cancelled> {
 pub struct Silent;
 
 impl Progress for Silent {
-    fn enter(&self, _stage: Stage) {}
-    fn advance(&self, _fraction: f64) {}
     fn cancelled(&self) -> bool {
         false
     }

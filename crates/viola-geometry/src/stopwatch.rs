@@ -94,6 +94,54 @@ impl Progress for Stopwatch<'_> {
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use crate::{LevelName, Pose2};
+
+    /// Keeps the names of the calls, and answers yes.
+    #[derive(Default)]
+    struct Yes(Mutex<Vec<&'static str>>);
+
+    impl Yes {
+        fn hear(&self, call: &'static str) -> bool {
+            self.0.lock().unwrap().push(call);
+            true
+        }
+    }
+
+    impl Progress for Yes {
+        fn enter(&self, _: Stage) {
+            self.hear("enter");
+        }
+        fn advance(&self, _: f64) {
+            self.hear("advance");
+        }
+        fn cancelled(&self) -> bool {
+            self.hear("cancelled")
+        }
+        fn out_of_time(&self) -> bool {
+            self.hear("out_of_time")
+        }
+        fn wants_early_pose(&self) -> bool {
+            self.hear("wants_early_pose")
+        }
+        fn early_pose(&self, _: EarlyPose) {
+            self.hear("early_pose");
+        }
+    }
+
+    #[test]
+    fn every_call_is_forwarded() {
+        let yes = Yes::default();
+        let watch = Stopwatch::around(&yes, Instant::now);
+        watch.enter(Stage::Search);
+        watch.advance(0.5);
+        assert!(watch.cancelled() && watch.out_of_time() && watch.wants_early_pose());
+        let (level, map_from_clip) = (LevelName::MAIN, Pose2::IDENTITY);
+        watch.early_pose(EarlyPose { level, map_from_clip, probability: 0.5 });
+        assert_eq!(
+            *yes.0.lock().unwrap(),
+            ["enter", "advance", "cancelled", "out_of_time", "wants_early_pose", "early_pose"]
+        );
+    }
 
     #[test]
     fn only_the_stage_with_a_budget_runs_out_of_time() {

@@ -1,5 +1,5 @@
 //! Files for robots and homes: Nav2 maps and masks, Valetudo names and zones, Matter areas, and the configuration
-//! of a map card. Each format has a file; `places` holds the zones and goal poses that they share.
+//! of a map card. Each format has a file; `places` holds the zones and goal poses that they share, `titles` the names.
 
 mod area;
 mod calibration;
@@ -11,6 +11,7 @@ mod nav2;
 mod no_go;
 mod places;
 mod segments;
+mod titles;
 mod valetudo;
 
 pub use calibration::{CalibrationFile, calibration};

@@ -8,7 +8,7 @@ use viola_lab::simulate::{Home, HomeParams, Set};
 
 #[test]
 fn a_bed_in_a_kitchen_speaks_against_a_pose() {
-    let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 3)).survey().lidar_map();
+    let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 3)).survey().lidar_map().unwrap();
     let names = ["Kitchen", "Bedroom"];
     lidar.rooms.truncate(2);
     lidar.rooms.iter_mut().zip(names).for_each(|(room, name)| room.name = Some(name.to_owned()));
@@ -31,7 +31,7 @@ fn furniture_stands_in_its_room_for_whoever_looks_from_there() {
     for seed in 0..6 {
         let home = Home::generate(&HomeParams::new(Set::Normal, seed));
         let (truth, survey) = (home.truth(), home.survey());
-        let rooms = NamedRooms::new(&survey.lidar_map()).unwrap();
+        let rooms = NamedRooms::new(&survey.lidar_map().unwrap()).unwrap();
         let map_from_home = survey.valetudo_from_home();
         let on_map = |x: f64, y: f64| map_from_home.apply(&Point2::new(x, y));
         for thing in &truth.objects {
@@ -55,7 +55,7 @@ fn furniture_stands_in_its_room_for_whoever_looks_from_there() {
 
 #[test]
 fn rooms_without_a_telling_name_say_nothing() {
-    let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 1)).survey().lidar_map();
+    let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 1)).survey().lidar_map().unwrap();
     let inside = lidar.rooms[0].cells_m[0];
     assert!(!NamedRooms::new(&lidar).unwrap().around(&inside, &inside).is_none());
     lidar.rooms[0].name = Some("Anna".to_owned());

@@ -147,7 +147,7 @@ fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], fraction: f32) -> Option
 #[cfg(test)]
 mod tests {
     use super::super::cloud::{BLACK, NO_COLOR};
-    use super::super::tsdf::{BLOCK_BYTES, Tsdf, TsdfParams};
+    use super::super::tsdf::{BLOCK_BYTES, MAX_BYTES, Tsdf};
     use viola_formats::clip::{DepthImage, Frame, FrameHeader};
     use viola_geometry::{Pinhole, Pose3};
 
@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn a_wall_comes_back_where_it_is() {
-        let mut tsdf = Tsdf::new(TsdfParams::default());
+        let mut tsdf = Tsdf::new(MAX_BYTES);
         tsdf.integrate(&wall(1.5), &Pose3::identity());
         tsdf.integrate(&wall(1.52), &Pose3::identity());
         let cloud = tsdf.surface();
@@ -194,7 +194,7 @@ mod tests {
         });
         frame.color = Some(picture.clone());
         let colors = |frame: &Frame| -> Vec<[u8; 3]> {
-            let mut tsdf = Tsdf::new(TsdfParams::default());
+            let mut tsdf = Tsdf::new(MAX_BYTES);
             tsdf.integrate(frame, &Pose3::identity());
             tsdf.surface().points.iter().map(|point| point.color).collect()
         };
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn memory_is_bounded() {
-        let mut tsdf = Tsdf::new(TsdfParams { max_bytes: 10 * BLOCK_BYTES, ..TsdfParams::default() });
+        let mut tsdf = Tsdf::new(10 * BLOCK_BYTES);
         tsdf.integrate(&wall(1.5), &Pose3::identity());
         assert!(tsdf.is_full());
         assert_eq!(tsdf.blocks.len(), 10);

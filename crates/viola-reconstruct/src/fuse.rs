@@ -5,7 +5,7 @@ use super::error::ReconstructError;
 use super::features::{MAX_PICTURES, Picture};
 use super::key_frame::{KeyFrame, Readings};
 use super::reason::Reason;
-use super::tsdf::{Tsdf, TsdfParams};
+use super::tsdf::{MAX_BYTES, Tsdf};
 use std::ops::Range;
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::MAX_SIDE_M;
@@ -22,12 +22,6 @@ const MAX_KEY_FRAMES: usize = 2_000;
 const MAX_KEY_PIXELS: u64 = 4_000_000_000;
 /// Maximum fraction of key frames that may fail to decode before the clip is refused.
 const MAX_BROKEN_FRACTION: f64 = 0.1;
-
-/// Parameters of the fusion.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct FuseParams {
-    pub tsdf: TsdfParams,
-}
 
 /// The fused clip.
 #[derive(Debug, Clone)]
@@ -117,7 +111,6 @@ pub fn fuse(
     clip: &Clip,
     frames: Option<Range<u32>>,
     poses: Option<Poses>,
-    params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, ReconstructError> {
     let chosen = choose(clip, frames.as_ref(), poses);
@@ -129,7 +122,7 @@ pub fn fuse(
     if extent_m > MAX_SIDE_M {
         return Ok(Err(NotFused::TooFarApart { extent_m }));
     }
-    let mut tsdf = Tsdf::new(params.tsdf.clone());
+    let mut tsdf = Tsdf::new(MAX_BYTES);
     let mut key_frames = Vec::with_capacity(chosen.len());
     let mut pictures = Vec::new();
     let every = chosen.len().div_ceil(MAX_PICTURES);

@@ -23,20 +23,9 @@ const RIM_DARKNESS: u8 = 40;
 pub(super) const SIDE: usize = 4;
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 
-/// Parameters of the depth fusion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TsdfParams {
-    pub voxel_m: f64,
-    /// Maximum memory of the blocks. Further surface is left out.
-    pub max_bytes: usize,
-}
-
-impl Default for TsdfParams {
-    fn default() -> Self {
-        // A flat of 150 m2 has about 180 000 blocks, 100 MiB.
-        TsdfParams { voxel_m: 0.03, max_bytes: 192 << 20 }
-    }
-}
+const VOXEL_M: f64 = 0.03;
+/// Maximum memory of a clip's blocks. A flat of 150 m2 has about 180 000 blocks, 100 MiB.
+pub(super) const MAX_BYTES: usize = 192 << 20;
 
 /// One cell: eight bytes, because there are millions.
 #[derive(Debug, Clone, Copy, Default)]
@@ -112,7 +101,7 @@ pub(super) const BLOCK_BYTES: usize =
 
 /// The map. Voxel `(0, 0, 0)` of block `(0, 0, 0)` has its centre half a voxel from the world's origin.
 pub struct Tsdf {
-    params: TsdfParams,
+    max_bytes: usize,
     pub(super) blocks: Vec<Block>,
     pub(super) index: FxHashMap<[i32; 3], u32>,
     frames: u32,
@@ -120,8 +109,9 @@ pub struct Tsdf {
 }
 
 impl Tsdf {
-    pub fn new(params: TsdfParams) -> Tsdf {
-        Tsdf { params, blocks: Vec::new(), index: FxHashMap::default(), frames: 0, full: false }
+    /// Returns an empty map. Surface beyond `max_bytes` of blocks is left out.
+    pub fn new(max_bytes: usize) -> Tsdf {
+        Tsdf { max_bytes, blocks: Vec::new(), index: FxHashMap::default(), frames: 0, full: false }
     }
 
     /// Returns whether surface was left out because of `max_bytes`.
@@ -134,7 +124,7 @@ impl Tsdf {
         self.frames += 1;
         self.allocate(frame, world_from_camera);
         let stamp = self.frames;
-        let update = Update::new(&self.params, frame, world_from_camera, stamp);
+        let update = Update::new(frame, world_from_camera, stamp);
         self.blocks.par_iter_mut().with_min_len(64).for_each(|block| {
             if block.stamp == stamp {
                 update.block(block);
@@ -144,16 +134,13 @@ impl Tsdf {
 
     /// Returns the surface as points in the world frame.
     pub fn surface(&self) -> PointCloud {
-        PointCloud {
-            points: extract::surface_points(self, self.params.voxel_m),
-            voxel_m: self.params.voxel_m,
-        }
+        PointCloud { points: extract::surface_points(self, VOXEL_M), voxel_m: VOXEL_M }
     }
 
     /// Creates and stamps the blocks around the readings.
     fn allocate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
         const STRIDE: usize = 3;
-        let block_m = self.params.voxel_m * SIDE as f64;
+        let block_m = VOXEL_M * SIDE as f64;
         let reach_m = TRUNCATION_M;
         let origin = world_from_camera.translation.vector;
         let mut last = None;
@@ -183,7 +170,7 @@ impl Tsdf {
         let next = self.blocks.len();
         if let Some(&at) = self.index.get(&key) {
             self.blocks[at as usize].stamp = self.frames;
-        } else if (next + 1) * BLOCK_BYTES <= self.params.max_bytes {
+        } else if (next + 1) * BLOCK_BYTES <= self.max_bytes {
             self.index.insert(key, next as u32);
             self.blocks.push(Block { key, stamp: self.frames, voxels: Box::new([Voxel::default(); VOXELS]) });
         } else {
@@ -200,7 +187,6 @@ fn noise(stamp: u32, point: &nalgebra::Vector3<f32>) -> u32 {
 
 /// The update of a block by one frame.
 struct Update<'a> {
-    params: &'a TsdfParams,
     frame: &'a Frame,
     camera_from_world: Pose3,
     /// Number of the frame.
@@ -210,17 +196,16 @@ struct Update<'a> {
 }
 
 impl<'a> Update<'a> {
-    fn new(params: &'a TsdfParams, frame: &'a Frame, world_from_camera: &Pose3, stamp: u32) -> Update<'a> {
+    fn new(frame: &'a Frame, world_from_camera: &Pose3, stamp: u32) -> Update<'a> {
         let camera_from_world = world_from_camera.inverse();
         let steps = [nalgebra::Vector3::x(), nalgebra::Vector3::y(), nalgebra::Vector3::z()]
-            .map(|axis| (camera_from_world.rotation * (axis * params.voxel_m)).cast::<f32>());
-        Update { params, frame, camera_from_world, stamp, steps }
+            .map(|axis| (camera_from_world.rotation * (axis * VOXEL_M)).cast::<f32>());
+        Update { frame, camera_from_world, stamp, steps }
     }
 
     fn block(&self, block: &mut Block) {
-        let voxel_m = self.params.voxel_m;
         let first = Point3::from(nalgebra::Vector3::from_fn(|axis, _| {
-            (f64::from(block.key[axis]) * SIDE as f64 + 0.5) * voxel_m
+            (f64::from(block.key[axis]) * SIDE as f64 + 0.5) * VOXEL_M
         }));
         let first = (self.camera_from_world * first).coords.cast::<f32>();
         for z in 0..SIDE {

@@ -2,18 +2,18 @@
 //! Lanes take turns, so a client waits for few of the connections that another one opens.
 
 use super::super::peer::network;
+use crate::api::fairness::{FairPlace, FairPlaces};
 use crate::storage::Tenant;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
-use std::collections::{HashMap, VecDeque};
 use std::future::poll_fn;
 use std::io;
 use std::net::IpAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::task::ready;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::io::ReadBuf;
 use tokio::net::TcpStream;
-use tokio::sync::oneshot;
+use tokio::time::sleep;
 
 /// Maximum size of a head in which credentials are looked for.
 const HEAD_BYTES: usize = 4096;
@@ -24,7 +24,6 @@ const HEADERS: usize = 64;
 pub(in super::super) type TenantOf = Arc<dyn Fn(&HeaderMap) -> Option<Tenant> + Send + Sync>;
 
 /// The lane of a connection.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Lane {
     Tenant(Tenant),
     Network(IpAddr),
@@ -41,128 +40,26 @@ pub(super) struct AcceptQueueParams {
 
 /// The connections that wait to begin.
 pub(super) struct AcceptQueue {
-    params: AcceptQueueParams,
-    state: Mutex<State>,
-}
-
-#[derive(Default)]
-struct State {
-    begin: usize,
-    begin_of_lane: HashMap<Lane, usize>,
-    waiting: HashMap<Lane, VecDeque<oneshot::Sender<Begin>>>,
-    /// The lanes in which a connection waits; the first one is next.
-    order: VecDeque<Lane>,
-}
-
-/// A connection's place among those that begin. Another one begins when it is dropped.
-pub(super) struct Begin {
-    of: Option<(Arc<AcceptQueue>, Lane)>,
-    since: Instant,
+    places: FairPlaces,
+    hold: Duration,
 }
 
 impl AcceptQueue {
-    pub fn new(params: AcceptQueueParams) -> Arc<AcceptQueue> {
-        Arc::new(AcceptQueue { params, state: Mutex::default() })
+    pub fn new(params: AcceptQueueParams) -> AcceptQueue {
+        let AcceptQueueParams { at_once, at_once_of_lane, hold } = params;
+        AcceptQueue { places: FairPlaces::new(at_once, at_once_of_lane), hold }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits until a connection of the lane may begin.
-    pub async fn begin(self: &Arc<AcceptQueue>, lane: Lane) -> Begin {
-        let begin = || Begin { of: Some((self.clone(), lane.clone())), since: Instant::now() };
-        let turn = {
-            let mut state = self.state();
-            if state.take(&lane, &self.params) {
-                return begin();
-            }
-            let (give, turn) = oneshot::channel();
-            let State { waiting, order, .. } = &mut *state;
-            let queue = waiting.entry(lane.clone()).or_insert_with(|| {
-                order.push_back(lane.clone());
-                VecDeque::new()
-            });
-            queue.push_back(give);
-            turn
-        };
-        // A sender is dropped with the lanes only.
-        turn.await.unwrap_or_else(|_| begin())
-    }
-
-    /// Frees a place of a lane, and lets the next ones begin.
-    fn give(self: &Arc<AcceptQueue>, lane: &Lane) {
-        let mut state = self.state();
-        state.free(lane);
-        for _ in 0..state.order.len() {
-            // The lanes that had no turn stay in front.
-            if state.begin == self.params.at_once {
-                return;
-            }
-            let Some(next) = state.order.pop_front() else { return };
-            if state.begin_next(self, &next) {
-                state.order.push_back(next);
-            }
-        }
-    }
-}
-
-impl State {
-    fn take(&mut self, lane: &Lane, params: &AcceptQueueParams) -> bool {
-        let of_lane = self.begin_of_lane.get(lane).copied().unwrap_or(0);
-        let may = self.begin < params.at_once && of_lane < params.at_once_of_lane;
-        if may {
-            self.begin += 1;
-            self.begin_of_lane.insert(lane.clone(), of_lane + 1);
-        }
-        may
-    }
-
-    fn free(&mut self, lane: &Lane) {
-        self.begin -= 1;
-        if let Some(of_lane) = self.begin_of_lane.get_mut(lane) {
-            *of_lane -= 1;
-            if *of_lane == 0 {
-                self.begin_of_lane.remove(lane);
-            }
-        }
-    }
-
-    /// Lets the next connection of a lane begin, if it may. Returns whether others wait in the lane.
-    fn begin_next(&mut self, lanes: &Arc<AcceptQueue>, lane: &Lane) -> bool {
-        while self.take(lane, &lanes.params) {
-            let next = self.waiting.get_mut(lane).and_then(VecDeque::pop_front);
-            let Some(next) = next else {
-                self.free(lane);
-                break;
-            };
-            let begin = Begin { of: Some((lanes.clone(), lane.clone())), since: Instant::now() };
-            match next.send(begin) {
-                Ok(()) => break,
-                // The connection was closed meanwhile.
-                Err(mut unused) => unused.of = None,
-            }
-            self.free(lane);
-        }
-        let waits = self.waiting.get(lane).is_some_and(|queue| !queue.is_empty());
-        if !waits {
-            self.waiting.remove(lane);
-        }
-        waits
-    }
-}
-
-impl Drop for Begin {
-    fn drop(&mut self) {
-        let Some((lanes, lane)) = self.of.take() else { return };
-        let rest = lanes.params.hold.saturating_sub(self.since.elapsed());
-        if rest.is_zero() {
-            return lanes.give(&lane);
-        }
+    /// Waits until a connection of the lane may begin. Its place is free when the connection has dropped it and the time
+    /// to hold it is over.
+    pub async fn begin(&self, lane: &str) -> Arc<FairPlace> {
+        let place = Arc::new(self.places.take(lane).await);
+        let (held, hold) = (place.clone(), self.hold);
         tokio::spawn(async move {
-            tokio::time::sleep(rest).await;
-            lanes.give(&lane);
+            sleep(hold).await;
+            drop(held);
         });
+        place
     }
 }
 
@@ -198,68 +95,27 @@ fn credentials(head: &[u8]) -> Option<HeaderMap> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use futures::FutureExt;
-
-    fn lane(name: &str) -> Lane {
-        Lane::Tenant(name.parse().unwrap())
-    }
-
-    fn lanes(at_once: usize, at_once_of_lane: usize) -> Arc<AcceptQueue> {
-        AcceptQueue::new(AcceptQueueParams { at_once, at_once_of_lane, hold: Duration::ZERO })
-    }
-
-    #[test]
-    fn lanes_take_turns() {
-        let lanes = lanes(1, 1);
-        let first = lanes.begin(lane("busy")).now_or_never().unwrap();
-        let [mut second, mut closed, mut third, mut honest] =
-            ["busy", "closed", "busy", "honest"].map(|name| Box::pin(lanes.begin(lane(name))));
-        for begin in [&mut second, &mut closed, &mut third, &mut honest] {
-            assert!(begin.now_or_never().is_none());
-        }
-        drop((closed, first));
-        // One of the busy lane, then the honest one; nobody waits for the connection that was closed.
-        let begun = second.as_mut().now_or_never().unwrap();
-        assert!(honest.as_mut().now_or_never().is_none());
-        drop(begun);
-        assert!(third.as_mut().now_or_never().is_none());
-        drop(honest.as_mut().now_or_never().unwrap());
-        drop(third.as_mut().now_or_never().unwrap());
-        let state = lanes.state();
-        assert!(state.begin == 0 && state.begin_of_lane.is_empty() && state.waiting.is_empty());
-    }
-
-    #[test]
-    fn a_lane_leaves_places_for_others() {
-        let lanes = lanes(2, 1);
-        let first = lanes.begin(lane("busy")).now_or_never().unwrap();
-        let mut second = Box::pin(lanes.begin(lane("busy")));
-        assert!(second.as_mut().now_or_never().is_none());
-        drop(lanes.begin(lane("honest")).now_or_never().unwrap());
-        assert!(second.as_mut().now_or_never().is_none());
-        drop(first);
-        assert!(second.as_mut().now_or_never().is_some());
-    }
-
-    #[test]
-    fn a_place_that_nobody_took_is_given_again() {
-        let lanes = lanes(1, 1);
-        let first = lanes.begin(lane("a")).now_or_never().unwrap();
-        let mut gone = Box::pin(lanes.begin(lane("a")));
-        assert!(gone.as_mut().now_or_never().is_none());
-        drop(first);
-        drop(gone);
-        assert_eq!(lanes.state().begin, 0);
-    }
+    use std::time::Instant;
+    use tokio::time::timeout;
 
     #[tokio::test]
     async fn places_are_held_for_a_time() {
         let hold = Duration::from_millis(20);
         let lanes = AcceptQueue::new(AcceptQueueParams { at_once: 1, at_once_of_lane: 1, hold });
         let begun = Instant::now();
-        drop(lanes.begin(lane("a")).await);
-        lanes.begin(lane("a")).await;
+        drop(lanes.begin("a").await);
+        lanes.begin("a").await;
         assert!(begun.elapsed() >= hold);
+    }
+
+    #[tokio::test]
+    async fn a_connection_that_begins_slowly_keeps_its_place() {
+        let hold = Duration::ZERO;
+        let lanes = AcceptQueue::new(AcceptQueueParams { at_once: 1, at_once_of_lane: 1, hold });
+        let begun = lanes.begin("a").await;
+        assert!(timeout(Duration::from_millis(20), lanes.begin("a")).await.is_err());
+        drop(begun);
+        lanes.begin("a").await;
     }
 
     #[test]

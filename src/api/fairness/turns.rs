@@ -1,13 +1,12 @@
 //! Fair turns: the requests that a tenant sends at once wait for each other, so that those of another tenant wait for few of
 //! them.
 
+use super::places::{FairPlace, FairPlaces};
 use crate::storage::Tenant;
-use std::collections::HashMap;
 use std::future::Future;
 use std::pin::pin;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 
 /// Number of requests of a tenant that one process answers at once: twice the connections that read SQLite, as many as
 /// those to PostgreSQL.
@@ -15,37 +14,25 @@ const AT_ONCE: usize = 8;
 /// Time after which a request gives its turn to the next: one that takes longer makes a file, waits for a change, or
 /// receives a body.
 const HELD: Duration = Duration::from_millis(50);
-/// Number of tenants above which those without a request are forgotten.
-const MAX_TENANTS: usize = 1024;
 
-/// The turns of all tenants of a process.
-#[derive(Default)]
-pub(in crate::api) struct Turns {
-    tenants: Mutex<HashMap<Tenant, Arc<Semaphore>>>,
-}
+/// The turns of all tenants of a process, without a bound for the process.
+pub(in crate::api) struct Turns(FairPlaces);
 
 /// A tenant's turn. The next request begins when it is dropped.
 pub(in crate::api) struct Turn {
-    _permit: Option<OwnedSemaphorePermit>,
+    _place: FairPlace,
+}
+
+impl Default for Turns {
+    fn default() -> Turns {
+        Turns(FairPlaces::new(Semaphore::MAX_PERMITS, AT_ONCE))
+    }
 }
 
 impl Turns {
     /// Waits until the tenant has a turn.
     pub async fn take(&self, tenant: &Tenant) -> Turn {
-        // The semaphore is never closed.
-        Turn { _permit: self.of(tenant).acquire_owned().await.ok() }
-    }
-
-    fn of(&self, tenant: &Tenant) -> Arc<Semaphore> {
-        let mut tenants = self.tenants.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = tenants.get(tenant) {
-            return known.clone();
-        }
-        if tenants.len() >= MAX_TENANTS {
-            // Without a request, nobody else has the semaphore.
-            tenants.retain(|_, turns| Arc::strong_count(turns) > 1);
-        }
-        tenants.entry(tenant.clone()).or_insert_with(|| Arc::new(Semaphore::new(AT_ONCE))).clone()
+        Turn { _place: self.0.take(tenant.name()).await }
     }
 }
 
@@ -97,16 +84,5 @@ mod tests {
         let begun = Instant::now();
         turns.take(&tenant("busy")).await;
         assert!(begun.elapsed() >= HELD);
-    }
-
-    #[test]
-    fn tenants_without_a_request_are_forgotten() {
-        let turns = Turns::default();
-        let held = take(&turns, "busy");
-        for number in 0..MAX_TENANTS {
-            take(&turns, &format!("tenant-{number}"));
-        }
-        assert!(turns.tenants.lock().unwrap().len() <= 2);
-        assert!(held.is_some());
     }
 }

@@ -1,5 +1,6 @@
 //! Files whose head needs what comes later, as E57, LAZ and MCAP: they are made in a temporary file and then sent.
 
+use super::apart;
 use super::points::Points;
 use crate::api::bodies::{PIECE_BYTES, attachment, holding};
 use crate::api::error::Error;
@@ -74,7 +75,7 @@ pub(super) async fn make(
 ) -> Result<(Body, u64), Error> {
     let spool = spool(points, tiles).await?;
     let out = points.app.storage.scratch_file()?;
-    let made = tokio::task::spawn_blocking(move || {
+    let made = apart(move || {
         // The work goes on if the client leaves, so it holds the place.
         let _place = place;
         let mut file = out.try_clone()?;
@@ -83,10 +84,7 @@ pub(super) async fn make(
         let size_bytes = file.metadata()?.len();
         Ok((file, size_bytes))
     });
-    let (file, size_bytes) = match made.await {
-        Ok(made) => made.map_err(failed)?,
-        Err(error) => std::panic::resume_unwind(error.into_panic()),
-    };
+    let (file, size_bytes) = made.await.map_err(failed)?;
     let pieces = ReaderStream::with_capacity(tokio::fs::File::from_std(file), PIECE_BYTES);
     Ok((holding(unsent, pieces), size_bytes))
 }

@@ -1,7 +1,8 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
+use super::format::{Format, named};
 use super::scene::scene;
-use super::{App, LevelQuery, file_name, level, revision, tag_of_content};
+use super::{App, LevelQuery, apart, file_name, level, revision, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -38,32 +39,13 @@ pub(in crate::api) enum MeshFormat {
     Obj,
 }
 
+const FORMATS: [Format<MeshFormat>; 3] = [
+    (MeshFormat::Glb, "glb", "model/gltf-binary"),
+    (MeshFormat::Usdz, "usdz", "model/vnd.usdz+zip"),
+    (MeshFormat::Obj, "obj", "model/obj"),
+];
+
 impl MeshFormat {
-    fn name(self) -> &'static str {
-        match self {
-            MeshFormat::Glb => "glb",
-            MeshFormat::Usdz => "usdz",
-            MeshFormat::Obj => "obj",
-        }
-    }
-
-    fn media_type(self) -> &'static str {
-        match self {
-            MeshFormat::Glb => "model/gltf-binary",
-            MeshFormat::Usdz => "model/vnd.usdz+zip",
-            MeshFormat::Obj => "model/obj",
-        }
-    }
-
-    fn wanted(asked: Option<&str>) -> Result<MeshFormat, Error> {
-        let all = [MeshFormat::Glb, MeshFormat::Usdz, MeshFormat::Obj];
-        let Some(name) = asked else { return Ok(MeshFormat::Glb) };
-        all.into_iter().find(|format| format.name() == name).ok_or_else(|| Error::InvalidQuery {
-            field: Some("format"),
-            detail: "format is glb, usdz or obj".to_owned(),
-        })
-    }
-
     fn write(self, mesh: &Mesh) -> Vec<u8> {
         match self {
             MeshFormat::Glb => mesh.glb(),
@@ -100,23 +82,23 @@ pub(in crate::api) async fn get_map_mesh(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let format = MeshFormat::wanted(query.format.as_deref())?;
+    let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("glb"))?;
     let budget = triangles(query.triangles.as_deref())?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let objects = scene(&app, &home, &map, level.level).await?.mesh_parts();
-    let tag = tag_of_content(&tiles, &[objects.as_bytes(), format.name().as_bytes(), &budget.to_le_bytes()]);
+    let tag = tag_of_content(&tiles, &[objects.as_bytes(), format_name.as_bytes(), &budget.to_le_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let name = file_name(&home, map.revision, "mesh", level.level, format.name());
+    let name = file_name(&home, map.revision, "mesh", level.level, format_name);
     let wanted = Wanted { home: &home, map: &map, level, format, budget };
     let answer = match wanted.made(&app).await? {
-        Some(blob) => send(blob, format.media_type()),
+        Some(blob) => send(blob, media_type),
         None => {
             let unsent = app.makers.unsent(home.tenant()).await?;
-            send_made(wanted.make(&app).await?.into(), format.media_type(), unsent)
+            send_made(wanted.make(&app).await?.into(), media_type, unsent)
         }
     };
     Ok(tagged(attachment(answer, &name), &tag))
@@ -165,9 +147,6 @@ impl Wanted<'_> {
             let _place = place;
             format.write(&surface.mesh(budget))
         };
-        match tokio::task::spawn_blocking(make).await {
-            Ok(bytes) => Ok(bytes),
-            Err(error) => std::panic::resume_unwind(error.into_panic()),
-        }
+        Ok(apart(make).await)
     }
 }

@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
 
+use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
 use super::{App, LevelQuery, file_name, level, revision, tag_of_content};
@@ -12,7 +13,7 @@ use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use futures::{Stream, StreamExt};
@@ -41,52 +42,26 @@ pub(in crate::api) struct PointsQuery {
     #[param(value_type = Option<f64>, minimum = 0.03, maximum = 1)]
     voxel: Option<String>,
     /// `ply`, `glb`, `e57` or `laz`; default: the format in `Accept`, else `ply`.
-    #[param(value_type = Option<Format>, example = "glb")]
+    #[param(value_type = Option<PointFormat>, example = "glb")]
     format: Option<String>,
 }
 
 /// The file format of points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
-#[schema(rename_all = "lowercase", as = PointFormat)]
-pub(in crate::api) enum Format {
+#[schema(rename_all = "lowercase")]
+pub(in crate::api) enum PointFormat {
     Ply,
     Glb,
     E57,
     Laz,
 }
 
-impl Format {
-    const ALL: [Format; 4] = [Format::Ply, Format::Glb, Format::E57, Format::Laz];
-
-    fn name(self) -> &'static str {
-        match self {
-            Format::Ply => "ply",
-            Format::Glb => "glb",
-            Format::E57 => "e57",
-            Format::Laz => "laz",
-        }
-    }
-
-    fn media_type(self) -> &'static str {
-        match self {
-            Format::Ply => "model/ply",
-            Format::Glb => "model/gltf-binary",
-            Format::E57 => "model/e57",
-            Format::Laz => "application/vnd.laszip",
-        }
-    }
-
-    fn wanted(asked: Option<&str>, headers: &HeaderMap) -> Result<Format, Error> {
-        if let Some(name) = asked {
-            let found = Format::ALL.into_iter().find(|format| format.name() == name);
-            return found.ok_or_else(|| invalid("format", "format is ply, glb, e57 or laz"));
-        }
-        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
-        let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
-        let of_kind = |kind| Format::ALL.into_iter().find(|format| format.media_type() == kind);
-        Ok(kinds.find_map(of_kind).unwrap_or(Format::Ply))
-    }
-}
+const FORMATS: [Format<PointFormat>; 4] = [
+    (PointFormat::Ply, "ply", "model/ply"),
+    (PointFormat::Glb, "glb", "model/gltf-binary"),
+    (PointFormat::E57, "e57", "model/e57"),
+    (PointFormat::Laz, "laz", "application/vnd.laszip"),
+];
 
 /// A format whose head is known once the points are counted: it is sent while the points are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,7 +127,9 @@ pub(in crate::api) async fn get_map_points(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let (filter, format) = (query.filter()?, Format::wanted(query.format.as_deref(), &headers)?);
+    let filter = query.filter()?;
+    let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
+    let (format, format_name, media_type) = named(&FORMATS, format.unwrap_or("ply"))?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
@@ -160,24 +137,24 @@ pub(in crate::api) async fn get_map_points(
     let clips: Vec<u8> = map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
     let asked = [&query.classes, &query.r#box, &query.z, &query.voxel];
     let [classes, corners, heights, voxel] = asked.map(|text| text.as_deref().unwrap_or_default().as_bytes());
-    let of_map = [level.level.as_str().as_bytes(), format.media_type().as_bytes(), clips.as_slice()];
+    let of_map = [level.level.as_str().as_bytes(), media_type.as_bytes(), clips.as_slice()];
     let tag = tag_of_content(&tiles, &[&of_map[..], &[classes, corners, heights, voxel]].concat());
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
-    let name = file_name(&home, map.revision, "points", level.level, format.name());
+    let name = file_name(&home, map.revision, "points", level.level, format_name);
     let body = match format {
-        Format::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
-        Format::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
-        Format::E57 | Format::Laz => {
+        PointFormat::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
+        PointFormat::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
+        PointFormat::E57 | PointFormat::Laz => {
             let unsent = points.app.makers.unsent(home.tenant()).await?;
             let place = points.app.makers.file(home.tenant()).await?;
-            let write = if format == Format::Laz { laz } else { e57 };
+            let write = if format == PointFormat::Laz { laz } else { e57 };
             made_file::make([unsent, place], &points, &tiles, write).await?
         }
     };
-    Ok(made_file::answer(body, format.media_type(), &name, &tag))
+    Ok(made_file::answer(body, media_type, &name, &tag))
 }
 
 fn laz(out: File, points: Spool) -> io::Result<()> {

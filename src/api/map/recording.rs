@@ -1,9 +1,10 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
+use super::format::{Format, named};
 use super::made_file::{answer, make};
 use super::points::Points;
 use super::scene::scene;
-use super::{App, LevelQuery, file_name, level, revision, tag_of_file};
+use super::{App, LevelQuery, apart, file_name, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -22,9 +23,6 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
 
-/// The media type of MCAP (IANA).
-const MCAP: &str = "application/vnd.mcap";
-
 /// The format of a recording.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -37,10 +35,12 @@ pub(in crate::api) struct RecordingQuery {
 /// The file format of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
 #[schema(rename_all = "lowercase")]
-#[allow(dead_code, reason = "the OpenAPI document lists its names")]
 pub(in crate::api) enum RecordingFormat {
     Mcap,
 }
+
+/// The media type is that of IANA.
+const FORMATS: [Format<RecordingFormat>; 1] = [(RecordingFormat::Mcap, "mcap", "application/vnd.mcap")];
 
 /// Get one level of a home's map as a recording for Foxglove, Rerun and other viewers
 ///
@@ -60,9 +60,7 @@ pub(in crate::api) async fn get_map_recording(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    if query.format.is_some_and(|format| format != "mcap") {
-        return Err(Error::InvalidQuery { field: Some("format"), detail: "format is mcap".to_owned() });
-    }
+    let (_, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("mcap"))?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
     let lidar_map = app.storage.lidar_map_revision(&home, level.level, level.lidar_map_revision).await?;
@@ -74,7 +72,7 @@ pub(in crate::api) async fn get_map_recording(
         &map,
         &[
             level.level.as_str().as_bytes(),
-            MCAP.as_bytes(),
+            media_type.as_bytes(),
             results.join(",").as_bytes(),
             &[u8::from(lidar_map.is_some())],
         ],
@@ -98,8 +96,8 @@ pub(in crate::api) async fn get_map_recording(
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
     let points = Points { app, clips, filter: PointFilter::default() };
     let body = make([unsent, place], &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
-    let name = file_name(&home, map.revision, "recording", level.level, "mcap");
-    Ok(answer(body, MCAP, &name, &tag))
+    let name = file_name(&home, map.revision, "recording", level.level, format_name);
+    Ok(answer(body, media_type, &name, &tag))
 }
 
 /// The contents of a recording.
@@ -135,14 +133,11 @@ async fn paths(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Res
     for (index, clip) in clips.into_iter().enumerate() {
         let views = if index < without_cameras { None } else { views(app, home, clip).await? };
         let poses = match views {
-            Some(views) => tokio::task::spawn_blocking(move || camera_poses(&views)).await,
-            None => Ok(Ok(Vec::new())),
+            Some(views) => apart(move || camera_poses(&views)).await,
+            None => Ok(Vec::new()),
         };
         let damaged = |_| StorageError::Column { column: "views.bin", detail: "it is damaged".to_owned() };
-        let poses = match poses {
-            Ok(poses) => poses.map_err(damaged)?,
-            Err(error) => std::panic::resume_unwind(error.into_panic()),
-        };
+        let poses = poses.map_err(damaged)?;
         paths.push(ClipPath::new(clip.clip, clip.map_from_clip, &poses));
     }
     Ok(paths)

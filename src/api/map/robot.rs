@@ -1,7 +1,8 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
+use super::format::{Format, named};
 use super::scene::scene;
-use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_file};
+use super::{App, LevelQuery, apart, file_name, level, missing, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -39,33 +40,16 @@ pub(in crate::api) enum RobotFormat {
     Calibration,
 }
 
+const FORMATS: [Format<RobotFormat>; 4] = [
+    (RobotFormat::Nav2, "nav2", "application/zip"),
+    (RobotFormat::Valetudo, "valetudo", "application/json"),
+    (RobotFormat::Matter, "matter", "application/json"),
+    (RobotFormat::Calibration, "calibration", "application/json"),
+];
+
 impl RobotFormat {
-    const ALL: [RobotFormat; 4] =
-        [RobotFormat::Nav2, RobotFormat::Valetudo, RobotFormat::Matter, RobotFormat::Calibration];
-
-    fn name(self) -> &'static str {
-        match self {
-            RobotFormat::Nav2 => "nav2",
-            RobotFormat::Valetudo => "valetudo",
-            RobotFormat::Matter => "matter",
-            RobotFormat::Calibration => "calibration",
-        }
-    }
-
-    fn media_type(self) -> &'static str {
-        if self == RobotFormat::Nav2 { "application/zip" } else { "application/json" }
-    }
-
     fn ending(self) -> &'static str {
         if self == RobotFormat::Nav2 { "zip" } else { "json" }
-    }
-
-    fn wanted(asked: Option<&str>) -> Result<RobotFormat, Error> {
-        let found = RobotFormat::ALL.into_iter().find(|format| Some(format.name()) == asked);
-        found.ok_or_else(|| Error::InvalidQuery {
-            field: Some("format"),
-            detail: "format is nav2, valetudo, matter or calibration".to_owned(),
-        })
     }
 }
 
@@ -85,13 +69,13 @@ pub(in crate::api) async fn get_map_robot(
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let format = RobotFormat::wanted(query.format.as_deref())?;
+    let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or_default())?;
     let levels = match of.level.as_deref() {
         None if format == RobotFormat::Matter => map.levels.as_slice(),
         asked => std::slice::from_ref(level(&map, asked)?),
     };
     let names: Vec<&str> = levels.iter().map(|level| level.level.as_str()).collect();
-    let tag = tag_of_file(&map, &[names.join("/").as_bytes(), format.name().as_bytes()]);
+    let tag = tag_of_file(&map, &[names.join("/").as_bytes(), format_name.as_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
@@ -108,14 +92,14 @@ pub(in crate::api) async fn get_map_robot(
         write(format, &sources)
     };
     let bytes = apart(make).await?;
-    let answer = send_made(bytes.into(), format.media_type(), unsent);
+    let answer = send_made(bytes.into(), media_type, unsent);
     let name = match levels {
         // The other file of this format has all levels.
         [one] if format == RobotFormat::Matter && map.levels.len() > 1 && one.level.is_main() => {
             file_name(&home, map.revision, "matter-main", one.level, format.ending())
         }
-        [one] => file_name(&home, map.revision, format.name(), one.level, format.ending()),
-        _ => file_name(&home, map.revision, format.name(), LevelName::MAIN, format.ending()),
+        [one] => file_name(&home, map.revision, format_name, one.level, format.ending()),
+        _ => file_name(&home, map.revision, format_name, LevelName::MAIN, format.ending()),
     };
     Ok(tagged(attachment(answer, &name), &tag))
 }
@@ -148,7 +132,7 @@ impl Source {
             let lidar = LidarMap::read(&file).map_err(|error| damaged("lidar map", &error.to_string()))?;
             let valetudo = valetudo_json(&file).filter(|_| format == RobotFormat::Valetudo);
             let ground = (format == RobotFormat::Nav2).then(|| Ground::new(&lidar));
-            Ok((lidar, valetudo, ground))
+            Ok::<_, Error>((lidar, valetudo, ground))
         });
         let (lidar, valetudo, mut ground) = read.await?;
         if let Some(ground) = &mut ground {
@@ -210,14 +194,4 @@ fn json(value: &impl Serialize) -> Vec<u8> {
 
 fn damaged(column: &'static str, detail: &str) -> Error {
     StorageError::Column { column, detail: detail.to_owned() }.into()
-}
-
-/// Runs work on a thread that may block.
-async fn apart<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, Error> + Send + 'static,
-) -> Result<T, Error> {
-    match tokio::task::spawn_blocking(work).await {
-        Ok(done) => done,
-        Err(error) => std::panic::resume_unwind(error.into_panic()),
-    }
 }

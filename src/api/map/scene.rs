@@ -1,5 +1,6 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
+use super::format::{Format, accepted, named};
 use super::{App, LevelQuery, level, missing, revision, tag_of_content};
 use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
@@ -9,7 +10,7 @@ use crate::api::reply::{Document, is_known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
 use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
@@ -88,6 +89,15 @@ pub(in crate::api) enum PlanFormat {
     Json,
 }
 
+const FORMATS: [Format<PlanFormat>; 6] = [
+    (PlanFormat::Svg, "svg", "image/svg+xml"),
+    (PlanFormat::Png, "png", "image/png"),
+    (PlanFormat::Pdf, "pdf", "application/pdf"),
+    (PlanFormat::Geojson, "geojson", "application/geo+json"),
+    (PlanFormat::Dxf, "dxf", "image/vnd.dxf"),
+    (PlanFormat::Json, "json", "application/json"),
+];
+
 /// The format of a plan.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
@@ -160,7 +170,8 @@ pub(in crate::api) async fn get_map_plan(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
+    let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
+    let (format, _, media_type) = named(&FORMATS, format.unwrap_or("svg"))?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?.level;
     let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
@@ -170,41 +181,10 @@ pub(in crate::api) async fn get_map_plan(
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
     let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(&app, file).await) };
-    Ok(tagged(send(blob, format.media_type()), &tag))
+    Ok(tagged(send(blob, media_type), &tag))
 }
 
 impl PlanFormat {
-    const ALL: [PlanFormat; 6] = [
-        PlanFormat::Svg,
-        PlanFormat::Png,
-        PlanFormat::Pdf,
-        PlanFormat::Geojson,
-        PlanFormat::Dxf,
-        PlanFormat::Json,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            PlanFormat::Png => "png",
-            PlanFormat::Svg => "svg",
-            PlanFormat::Pdf => "pdf",
-            PlanFormat::Geojson => "geojson",
-            PlanFormat::Dxf => "dxf",
-            PlanFormat::Json => "json",
-        }
-    }
-
-    fn media_type(self) -> &'static str {
-        match self {
-            PlanFormat::Png => "image/png",
-            PlanFormat::Svg => "image/svg+xml",
-            PlanFormat::Pdf => "application/pdf",
-            PlanFormat::Geojson => "application/geo+json",
-            PlanFormat::Dxf => "image/vnd.dxf",
-            PlanFormat::Json => "application/json",
-        }
-    }
-
     fn file(self) -> &'static str {
         match self {
             PlanFormat::Png => map_file::PLAN_PNG,
@@ -214,19 +194,6 @@ impl PlanFormat {
             PlanFormat::Dxf => map_file::PLAN_DXF,
             PlanFormat::Json => map_file::PLAN_JSON,
         }
-    }
-
-    fn wanted(asked: Option<&str>, headers: &HeaderMap) -> Result<PlanFormat, Error> {
-        if let Some(name) = asked {
-            return PlanFormat::ALL.into_iter().find(|format| format.name() == name).ok_or_else(|| {
-                let detail = "format is svg, png, pdf, geojson, dxf or json".to_owned();
-                Error::InvalidQuery { field: Some("format"), detail }
-            });
-        }
-        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
-        let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
-        let of_kind = |kind| PlanFormat::ALL.into_iter().find(|format| format.media_type() == kind);
-        Ok(kinds.find_map(of_kind).unwrap_or(PlanFormat::Svg))
     }
 }
 

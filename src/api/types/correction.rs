@@ -2,7 +2,7 @@
 
 use super::answer;
 use super::home_map::{MapObject, Room};
-use crate::storage::{Kept, ObjectState, RoomState};
+use crate::storage::{CorrectionState, Kept};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -105,10 +105,10 @@ pub(in crate::api) struct CorrectedObject {
     correction: Option<ObjectCorrection>,
 }
 
-impl From<ObjectState> for CorrectedObject {
-    fn from(state: ObjectState) -> CorrectedObject {
+impl From<CorrectionState<viola_home::ObjectCorrection>> for CorrectedObject {
+    fn from(state: CorrectionState<viola_home::ObjectCorrection>) -> CorrectedObject {
         CorrectedObject {
-            object: state.object.map(MapObject::from),
+            object: state.shown.map(MapObject::from),
             correction: state.kept.map(ObjectCorrection::from),
         }
     }
@@ -122,9 +122,9 @@ pub(in crate::api) struct CorrectedRoom {
     correction: Option<RoomCorrection>,
 }
 
-impl From<RoomState> for CorrectedRoom {
-    fn from(state: RoomState) -> CorrectedRoom {
-        CorrectedRoom { room: state.room.map(Room::from), correction: state.kept.map(RoomCorrection::from) }
+impl From<CorrectionState<viola_home::RoomCorrection>> for CorrectedRoom {
+    fn from(state: CorrectionState<viola_home::RoomCorrection>) -> CorrectedRoom {
+        CorrectedRoom { room: state.shown.map(Room::from), correction: state.kept.map(RoomCorrection::from) }
     }
 }
 

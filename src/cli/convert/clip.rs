@@ -4,7 +4,7 @@ use crate::cli::output;
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
 use crate::cli::wrong_file::{self, Advice};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use std::fs;
 use std::path::Path;
 use viola_formats::clip::Clip;
@@ -23,7 +23,6 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
     }
     let progress = TerminalProgress::new();
     progress.enter(Stage::Decode);
-    let cannot = || format!("cannot write {}", out.display());
     let written = if out.extension().is_some_and(|ending| ending == "zip") {
         // The clip may be this very file.
         output::write_whole(out, |to| {
@@ -38,7 +37,7 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("{} is not empty; name a folder that is, or a .zip file", out.display());
         }
-        fs::create_dir_all(out).with_context(cannot)?;
+        output::folder(out)?;
         write(&clip, layout, &mut FolderSink::new(out), &progress).inspect_err(|_| {
             // The folder was new or empty. The error is that of the conversion.
             let _ = fs::remove_dir_all(out);

@@ -1,8 +1,7 @@
 //! Recordings for the demo: a simulated home's map and clips as files, and the true poses.
 
-use anyhow::{Context, Result};
-use std::fs;
-use std::io::BufWriter;
+use crate::cli::output;
+use anyhow::Result;
 use std::path::{Path, PathBuf};
 use viola_geometry::Pose2;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, plan_png, valetudo_json, write_scannet_zip};
@@ -27,23 +26,20 @@ pub struct Recording {
 
 impl Recordings {
     pub fn make(seed: u64, frames: usize, folder: &Path) -> Result<Recordings> {
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        output::folder(folder)?;
         let home = Home::generate(&HomeParams::new(Set::Normal, seed));
         let survey = home.survey();
         let params = ClipParams { frames, ..ClipParams::default() };
         let filmed: Vec<_> = (0..CLIPS).map(|index| home.clip(&survey, index, &params)).collect();
         let map = folder.join("valetudo.json");
-        fs::write(&map, valetudo_json(&survey).to_string())
-            .with_context(|| format!("cannot write {}", map.display()))?;
+        output::write_bytes(&map, valetudo_json(&survey).to_string())?;
         let plan = folder.join("plan.png");
-        fs::write(&plan, plan_png(&home, &survey, &filmed.iter().collect::<Vec<_>>()))
-            .with_context(|| format!("cannot write {}", plan.display()))?;
+        output::write_bytes(&plan, plan_png(&home, &survey, &filmed.iter().collect::<Vec<_>>()))?;
         let mut clips = vec![];
         for (index, clip) in filmed.iter().enumerate() {
             let name = format!("clip_{index}");
             let path = folder.join(format!("{name}.zip"));
-            let file = fs::File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-            write_scannet_zip(clip, BufWriter::new(file))?;
+            output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
             let truth = &clip.truth;
             clips.push(Recording {
                 name,

@@ -1,11 +1,11 @@
 //! The simulated homes of an evaluation, one after the other.
 
 use super::{EvaluateArguments, homes};
+use crate::cli::output;
 use crate::cli::progress::print_line;
 use crate::cli::provenance::program;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sha2::{Digest, Sha256};
-use std::fs;
 use std::path::Path;
 use viola_align::AlignParams;
 use viola_lab::evaluate::HomesParams;
@@ -27,7 +27,7 @@ pub(super) fn each_home<T>(
     let name = Sha256::digest(format!("{} {of_clip:?} {params:?} {weights}", program()?));
     let name: String = name.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
     let folder = arguments.out.join("clips").join(name);
-    fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    output::folder(&folder)?;
     let mut done = Vec::new();
     for &set in &homes.sets {
         for seed in homes.seeds.clone() {

@@ -1,9 +1,9 @@
 //! `viola evaluate --home`: compares a home's map, rooms and objects with a mesh or a simulated truth.
 
 use super::{EvaluateArguments, save, scene_of};
+use crate::cli::output;
 use crate::cli::progress::{Steps, TerminalProgress};
-use anyhow::{Context, Result};
-use std::fs;
+use anyhow::Result;
 use std::path::Path;
 use viola_align::AlignParams;
 use viola_geometry::progress::Progress;
@@ -18,7 +18,7 @@ const SAMPLED: &str =
 /// Writes `home.json`, `home.md` and the plan as PNG, SVG and GeoJSON.
 pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
     let scene = scene_of(arguments, path)?;
     let label = arguments.networks.labels()?;
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
@@ -29,9 +29,7 @@ pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     save(out, "home.md", &report.markdown())?;
     save(out, "plan.svg", &home::plan_svg(&plan))?;
     save(out, "plan.geojson", &home::plan_geojson(&plan).to_string())?;
-    let picture = out.join("plan.png");
-    fs::write(&picture, home::plan_png(&plan))
-        .with_context(|| format!("cannot write {}", picture.display()))?;
+    output::write_bytes(&out.join("plan.png"), home::plan_png(&plan))?;
     print!("{}", report.markdown());
     Ok(())
 }
@@ -39,7 +37,7 @@ pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
 /// Writes `home.json`, `home.md` and, for each set, the plan of its first home as PNG and SVG.
 pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
     let accuracy = arguments.picture_labels.unwrap_or(SampleParams::default().accuracy);
     let params = SampleParams { accuracy, ..SampleParams::default() };
     let (mut rows, mut text) = (Vec::new(), SAMPLED.to_owned());
@@ -68,9 +66,7 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
         let sizes = home::ObjectsParams { voxel_m: params.voxel_m };
         let objects = home::objects(&map.points, &rooms, &sizes);
         let plan = home::plan(&map.lidar, &map.points, &rooms, &objects);
-        let picture = out.join(format!("plan_{}.png", set.name()));
-        fs::write(&picture, home::plan_png(&plan))
-            .with_context(|| format!("cannot write {}", picture.display()))?;
+        output::write_bytes(&out.join(format!("plan_{}.png", set.name())), home::plan_png(&plan))?;
         save(out, &format!("plan_{}.svg", set.name()), &home::plan_svg(&plan))?;
     }
     drop(steps);

@@ -1,10 +1,10 @@
 //! `viola evaluate --labels`: classes of points.
 
 use super::{EvaluateArguments, homes, save};
+use crate::cli::output;
 use crate::cli::progress::{Steps, TerminalProgress};
 use anyhow::{Context, Result};
 use serde_json::json;
-use std::fs;
 use std::path::Path;
 use viola_align::AlignParams;
 use viola_formats::clip::Clip;
@@ -14,8 +14,7 @@ use viola_reconstruct::LabelParams;
 
 /// Writes `labels.json` and `labels.md` of a scene.
 pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
-    fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    output::folder(&arguments.out)?;
     let clip = Clip::open(scene).with_context(|| format!("clip {}", scene.display()))?;
     let truth = labels::Truth::open(scene)?;
     let label = arguments.networks.labels()?;
@@ -52,8 +51,7 @@ pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
 
 /// Writes `labels.json` and `labels.md` of simulated clips.
 pub(super) fn simulated(arguments: &EvaluateArguments) -> Result<()> {
-    fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    output::folder(&arguments.out)?;
     let label = arguments.networks.surface_labels()?;
     let surface = label.surface.as_ref().map(|network| network.name().to_owned());
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };

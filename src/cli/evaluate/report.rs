@@ -95,7 +95,6 @@ fn described(arguments: &EvaluateArguments) -> Value {
         "frames": arguments.lengths(),
         "clips": arguments.clips,
         "seed": arguments.seed,
-        "sensor": arguments.sensor,
         "picture_labels": arguments.picture_labels,
         "foreign": arguments.foreign,
         "withhold_poses": arguments.withhold_poses,

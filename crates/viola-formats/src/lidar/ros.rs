@@ -1,6 +1,5 @@
 //! ROS map_server maps: a yaml file and a grey image (nav2_map_server `map_io.cpp`).
 
-mod bmp;
 mod raster;
 mod turn;
 mod yaml;

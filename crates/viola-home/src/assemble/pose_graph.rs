@@ -11,7 +11,7 @@ use nalgebra::Matrix3;
 use normal::NormalEquations;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use viola_geometry::Pose3;
+use viola_geometry::{Pose3, groups};
 
 /// Scales of the edges' robust kernel, in standard deviations, wide to narrow. Overlaps are known to
 /// millimetres and alignments to centimetres, so a narrow kernel would reject every edge at the start.
@@ -61,17 +61,16 @@ struct Component<'a> {
 /// Returns the connected components with at least one edge, each with the fixed clips that it is joined to.
 fn components<'a>(clips: &[Prior], edges: &[Edge<'a>]) -> Vec<Component<'a>> {
     let is_open = |clip: &usize| !clips[*clip].is_fixed;
-    let mut parents: Vec<usize> = (0..clips.len()).collect();
+    let mut parents: Vec<u32> = (0..clips.len() as u32).collect();
     for edge in edges.iter().filter(|edge| is_open(&edge.a) && is_open(&edge.b)) {
-        let (a, b) = (root(&mut parents, edge.a), root(&mut parents, edge.b));
-        parents[a.max(b)] = a.min(b);
+        groups::join(&mut parents, edge.a as u32, edge.b as u32);
     }
     // By the component's first clip, which is its root.
-    let mut components: BTreeMap<usize, Component> = BTreeMap::new();
+    let mut components: BTreeMap<u32, Component> = BTreeMap::new();
     for edge in edges {
         let ends = [edge.a, edge.b];
         let Some(open) = ends.into_iter().find(is_open) else { continue };
-        let component = components.entry(root(&mut parents, open)).or_default();
+        let component = components.entry(groups::root(&mut parents, open as u32)).or_default();
         component.clips.extend(ends);
         component.edges.push(edge.clone());
     }
@@ -82,15 +81,6 @@ fn components<'a>(clips: &[Prior], edges: &[Edge<'a>]) -> Vec<Component<'a>> {
         component.edges.iter_mut().for_each(|edge| (edge.a, edge.b) = (place(edge.a), place(edge.b)));
     }
     components.into_values().collect()
-}
-
-/// Returns the root of a clip's tree, and shortens the way to it.
-fn root(parents: &mut [usize], mut clip: usize) -> usize {
-    while parents[clip] != clip {
-        parents[clip] = parents[parents[clip]];
-        clip = parents[clip];
-    }
-    clip
 }
 
 impl Component<'_> {

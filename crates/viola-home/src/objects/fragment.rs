@@ -3,6 +3,7 @@
 use super::cells::Cells;
 use super::fit::UprightBox;
 use super::kind::{Kind, confusable, kind};
+use viola_geometry::groups;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
 /// Cells of one object, or of a part of it.
@@ -188,16 +189,14 @@ pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> 
         let Some(mine) = class(cell) else { continue };
         for other in cells.later(cell, reach) {
             if class(other as usize) == Some(mine) {
-                let (a, b) = (root(&mut parent, cell as u32), root(&mut parent, other));
-                let (low, high) = (a.min(b), a.max(b));
-                parent[high as usize] = low;
+                groups::join(&mut parent, cell as u32, other);
             }
         }
     }
     let mut members: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
     for cell in 0..cells.len() as u32 {
         if class(cell as usize).is_some() {
-            members.entry(root(&mut parent, cell)).or_default().push(cell);
+            members.entry(groups::root(&mut parent, cell)).or_default().push(cell);
         }
     }
     let mut out: Vec<Fragment> = members.into_values().map(|cells| Fragment::new(cells, labels)).collect();
@@ -208,13 +207,4 @@ pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> 
 /// Returns whether a class is an object or a part of one.
 fn counts(class: Class) -> bool {
     kind(class).is_some() || class == Class::Pillow
-}
-
-fn root(parent: &mut [u32], mut cell: u32) -> u32 {
-    while parent[cell as usize] != cell {
-        let up = parent[parent[cell as usize] as usize];
-        parent[cell as usize] = up;
-        cell = up;
-    }
-    cell
 }

@@ -198,6 +198,30 @@ mod tests {
         }
     }
 
+    /// A robot that takes fewer zones gets the first ones.
+    #[test]
+    fn rectangles_come_largest_first() {
+        // Columns 3, 1 and 2 m high.
+        let steps = vec![
+            [0.0, 0.0],
+            [6.0, 0.0],
+            [6.0, 2.0],
+            [4.0, 2.0],
+            [4.0, 1.0],
+            [3.0, 1.0],
+            [3.0, 3.0],
+            [0.0, 3.0],
+        ];
+        let turned = vec![[0.0, -3.0], [3.0, 0.0], [0.0, 3.0], [-3.0, 0.0]];
+        for (polygon_m, count) in [(steps, 3), (turned, MAX_RECTANGLES)] {
+            let cover = cover([-9.0; 2], [9.0; 2], Some(&Room { polygon_m, ..corner_room() }));
+            let area = |r: &Rectangle| (r.high_m[0] - r.low_m[0]) * (r.high_m[1] - r.low_m[1]);
+            let areas: Vec<f64> = cover.rectangles.iter().map(area).collect();
+            assert_eq!(areas.len(), count, "{areas:?}");
+            assert!(areas.windows(2).all(|pair| pair[0] >= pair[1] - 1e-9), "{areas:?}");
+        }
+    }
+
     #[test]
     fn boxes_outside_the_room_have_no_rectangles() {
         assert_eq!(cover([5.0; 2], [6.0; 2], Some(&corner_room())), Cover::default());

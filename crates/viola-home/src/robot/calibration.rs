@@ -51,6 +51,9 @@ pub struct MapMode {
     pub template: &'static str,
     /// Kind of the selections: in older releases of the card some templates have another one.
     pub selection_type: &'static str,
+    /// Maximum number of selections that the card sends at once; absent without a maximum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_selections: Option<u8>,
     pub predefined_selections: Vec<Selection>,
 }
 
@@ -93,18 +96,21 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
     let places = places(level);
     // A robot cleans its own segments, whatever rooms people made of them.
     let own = rooms(level.lidar, &[]);
-    let rooms = segments(level).iter().filter_map(|segment| room(frame, segment, &own)).collect();
-    let zones = places.iter().filter_map(|place| zone(frame, place)).collect();
-    let positions = places.iter().filter_map(|place| position(frame, place)).collect();
-    let mode = |template, selection_type, predefined_selections: Vec<Selection>| MapMode {
+    let rooms = segments(level).iter().filter_map(|segment| room(frame, segment, &own, &places)).collect();
+    let shown = || places.iter().filter(|place| !place.is_hung);
+    let zones = shown().filter_map(|place| zone(frame, place)).collect();
+    let positions = shown().filter_map(|place| position(frame, place)).collect();
+    let mode = |template, selection_type, max_selections, predefined_selections: Vec<Selection>| MapMode {
         template,
         selection_type,
+        max_selections,
         predefined_selections,
     };
     let modes = [
-        mode("vacuum_clean_segment", "ROOM", rooms),
-        mode("vacuum_clean_zone_predefined", "PREDEFINED_RECTANGLE", zones),
-        mode("vacuum_goto_predefined", "PREDEFINED_POINT", positions),
+        mode("vacuum_clean_segment", "ROOM", None, rooms),
+        // The card sends the zones of all selections together, and those of one may be as many as a robot takes.
+        mode("vacuum_clean_zone_predefined", "PREDEFINED_RECTANGLE", Some(1), zones),
+        mode("vacuum_goto_predefined", "PREDEFINED_POINT", Some(1), positions),
     ];
     // The card refuses a mode that needs selections and has none.
     let modes = modes.into_iter().filter(|mode| !mode.predefined_selections.is_empty());
@@ -138,14 +144,16 @@ fn xy([x, y]: [f64; 2]) -> Xy {
 }
 
 /// Returns the selection of a segment: the outline of its own cells with the name of its room. `own` are the segments as
-/// rooms.
-fn room(frame: &RobotFrame, segment: &Segment, own: &[Room]) -> Option<Selection> {
+/// rooms, `places` have the names of the level's.
+fn room(frame: &RobotFrame, segment: &Segment, own: &[Room], places: &[Place]) -> Option<Selection> {
     let own = own.iter().find(|room| room.id == segment.id)?;
+    let room = segment.room?;
+    let place = places.iter().find(|place| place.class.is_none() && place.id == room.id)?;
     let at = frame.rounded(own.label_at_m);
     Some(Selection {
         id: Some(segment.id.to_owned()),
         outline: Some(own.polygon_m.iter().map(|corner| frame.rounded(*corner)).collect()),
-        ..selection(&segment.room?.title(), None, at)
+        ..selection(&place.title, None, at)
     })
 }
 

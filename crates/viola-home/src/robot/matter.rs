@@ -3,7 +3,9 @@
 
 mod tags;
 
+use super::titles::{Titles, cut};
 use super::{RobotLevel, RobotObject};
+use crate::rooms::Room;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use tags::Landmark;
@@ -12,8 +14,7 @@ use viola_geometry::taxonomy::Class;
 
 /// Maximum number of entries of each list.
 const MAX_AREAS: usize = 255;
-/// Maximum lengths in bytes.
-const MAX_AREA_NAME: usize = 128;
+/// Maximum length of a map's name in bytes; titles have at most the length of an area's.
 const MAX_MAP_NAME: usize = 64;
 
 /// The two attributes, in the names of the specification.
@@ -87,7 +88,6 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
         })
         .collect();
     let mut file = MatterFile { supported_areas: Vec::new(), supported_maps: maps, sources: Vec::new() };
-    let mut names = BTreeSet::new();
     let mut add =
         |level: &RobotLevel, map_id: u32, room: Option<&str>, object: Option<&str>, info: AreaInfo| {
             if file.supported_areas.len() == MAX_AREAS {
@@ -95,10 +95,6 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
             }
             let key = format!("{}/{}/{}", level.level, room.unwrap_or_default(), object.unwrap_or_default());
             let area_id = number(&key, &mut area_ids);
-            // Each pair of map and info must be unique.
-            let location_name = unused(info.location_info.location_name, map_id, &mut names);
-            let info =
-                AreaInfo { location_info: LocationInfo { location_name, ..info.location_info }, ..info };
             file.supported_areas.push(Area { area_id, map_id, info });
             file.sources.push(Source {
                 area_id,
@@ -108,24 +104,22 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
             });
         };
     let map_ids: Vec<u32> = file.supported_maps.iter().map(|map| map.map_id).collect();
-    for (level, map_id) in levels.iter().zip(&map_ids) {
-        for room in &level.rooms {
-            let info = AreaInfo { location_info: location(level, Some(&room.id)), landmark_info: None };
+    // Each pair of map and info must be unique; the titles of a level are.
+    let titles: Vec<Titles> = levels.iter().map(Titles::of).collect();
+    for ((level, titles), map_id) in levels.iter().zip(&titles).zip(&map_ids) {
+        for (room, title) in level.rooms.iter().zip(&titles.rooms) {
+            let info =
+                AreaInfo { location_info: location(level, Some(&room.id), title), landmark_info: None };
             add(level, *map_id, Some(&room.id), None, info);
         }
     }
-    for (level, map_id) in levels.iter().zip(&map_ids) {
-        let mut objects: Vec<&RobotObject> = level.objects.iter().collect();
-        objects.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
-        for object in objects {
+    for ((level, titles), map_id) in levels.iter().zip(&titles).zip(&map_ids) {
+        let mut objects: Vec<(&RobotObject, &String)> = level.objects.iter().zip(&titles.objects).collect();
+        objects.sort_by(|a, b| b.0.confidence.total_cmp(&a.0.confidence));
+        for (object, title) in objects {
             let room = object.room.as_deref();
-            let mut place = location(level, room);
+            let place = location(level, room, title);
             let Some(Landmark { tag, position }) = tags::landmark(object, place.area_type) else { continue };
-            let title = object.title();
-            place.location_name = match place.location_name.as_str() {
-                "" => title,
-                room => format!("{room}: {title}"),
-            };
             let landmark = LandmarkInfo { landmark_tag: tag, relative_position_tag: Some(position) };
             add(
                 level,
@@ -139,18 +133,17 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
     file
 }
 
-/// Returns the location of a room; without a room only the floor is known.
-fn location(level: &RobotLevel, room: Option<&str>) -> LocationInfo {
-    let floor_number = floor_number(&level.level);
-    let Some(room) = level.room(room) else {
-        return LocationInfo { location_name: String::new(), floor_number, area_type: None };
+/// Returns a location of this name in a room; without a room only the floor is known.
+fn location(level: &RobotLevel, room: Option<&str>, name: &str) -> LocationInfo {
+    let type_of = |room: &Room| {
+        let in_room = level.objects.iter().filter(|object| object.room.as_ref() == Some(&room.id));
+        let classes: Vec<Class> = in_room.map(|object| object.class).collect();
+        tags::area(room.name.as_deref(), &classes)
     };
-    let in_room = level.objects.iter().filter(|object| object.room.as_deref() == Some(room.id.as_str()));
-    let classes: Vec<Class> = in_room.map(|object| object.class).collect();
     LocationInfo {
-        location_name: room.title(),
-        floor_number,
-        area_type: tags::area(room.name.as_deref(), &classes),
+        location_name: name.to_owned(),
+        floor_number: floor_number(&level.level),
+        area_type: level.room(room).and_then(type_of),
     }
 }
 
@@ -175,24 +168,4 @@ fn number(key: &str, taken: &mut BTreeSet<u32>) -> u32 {
         number = number.wrapping_add(1);
     }
     number
-}
-
-/// Returns a name that no area of the map has: with a number if it is taken.
-fn unused(name: String, map_id: u32, taken: &mut BTreeSet<(u32, String)>) -> String {
-    let numbered = |number: usize| match number {
-        1 => cut(&name, MAX_AREA_NAME),
-        _ => {
-            let ending = format!(" {number}");
-            cut(&name, MAX_AREA_NAME - ending.len()) + &ending
-        }
-    };
-    // There are at most 255 areas, so one of these is not taken.
-    let free = (1..=MAX_AREAS + 1).map(numbered).find(|name| taken.insert((map_id, name.clone())));
-    free.unwrap_or(name)
-}
-
-/// Returns the longest beginning of a text that has at most `max` bytes.
-fn cut(text: &str, max: usize) -> String {
-    let end = (0..=max.min(text.len())).rev().find(|end| text.is_char_boundary(*end));
-    text[..end.unwrap_or(0)].to_owned()
 }

@@ -2,6 +2,8 @@
 
 use super::area::{Cover, cover};
 use super::drive::Drive;
+use super::labels::REACH_M;
+use super::titles::Titles;
 use super::{RobotLevel, RobotObject, round};
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
@@ -14,8 +16,9 @@ const AROUND_M: f64 = 0.5;
 pub struct Place {
     /// Id of the room or the object.
     pub id: String,
+    /// Name that a room was given; of an object its title.
     pub name: Option<String>,
-    /// Name to show; every place has one.
+    /// Name to show, which no other place of the level has.
     pub title: String,
     /// The object's class; none for a room.
     pub class: Option<Class>,
@@ -24,6 +27,8 @@ pub struct Place {
     pub zone: Cover,
     /// None without free space.
     pub goal: Option<Goal>,
+    /// True for an object on a wall or above the robot, to which nobody sends it.
+    pub is_hung: bool,
 }
 
 /// A position of the robot's centre in free space.
@@ -38,19 +43,22 @@ pub struct Goal {
 /// Returns the rooms in their order, then the objects in theirs.
 pub fn places(level: &RobotLevel) -> Vec<Place> {
     let drive = Drive::new(level);
-    let rooms = level.rooms.iter().map(|room| Place {
+    let titles = Titles::of(level);
+    let rooms = level.rooms.iter().zip(titles.rooms).map(|(room, title)| Place {
         id: room.id.clone(),
         name: room.name.clone(),
-        title: room.title(),
+        title,
         class: None,
         room: Some(room.id.clone()),
         zone: cover([f64::NEG_INFINITY; 2], [f64::INFINITY; 2], Some(room)),
         goal: drive.inside(room).map(|at| Goal { x_m: round(at.x), y_m: round(at.y), yaw_rad: None }),
+        is_hung: false,
     });
-    rooms.chain(level.objects.iter().map(|object| of_object(level, object, &drive))).collect()
+    let objects = level.objects.iter().zip(titles.objects);
+    rooms.chain(objects.map(|(object, title)| of_object(level, object, title, &drive))).collect()
 }
 
-fn of_object(level: &RobotLevel, object: &RobotObject, drive: &Drive) -> Place {
+fn of_object(level: &RobotLevel, object: &RobotObject, title: String, drive: &Drive) -> Place {
     let room = level.room(object.room.as_deref());
     let corners = object.bounds.corners();
     let low = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - AROUND_M);
@@ -58,8 +66,8 @@ fn of_object(level: &RobotLevel, object: &RobotObject, drive: &Drive) -> Place {
         [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::NEG_INFINITY, f64::max) + AROUND_M);
     Place {
         id: object.id.clone(),
-        name: Some(object.title()),
-        title: object.title(),
+        name: Some(title.clone()),
+        title,
         class: Some(object.class),
         room: room.map(|room| room.id.clone()),
         zone: cover(low, high, room),
@@ -68,5 +76,11 @@ fn of_object(level: &RobotLevel, object: &RobotObject, drive: &Drive) -> Place {
             y_m: round(pose.y_m),
             yaw_rad: Some(round(pose.yaw_rad)),
         }),
+        is_hung: is_hung(object),
     }
+}
+
+fn is_hung(object: &RobotObject) -> bool {
+    matches!(object.class, Class::Window | Class::Curtain | Class::Mirror | Class::Picture)
+        || object.bounds.bottom_m() >= REACH_M
 }

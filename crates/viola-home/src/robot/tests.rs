@@ -3,6 +3,7 @@
 mod calibration;
 mod matter;
 mod nav2;
+mod titles;
 
 use super::area::{Rectangle, for_cells};
 use super::drive::RADIUS_M;
@@ -267,5 +268,5 @@ fn three_points_calibrate_the_plan() {
     assert_eq!(kitchen["outline"], json!([[100.0, 900.0], [500.0, 900.0], [500.0, 600.0], [100.0, 600.0]]));
     let zones = json_of(&file.map_modes[1]);
     assert_eq!(zones["predefined_selections"][2]["zones"], json!([[170.0, 655.0, 430.0, 845.0]]));
-    assert_eq!(zones["predefined_selections"][2]["label"]["text"], "table");
+    assert_eq!(zones["predefined_selections"][2]["label"]["text"], "Kitchen: table");
 }

@@ -1,7 +1,7 @@
 //! Joins the pieces of a room that furniture or unseen floor divides.
 
 use super::outline::{beside, pieces};
-use viola_geometry::Grid;
+use viola_geometry::{Grid, groups};
 
 /// Largest gap between two pieces of a room.
 const MAX_GAP_M: f64 = 1.0;
@@ -46,11 +46,10 @@ pub fn bridge(mask: &mut Grid<bool>, open: impl Fn(usize) -> bool) {
     bridges.sort_unstable();
     let mut group: Vec<u32> = (0..=count as u32).collect();
     for (_, at, next) in bridges {
-        let [a, b] = [at, next].map(|cell| ways[cell].map_or(0, |way| root(&mut group, way.piece)));
-        if a == b {
+        let [a, b] = [at, next].map(|cell| ways[cell].map_or(0, |way| way.piece));
+        if !groups::join(&mut group, a, b) {
             continue;
         }
-        group[a.max(b) as usize] = a.min(b);
         for mut cell in [at, next] {
             set_around(mask, cell, &open);
             while let Some(way) = ways[cell].filter(|way| way.from != cell) {
@@ -89,14 +88,6 @@ fn ways(
         border = reached;
     }
     ways
-}
-
-fn root(group: &mut [u32], mut piece: u32) -> u32 {
-    while group[piece as usize] != piece {
-        group[piece as usize] = group[group[piece as usize] as usize];
-        piece = group[piece as usize];
-    }
-    piece
 }
 
 /// Sets the open cells around a cell of a bridge.

@@ -3,7 +3,7 @@
 
 use super::outline::beside;
 use super::space::Space;
-use viola_geometry::{DistanceField, Grid};
+use viola_geometry::{DistanceField, Grid, groups};
 
 /// Half of a door's maximum width. Doors are up to 1 m wide, double doors somewhat more.
 pub(crate) const DOOR_HALF_M: f64 = 0.55;
@@ -21,13 +21,8 @@ struct Basins {
 }
 
 impl Basins {
-    fn root(&mut self, mut basin: u32) -> u32 {
-        while self.parent[basin as usize] != basin {
-            let up = self.parent[self.parent[basin as usize] as usize];
-            self.parent[basin as usize] = up;
-            basin = up;
-        }
-        basin
+    fn root(&mut self, basin: u32) -> u32 {
+        groups::root(&mut self.parent, basin)
     }
 
     /// Joins two basins; the lower number stays.

@@ -2,7 +2,7 @@
 
 use super::oracle::Oracle;
 use super::{Case, RunError, Sample, Suite};
-use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, clip_in_memory, valetudo_json};
+use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, clip_in_memory};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use viola_align as align;
@@ -24,7 +24,6 @@ pub struct HomesParams {
     pub clips_per_home: u64,
     /// Lengths of the clips in frames.
     pub frames: Vec<usize>,
-    pub sensor: Sensor,
     /// Labels pictures by the truth with this accuracy, instead of by shape alone.
     pub picture_labels: Option<f64>,
     /// Also pairs every clip with the map of the next seed's home, to which it does not belong.
@@ -111,8 +110,7 @@ impl HomeClips {
         }
         let home = Home::generate(&HomeParams { storey, ..HomeParams::new(set, seed) });
         let survey = home.survey();
-        let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())
-            .map_err(|source| RunError::Map { home: seed, source })?;
+        let lidar = survey.lidar_map().map_err(|source| RunError::Map { home: seed, source })?;
         let target = Target::of_level(level(storey), &lidar).map(Arc::new);
         let mapped = Arc::new(Mapped { of, home, survey, lidar: Arc::new(lidar), target });
         let mut recent = recent();
@@ -131,14 +129,14 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The cases contain the other parameters.
-        let HomesParams { sensor, picture_labels, withhold_poses, drift, rescale, .. } = &self.params;
+        let HomesParams { picture_labels, withhold_poses, drift, rescale, .. } = &self.params;
         let poses = if *withhold_poses {
             format!(" without poses, with an accelerometer, {DENSER} times as densely")
         } else {
             String::new()
         };
         let unit = if *rescale { " without metres" } else { "" };
-        format!("simulated {sensor:?} {picture_labels:?}{poses} {drift}{unit}")
+        format!("simulated {picture_labels:?}{poses} {drift}{unit}")
     }
 
     fn sample(
@@ -155,15 +153,15 @@ impl Suite for HomeClips {
         let others = others.map(|other| Ok(self.mapped((set, of_map, other))?.target.clone()));
         let others: Vec<Option<Arc<Target>>> = others.collect::<Result<_, RunError>>()?;
         // Colour is not used: small pictures suffice.
-        let color_width = self.params.sensor.depth_camera().width;
+        let color_width = Sensor::PhoneLidar.depth_camera().width;
         let denser = if self.params.withhold_poses { DENSER } else { 1 };
         let frames = frames * denser;
         let recording = ClipParams {
             frames,
             rate_hz: ClipParams::default().rate_hz * denser as f64,
-            sensor: self.params.sensor,
             color_width,
             drift: self.params.drift,
+            ..ClipParams::default()
         };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let floor_in_sight = recorded.shows_floor();
@@ -218,7 +216,6 @@ mod tests {
                 seeds: 6..7,
                 clips_per_home: 1,
                 frames: vec![4],
-                sensor: Sensor::PhoneLidar,
                 picture_labels: None,
                 foreign: true,
                 withhold_poses: false,

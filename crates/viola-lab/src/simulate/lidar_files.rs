@@ -3,8 +3,8 @@
 use super::survey::{CELL_M, Survey};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, RobotFrame, RobotFrames, Room, RoomInfo};
-use viola_geometry::{Grid, GridFrame, Point2, Pose2};
+use viola_formats::lidar::{Cell, LidarError, LidarMap};
+use viola_geometry::{Grid, GridFrame, Pose2};
 
 /// Empty cells around the Valetudo map: left and below; right and above.
 const MARGIN: [usize; 2] = [12, 7];
@@ -47,60 +47,9 @@ impl Survey {
         (cm, north.rem_euclid(360))
     }
 
-    /// Returns the map as read back from [`valetudo_json`].
-    pub fn lidar_map(&self) -> LidarMap {
-        let cells = self.valetudo_cells();
-        let frame = cells.frame;
-        let centres = |wanted: &dyn Fn(usize, usize) -> bool| -> Vec<Point2> {
-            let all = (0..frame.height).flat_map(|y| (0..frame.width).map(move |x| (x, y)));
-            all.filter(|&(x, y)| wanted(x, y)).map(|(x, y)| frame.centre(x, y)).collect()
-        };
-        let occupied_m = centres(&|x, y| cells.get(x, y) == Cell::Occupied);
-        let known = centres(&|x, y| cells.get(x, y) != Cell::Unknown);
-        let rooms: Vec<Room> = self
-            .segment_names
-            .iter()
-            .enumerate()
-            .map(|(index, name)| Room {
-                id: (index + 1).to_string(),
-                name: Some(name.clone()),
-                material: None,
-                cells_m: centres(&|x, y| self.segment_at(x, y) == index as u16 + 1),
-            })
-            .collect();
-        let ([x_cm, y_cm], north) = self.charger_cm();
-        let charger =
-            Pose2::new(x_cm as f64 / 100.0, y_cm as f64 / 100.0, (90.0 - north as f64).to_radians());
-        let free_cells = known.len() - occupied_m.len();
-        let half = CELL_M / 2.0;
-        let edge = |axis: usize, start: f64, better: fn(f64, f64) -> f64| {
-            known.iter().map(|p| p[axis]).fold(start, better)
-        };
-        let info = LidarInfo {
-            format: "valetudo".into(),
-            frame: "metres, x right, y up, origin at the lower-left corner of size".into(),
-            cell_m: Some(CELL_M),
-            occupied_points: occupied_m.len(),
-            free_cells,
-            free_area_m2: free_cells as f64 * CELL_M * CELL_M,
-            min_m: [0, 1].map(|axis| edge(axis, f64::INFINITY, f64::min) - half),
-            max_m: [0, 1].map(|axis| edge(axis, f64::NEG_INFINITY, f64::max) + half),
-            rooms: rooms.iter().map(room_info).collect(),
-            charger: Some(charger),
-            marks: MapMarks { robot: Some(charger), ..MapMarks::default() },
-            notes: vec![],
-        };
-        let height_cm = frame.height as f64 * CELL_M * 100.0;
-        let own = RobotFrame { units_per_m: 100.0, origin: [0.0, height_cm.round()], is_y_down: true };
-        LidarMap {
-            info,
-            occupied_m,
-            cells: Some(cells),
-            rooms,
-            charger: Some(charger),
-            carpet_m: vec![],
-            frames: RobotFrames { own, valetudo: Some(own) },
-        }
+    /// Returns the map as its reader returns it from [`valetudo_json`].
+    pub fn lidar_map(&self) -> Result<LidarMap, LidarError> {
+        LidarMap::read(valetudo_json(self).to_string().as_bytes())
     }
 
     /// Returns the segment of a cell of the Valetudo map.
@@ -110,18 +59,6 @@ impl Survey {
             (Some(x), Some(y)) if x < frame.width && y < frame.height => self.segments[y * frame.width + x],
             _ => 0,
         }
-    }
-}
-
-fn room_info(room: &Room) -> RoomInfo {
-    let count = room.cells_m.len() as f64;
-    let sum = room.cells_m.iter().fold([0.0; 2], |sum, p| [sum[0] + p.x, sum[1] + p.y]);
-    RoomInfo {
-        id: room.id.clone(),
-        name: room.name.clone(),
-        material: None,
-        area_m2: count * CELL_M * CELL_M,
-        centre_m: sum.map(|s| s / count),
     }
 }
 

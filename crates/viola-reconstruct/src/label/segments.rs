@@ -2,6 +2,7 @@
 //! Huttenlocher, 2004). The weight of an edge is the bend between two sites.
 
 use super::sites::Sites;
+use viola_geometry::groups;
 
 /// Scale of the threshold; a larger value gives larger segments.
 const SCALE: f64 = 0.05;
@@ -72,13 +73,8 @@ impl Forest {
         Forest { parent: (0..count as u32).collect(), size: vec![1; count], inner: vec![0.0; count] }
     }
 
-    fn root(&mut self, mut at: u32) -> u32 {
-        while self.parent[at as usize] != at {
-            let up = self.parent[self.parent[at as usize] as usize];
-            self.parent[at as usize] = up;
-            at = up;
-        }
-        at
+    fn root(&mut self, at: u32) -> u32 {
+        groups::root(&mut self.parent, at)
     }
 
     fn bound(&self, root: u32) -> f64 {

@@ -5,7 +5,7 @@
 
 use super::step::exponential;
 use nalgebra::{Matrix6, Vector6};
-use viola_geometry::{Pose3, Vector3};
+use viola_geometry::{Pose3, Vector3, conjugate_gradients, groups};
 
 /// A measured motion between two key frames.
 #[derive(Debug, Clone)]
@@ -51,19 +51,11 @@ pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
 }
 
 fn first_of_parts(count: usize, edges: &[Edge]) -> Vec<bool> {
-    let mut part: Vec<usize> = (0..count).collect();
-    fn root(part: &mut [usize], mut at: usize) -> usize {
-        while part[at] != at {
-            part[at] = part[part[at]];
-            at = part[at];
-        }
-        at
-    }
+    let mut part: Vec<u32> = (0..count as u32).collect();
     for edge in edges {
-        let (a, b) = (root(&mut part, edge.a), root(&mut part, edge.b));
-        part[a.max(b)] = a.min(b);
+        groups::join(&mut part, edge.a as u32, edge.b as u32);
     }
-    (0..count).map(|at| root(&mut part, at) == at).collect()
+    (0..count as u32).map(|at| groups::root(&mut part, at) == at).collect()
 }
 
 /// Returns the residual of `a` against its pose by the edge and `b`, in its own frame.
@@ -121,33 +113,8 @@ fn solve(
         out
     };
     let eased = |of: &[Vector6<f64>]| of.iter().zip(&inverse).map(|(v, m)| m * v).collect::<Vec<_>>();
-    let dot = |a: &[Vector6<f64>], b: &[Vector6<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
-    let mut answer = vec![Vector6::zeros(); count];
-    let mut left = right;
-    let mut toward = eased(&left);
-    let mut size = dot(&left, &toward);
-    let enough = size * 1e-16;
-    for _ in 0..20 * count.max(10) {
-        if size <= enough || size == 0.0 {
-            break;
-        }
-        let pulled = times(&toward);
-        let along = size / dot(&toward, &pulled);
-        if !along.is_finite() {
-            break;
-        }
-        for i in 0..count {
-            answer[i] += toward[i] * along;
-            left[i] -= pulled[i] * along;
-        }
-        let ahead = eased(&left);
-        let next = dot(&left, &ahead);
-        for i in 0..count {
-            toward[i] = ahead[i] + toward[i] * (next / size);
-        }
-        size = next;
-    }
-    answer
+    // The matrix is positive definite: a small value is added to its diagonal.
+    conjugate_gradients(right, times, eased, 1e-16, 20 * count.max(10)).0
 }
 
 #[cfg(test)]

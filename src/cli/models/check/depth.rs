@@ -30,7 +30,7 @@ pub(super) fn run(
     println!("runtime: {}, because {}", network.runtime(), network.reason());
     let estimator = open_estimator(entry, network)?;
     println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
-    let (depth, times) = Times::of(arguments.runs, |_| Ok(estimator.depth(picture)?))?;
+    let (depth, times) = Times::of(arguments.runs, || Ok(estimator.depth(picture)?))?;
     println!("{times}");
 
     let mut sorted = depth.clone();

@@ -26,7 +26,7 @@ pub(super) fn run(
     let inpainter = open_inpainter(entry, &arguments.folder.models, params)?;
     println!("loaded:  {} in {} ms", inpainter.name(), start.elapsed().as_millis());
     let (filled, times) =
-        Times::of(arguments.runs, |_| Ok(inpainter.inpaint(picture, &hole, SEED, &|| true)?))?;
+        Times::of(arguments.runs, || Ok(inpainter.inpaint(picture, &hole, SEED, &|| true)?))?;
     println!("{times}");
     filled
         .save_with_format(&arguments.out, ImageFormat::Png)

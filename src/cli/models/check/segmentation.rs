@@ -1,7 +1,6 @@
 //! Check of a segmentation network.
 
 use super::super::drawing::Drawing;
-use super::super::timed::Timed;
 use super::CheckArguments;
 use super::times::Times;
 use anyhow::{Context, Result};
@@ -22,17 +21,10 @@ pub(super) fn run(
     let start = Instant::now();
     let network = network::open(&entry.path(&arguments.folder.models), params)?;
     println!("runtime: {}, because {}", network.runtime(), network.reason());
-    let network = Timed::new(network);
-    let segmenter = open_segmenter(entry, network.clone())?;
+    let segmenter = open_segmenter(entry, network)?;
     println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
-
-    let mut rest_ms = Vec::new();
-    let (map, times) = Times::of(arguments.runs, |start| {
-        let map = segmenter.segment(picture)?;
-        rest_ms.push(start.elapsed().as_secs_f64() * 1e3 - network.last_ms());
-        Ok(map)
-    })?;
-    println!("{times}, {:.1} ms of it before and after the network", Times::median(&rest_ms));
+    let (map, times) = Times::of(arguments.runs, || Ok(segmenter.segment(picture)?))?;
+    println!("{times}");
 
     let classes = classes(&map, picture);
     let shares = shares(&classes);

@@ -1,6 +1,5 @@
 //! The image of a ROS map: decoded, and its grey values read as occupancy.
 
-use super::bmp;
 use super::yaml::{Description, Mode};
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -15,7 +14,7 @@ pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarErro
     let (format, bytes_per_cell) = match bytes {
         [b'P', b'2' | b'5', ..] => (ImageFormat::Pnm, 1),
         [0x89, b'P', b'N', b'G', ..] => (ImageFormat::Png, 0),
-        [b'B', b'M', ..] => return bmp::decode(bytes, name),
+        [b'B', b'M', ..] => (ImageFormat::Bmp, 0),
         _ => return Err(bad("it is neither PGM, PNG nor BMP".to_string())),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -201,6 +200,81 @@ mod tests {
                 free
             }])
         })
+    }
+
+    /// Grey values of 3 x 2 pixels, from the uppermost row.
+    const GREYS: [u8; 6] = [0, 205, 254, 10, 20, 30];
+
+    /// Returns a BMP of 3 x 2 pixels with these `stored` rows. Pixels of up to 8 bits are indices of a palette of
+    /// the grey values.
+    fn bmp(bits: u16, compression: u32, height: i32, stored: &[u8]) -> Vec<u8> {
+        let palette = if bits <= 8 { GREYS.map(|grey| [grey, grey, grey, 0]).concat() } else { Vec::new() };
+        let pixels_at = 54 + palette.len() as u32;
+        let colours = palette.len() as u32 / 4;
+        let mut bytes = [b"BM".to_vec(), vec![0; 8], pixels_at.to_le_bytes().to_vec()].concat();
+        let planes_and_bits = (u32::from(bits) << 16) | 1;
+        for word in [40, 3, height.cast_unsigned(), planes_and_bits, compression, 0, 0, 0, colours, 0] {
+            bytes.extend(word.to_le_bytes());
+        }
+        [bytes, palette, stored.to_vec()].concat()
+    }
+
+    #[test]
+    fn bmps_of_each_depth_and_order_are_read() {
+        let rows = |bytes: usize, is_top_first: bool| {
+            let [top, bottom] = [0, 1].map(|row| {
+                let greys = &GREYS[3 * row..][..3];
+                let mut row: Vec<u8> = greys.iter().flat_map(|grey| vec![*grey; bytes]).collect();
+                row.resize(row.len().next_multiple_of(4), 0);
+                row
+            });
+            if is_top_first { [top, bottom].concat() } else { [bottom, top].concat() }
+        };
+        for (what, bytes) in [
+            ("4 bits", bmp(4, 0, 2, &[0x34, 0x50, 0, 0, 0x01, 0x20, 0, 0])),
+            ("8 bits", bmp(8, 0, 2, &[3, 4, 5, 0, 0, 1, 2, 0])),
+            ("8 bits, top first", bmp(8, 0, -2, &[0, 1, 2, 0, 3, 4, 5, 0])),
+            ("run lengths", bmp(8, 1, 2, &[1, 3, 1, 4, 1, 5, 0, 0, 1, 0, 1, 1, 1, 2, 0, 1])),
+            ("24 bits", bmp(24, 0, 2, &rows(3, false))),
+            ("24 bits, top first", bmp(24, 0, -2, &rows(3, true))),
+            ("32 bits", bmp(32, 0, 2, &rows(4, false))),
+        ] {
+            let image = decode(&bytes, "a.bmp").unwrap_or_else(|error| panic!("{what}: {error}"));
+            assert_eq!(image.to_luma8().into_raw(), GREYS, "{what}");
+        }
+        let mut coloured = bmp(24, 0, -2, &rows(3, true));
+        coloured[54..57].copy_from_slice(&[1, 2, 3]);
+        let image = decode(&coloured, "a.bmp").unwrap().to_rgb8();
+        assert_eq!(image.get_pixel(0, 0).0, [3, 2, 1], "blue comes first");
+    }
+
+    #[test]
+    fn bmps_that_cannot_be_used_are_refused() {
+        let good = bmp(8, 0, 2, &[3, 4, 5, 0, 0, 1, 2, 0]);
+        let edited = |at: usize, with: &[u8]| {
+            let mut bytes = good.clone();
+            bytes[at..at + with.len()].copy_from_slice(with);
+            bytes
+        };
+        for (what, bytes, code) in [
+            ("half a header", good[..30].to_vec(), "bad_image"),
+            ("half an image", good[..good.len() - 1].to_vec(), "bad_image"),
+            ("pixels far away", edited(10, &[0xff; 4]), "bad_image"),
+            ("a short header", edited(14, &[12]), "bad_image"),
+            ("a long header", edited(14, &[0xff; 4]), "bad_image"),
+            ("no width", edited(18, &[0]), "bad_image"),
+            ("a negative width", edited(18, &[0xff; 4]), "bad_image"),
+            ("a wide image", edited(18, &[0xff, 0xff, 0, 0, 0xff, 0xff]), "too_many_cells"),
+            ("a high image, top first", edited(22, &[1, 0, 0, 0x80]), "too_many_cells"),
+            ("the lowest height", edited(22, &[0, 0, 0, 0x80]), "bad_image"),
+            ("5 bits", edited(28, &[5]), "bad_image"),
+            ("run lengths that end early", bmp(8, 1, 2, &[1, 3]), "bad_image"),
+            ("a PNG inside", edited(30, &[5]), "bad_image"),
+            ("257 colours", edited(46, &[1, 1]), "bad_image"),
+        ] {
+            let error = decode(&bytes, "a.bmp").unwrap_err();
+            assert_eq!(error.code(), code, "{what}: {error}");
+        }
     }
 
     fn edited(mut image: GrayImage, values: &[u8]) -> GrayImage {

@@ -6,7 +6,7 @@
 
 use super::{Edge, Prior};
 use nalgebra::{Matrix3, Matrix6, Vector6};
-use viola_geometry::{Pose3, Vector3};
+use viola_geometry::{Pose3, Vector3, conjugate_gradients};
 
 /// Added to an alignment's standard deviations: errors of the map, common to all hits.
 const MAP_M: f64 = 0.015;
@@ -104,33 +104,11 @@ impl NormalEquations {
         let scaled = |residual: &[Vector6<f64>]| -> Vec<Vector6<f64>> {
             preconditioner.iter().zip(residual).map(|(block, r)| block.solve(r)).collect()
         };
-        let mut steps = vec![Vector6::zeros(); self.diagonal.len()];
-        let mut residual: Vec<Vector6<f64>> = self.gradient.iter().map(|g| -g).collect();
-        let mut toward = scaled(&residual);
-        let mut direction = toward.clone();
-        let mut length = dot(&residual, &toward);
-        let goal = TOLERANCE * TOLERANCE * length;
-        for _ in 0..MAX_ITERATIONS {
-            if length <= goal || length < f64::MIN_POSITIVE {
-                break;
-            }
-            let image = self.times(&direction);
-            let along = length / dot(&direction, &image);
-            if !along.is_finite() || along <= 0.0 {
-                return None;
-            }
-            for i in 0..steps.len() {
-                steps[i] += direction[i] * along;
-                residual[i] -= image[i] * along;
-            }
-            toward = scaled(&residual);
-            let next = dot(&residual, &toward);
-            for i in 0..steps.len() {
-                direction[i] = toward[i] + direction[i] * (next / length);
-            }
-            length = next;
-        }
-        steps.iter().all(|step| step.iter().all(|c| c.is_finite())).then_some(steps)
+        let downhill = self.gradient.iter().map(|g| -g).collect();
+        let times = |vector: &[Vector6<f64>]| self.times(vector);
+        let (steps, is_definite) =
+            conjugate_gradients(downhill, times, scaled, TOLERANCE * TOLERANCE, MAX_ITERATIONS);
+        (is_definite && steps.iter().all(|step| step.iter().all(|c| c.is_finite()))).then_some(steps)
     }
 
     fn times(&self, vector: &[Vector6<f64>]) -> Vec<Vector6<f64>> {
@@ -141,8 +119,4 @@ impl NormalEquations {
         }
         image
     }
-}
-
-fn dot(a: &[Vector6<f64>], b: &[Vector6<f64>]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }

@@ -3,13 +3,17 @@
 use super::super::RobotObject;
 use viola_geometry::taxonomy::{Class, Purposes};
 
-/// Tags of the namespace Area with their names.
-const AREAS: [(&str, u8); 27] = [
+/// Tags of the namespace Area with their names in lower case, and other names for them, without apostrophes.
+const AREAS: [(&str, u8); 34] = [
     ("attic", 0x01),
     ("balcony", 0x04),
     ("bathroom", 0x06),
     ("bedroom", 0x07),
     ("cellar", 0x0c),
+    ("childrens bedroom", 0x2d),
+    ("childrens room", 0x2c),
+    ("childs bedroom", 0x2d),
+    ("childs room", 0x2c),
     ("closet", 0x0e),
     ("corridor", 0x10),
     ("dining room", 0x15),
@@ -17,9 +21,11 @@ const AREAS: [(&str, u8); 27] = [
     ("entryway", 0x1c),
     ("family room", 0x1d),
     ("garage", 0x22),
+    ("guest bedroom", 0x27),
     ("guest room", 0x28),
     ("gym", 0x29),
     ("hallway", 0x2a),
+    ("kids bedroom", 0x2d),
     ("kids room", 0x2c),
     ("kitchen", 0x2e),
     ("laundry room", 0x2f),
@@ -29,6 +35,7 @@ const AREAS: [(&str, u8); 27] = [
     ("office", 0x38),
     ("pantry", 0x3b),
     ("storage room", 0x53),
+    ("studio", 0x54),
     ("study", 0x55),
     ("toilet", 0x59),
     ("utility room", 0x5a),
@@ -47,11 +54,13 @@ const PURPOSES: [(Purposes, u8); 9] = [
     (Purposes::OUTSIDE, 0x04),
 ];
 
-/// Tag of a room without a telling name that has one of these objects, the most telling first.
+const BATHROOM: u8 = 0x06;
+
+/// Tag of a room without a telling name that has one of these objects. Those of a tag are together, bathrooms first.
 const FURNISHED: [(Class, u8); 7] = [
-    (Class::Toilet, 0x06),
-    (Class::Bathtub, 0x06),
-    (Class::Shower, 0x06),
+    (Class::Toilet, BATHROOM),
+    (Class::Bathtub, BATHROOM),
+    (Class::Shower, BATHROOM),
     (Class::Stove, 0x2e),
     (Class::Refrigerator, 0x2e),
     (Class::Bed, 0x07),
@@ -73,16 +82,25 @@ pub struct Landmark {
 /// Returns the area tag of a room by its name, else by the classes of its objects.
 pub fn area(name: Option<&str>, classes: &[Class]) -> Option<u8> {
     let name = name.unwrap_or_default();
-    let lower = name.trim().to_lowercase();
-    let exact = AREAS.iter().find(|(area, _)| *area == lower).map(|(_, tag)| *tag);
+    let plain = name.trim().to_lowercase().replace(['\'', '’'], "");
+    let exact = AREAS.iter().find(|(area, _)| *area == plain).map(|(_, tag)| *tag);
     let purposes = Purposes::of_name(name);
     let of_name = PURPOSES.iter().find(|(purpose, _)| purposes.has(*purpose)).map(|(_, tag)| *tag);
-    let furnished = || FURNISHED.iter().find(|(class, _)| classes.contains(class)).map(|(_, tag)| *tag);
-    exact.or(of_name).or_else(furnished)
+    exact.or(of_name).or_else(|| furnished(classes))
+}
+
+/// Returns the area tag that follows from the classes of objects; none for a studio, which is no kitchen, bedroom or
+/// living room though it has the furniture of several of them.
+fn furnished(classes: &[Class]) -> Option<u8> {
+    let found = FURNISHED.iter().filter(|(class, _)| classes.contains(class));
+    let mut tags: Vec<u8> = found.map(|(_, tag)| *tag).collect();
+    tags.dedup();
+    let others = tags.iter().filter(|tag| **tag != BATHROOM).count();
+    if others > 1 { None } else { tags.first().copied() }
 }
 
 /// Returns the landmark tag of an object with the position of the area that is cleaned; none for objects that the
-/// namespace lacks. `area` is the area tag of its room.
+/// namespace lacks, and for doors, windows and mirrors, which nobody cleans around. `area` is the area tag of its room.
 pub fn landmark(object: &RobotObject, area: Option<u8>) -> Option<Landmark> {
     /// Dining tables stand in dining rooms and kitchens.
     const DINING: [u8; 2] = [0x15, 0x2e];

@@ -1,6 +1,8 @@
 //! The modes of the map card.
 
 use super::*;
+use crate::robot::area::MAX_RECTANGLES;
+use crate::robot::calibration::Selection;
 use crate::rooms::outline::contains;
 
 fn modes(level: &RobotLevel) -> Vec<Value> {
@@ -19,6 +21,25 @@ fn each_mode_has_its_type_of_selection() {
         (json!("vacuum_goto_predefined"), json!("PREDEFINED_POINT")),
     ];
     assert_eq!(types, want.iter().map(|(template, of)| (template, of)).collect::<Vec<_>>());
+}
+
+/// The card sends the zones of all selections in one call; without `max_selections` it takes 999 of them (`map-mode.ts`).
+#[test]
+fn no_choice_has_more_zones_than_a_robot_takes() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    let image = PlanImage::of(&plan(&lidar, &[], &level.rooms, &[]));
+    // A room at an angle has the most rectangles.
+    level.rooms[0].polygon_m = vec![[3.0, 1.0], [5.0, 2.5], [3.0, 4.0], [1.0, 2.5]];
+    let mut most = 0;
+    for mode in calibration(&level, &image).map_modes {
+        let zones = |selection: &Selection| selection.zones.as_ref().map_or(0, Vec::len);
+        let of_one = mode.predefined_selections.iter().map(zones).max().unwrap();
+        let at_once = mode.max_selections.map_or(999, usize::from);
+        assert!(of_one * at_once <= MAX_RECTANGLES, "{}: {of_one} zones, {at_once} at once", mode.template);
+        most = most.max(of_one);
+    }
+    assert_eq!(most, MAX_RECTANGLES);
 }
 
 #[test]

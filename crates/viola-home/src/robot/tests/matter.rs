@@ -38,6 +38,38 @@ fn areas_have_the_tags_of_matter() {
     assert_eq!(less["supportedAreas"][2]["areaID"], areas[5]["areaID"]);
 }
 
+/// Tags of Matter 1.4: Bathroom 0x06, Bedroom 0x07, Guest Bedroom 0x27, Kids Room 0x2c, Kids Bedroom 0x2d, Kitchen 0x2e,
+/// Living Room 0x32, Studio 0x54.
+#[test]
+fn the_type_of_an_area_follows_from_its_name_or_its_furniture() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let cases: &[(Option<&str>, &[Class], Option<u8>)] = &[
+        (None, &[], None),
+        (None, &[Class::Refrigerator, Class::Stove], Some(0x2e)),
+        (None, &[Class::Chair, Class::Bed], Some(0x07)),
+        (None, &[Class::Sofa], Some(0x32)),
+        (None, &[Class::Bed, Class::Shower], Some(0x06)),
+        (None, &[Class::Sofa, Class::Refrigerator, Class::Bed, Class::Desk], None),
+        (None, &[Class::Bed, Class::Stove], None),
+        (Some("Studio"), &[Class::Refrigerator, Class::Bed], Some(0x54)),
+        (Some("Living/Kitchen"), &[Class::Refrigerator], Some(0x32)),
+        (Some("Child's room"), &[Class::Bed], Some(0x2c)),
+        (Some("Children’s Room "), &[], Some(0x2c)),
+        (Some("Kids' bedroom"), &[], Some(0x2d)),
+        (Some("Guest bedroom"), &[Class::Desk], Some(0x27)),
+    ];
+    for (name, classes, want) in cases {
+        let mut level = level(&lidar);
+        level.rooms[0].name = name.map(str::to_owned);
+        let furniture = (0..).zip(*classes);
+        level.objects = furniture
+            .map(|(number, class)| object(&format!("o-{number}"), *class, [2.0; 2], [0.5; 3], "16"))
+            .collect();
+        let areas = matter(&[level]).supported_areas;
+        assert_eq!(areas[0].info.location_info.area_type, *want, "{name:?} {classes:?}");
+    }
+}
+
 #[test]
 fn matter_s_lists_are_bounded() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();

@@ -12,7 +12,7 @@ use super::clips::{AlignedClip, ClipsError, Recorder};
 use super::matching::Thing;
 use super::member::{FilesOfClips, member};
 use crate::evaluate::HomesParams;
-use crate::simulate::{Home, HomeParams, Set, valetudo_json};
+use crate::simulate::{Home, HomeParams, Set};
 use kept::{Ids, Kept};
 use score::{Scores, score};
 use serde::Serialize;
@@ -80,7 +80,7 @@ pub fn changes(
     let after = Home::generate(&HomeParams::new(set, seed));
     let before = after.before();
     let survey = after.survey();
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    let lidar = survey.lidar_map()?;
     let recorder = Recorder { homes, params, folder, progress };
     let count = homes.clips_per_home;
     let name = |visit: &str| format!("{}_{seed}_{visit}", set.name());

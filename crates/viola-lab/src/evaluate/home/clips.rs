@@ -2,7 +2,7 @@
 
 use super::member::ClipFiles;
 use crate::evaluate::{HomesParams, Oracle, SUCCESS_DEG, SUCCESS_M};
-use crate::simulate::{ClipParams, Home, Survey, clip_in_memory};
+use crate::simulate::{ClipParams, Home, Sensor, Survey, clip_in_memory};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -81,8 +81,7 @@ impl Recorder<'_> {
     pub fn recording(&self) -> ClipParams {
         ClipParams {
             frames: self.homes.frames.first().copied().unwrap_or(10),
-            sensor: self.homes.sensor,
-            color_width: self.homes.sensor.depth_camera().width,
+            color_width: Sensor::PhoneLidar.depth_camera().width,
             drift: self.homes.drift,
             ..ClipParams::default()
         }

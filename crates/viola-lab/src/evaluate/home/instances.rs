@@ -3,7 +3,7 @@
 use super::super::Mesh;
 use super::super::labels::Folding;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point3, Pose2};
+use viola_geometry::{Point3, Pose2, groups};
 use viola_home::{UprightBox, fit_box};
 
 /// A ground-truth object.
@@ -54,14 +54,13 @@ impl LabelledMesh {
             for (a, b) in [(face[0], face[1]), (face[1], face[2]), (face[2], face[0])] {
                 if self.classes[a as usize].is_some() && self.classes[a as usize] == self.classes[b as usize]
                 {
-                    let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-                    parent[a.max(b) as usize] = a.min(b);
+                    groups::join(&mut parent, a, b);
                 }
             }
         }
         let mut members: std::collections::BTreeMap<u32, Vec<u32>> = Default::default();
         for vertex in 0..parent.len() as u32 {
-            members.entry(root(&mut parent, vertex)).or_default().push(vertex);
+            members.entry(groups::root(&mut parent, vertex)).or_default().push(vertex);
         }
         let mut out: Vec<Instance> = members
             .into_values()
@@ -104,13 +103,4 @@ pub fn along_axes(points: &[[f64; 3]], beyond: f64) -> UprightBox {
         size_m: spans.map(|[low, high]| high - low),
         yaw_rad: 0.0,
     }
-}
-
-fn root(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        let up = parent[parent[at as usize] as usize];
-        parent[at as usize] = up;
-        at = up;
-    }
-    at
 }

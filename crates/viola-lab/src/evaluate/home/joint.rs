@@ -6,11 +6,10 @@ mod table;
 use super::clips::{AlignedClip, ClipsError, Recorder};
 use super::member::{FilesOfClips, member};
 use crate::evaluate::HomesParams;
-use crate::simulate::{Home, HomeParams, Set, valetudo_json};
+use crate::simulate::{Home, HomeParams, Set};
 use serde::Serialize;
 use std::path::Path;
 use viola_align::{AlignParams, AlignmentState};
-use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
@@ -91,7 +90,7 @@ pub fn joint(
 ) -> Result<JointHome, ClipsError> {
     let home = Home::generate(&HomeParams::new(set, seed));
     let survey = home.survey();
-    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    let lidar = survey.lidar_map()?;
     let recorder = Recorder { homes, params, folder, progress };
     let name = format!("{}_{seed}", set.name());
     let clips = recorder.clips(&home, &survey, &lidar, &name, 0..homes.clips_per_home)?;

@@ -4,7 +4,7 @@
 use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use super::matching::{Matches, Thing, matches};
 use super::{MIN_EXTENT_M, along_axes};
-use crate::simulate::{Home, HomeParams, Set, valetudo_json};
+use crate::simulate::{Home, HomeParams, Set};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashMap;
@@ -80,7 +80,7 @@ const REACH_M: f64 = 5.0;
 pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, LidarError> {
     let home = Home::generate(home);
     let survey = home.survey();
-    let mut lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    let mut lidar = survey.lidar_map()?;
     // The robot's own segments are the truth.
     lidar.rooms.clear();
     let map_from_home = survey.valetudo_from_home();

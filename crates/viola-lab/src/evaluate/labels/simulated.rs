@@ -35,8 +35,7 @@ pub fn simulated(
             let (survey, objects) = (home.survey(), home.objects_alone());
             for (index, &frames) in (0..).zip(&homes.frames) {
                 let color_width = Sensor::PhoneLidar.depth_camera().width;
-                let (sensor, drift) = (homes.sensor, homes.drift);
-                let clip = ClipParams { frames, sensor, color_width, drift, ..ClipParams::default() };
+                let clip = ClipParams { frames, color_width, drift: homes.drift, ..ClipParams::default() };
                 let recorded = Arc::new(home.clip(&survey, index, &clip));
                 let clip = clip_in_memory(recorded.clone());
                 for ((_, label), counts) in variants.iter().zip(&mut counts) {
@@ -95,7 +94,6 @@ mod tests {
             seeds: 6..7,
             clips_per_home: 1,
             frames: vec![8],
-            sensor: Sensor::PhoneLidar,
             picture_labels: None,
             foreign: false,
             withhold_poses: false,

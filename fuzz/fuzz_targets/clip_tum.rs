@@ -1,6 +1,0 @@
-//! TUM RGB-D's files.
-#![no_main]
-
-use viola_fuzz::check_layout;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check_layout("clip_tum", bytes));

@@ -1,6 +1,0 @@
-//! Points as lines of text.
-#![no_main]
-
-use viola_fuzz::check;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(bytes));

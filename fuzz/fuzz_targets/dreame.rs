@@ -1,6 +1,0 @@
-//! Dreame's maps after inflation.
-#![no_main]
-
-use viola_fuzz::{check, zlib};
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&zlib(bytes)));

@@ -1,6 +1,0 @@
-//! Valetudo's JSON.
-#![no_main]
-
-use viola_fuzz::check;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&[b"{", bytes].concat()));

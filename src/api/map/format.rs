@@ -1,0 +1,63 @@
+//! The formats of a map's files: a request names one by `format`, or by the media type in `Accept`.
+
+use crate::api::error::Error;
+use axum::http::{HeaderMap, header};
+
+/// A format with its name in a query and its media type.
+pub(super) type Format<F> = (F, &'static str, &'static str);
+
+/// Returns the format with a name.
+pub(super) fn named<F: Copy>(formats: &[Format<F>], name: &str) -> Result<Format<F>, Error> {
+    let found = formats.iter().find(|(_, other, _)| *other == name);
+    found.copied().ok_or_else(|| {
+        let names: Vec<&str> = formats.iter().map(|(_, name, _)| *name).collect();
+        let names = match names.split_last() {
+            Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+            _ => names.concat(),
+        };
+        Error::InvalidQuery { field: Some("format"), detail: format!("format is {names}") }
+    })
+}
+
+/// Returns the name of the first format in `Accept`.
+pub(super) fn accepted<F>(formats: &[Format<F>], headers: &HeaderMap) -> Option<&'static str> {
+    let accept = headers.get(header::ACCEPT)?.to_str().ok()?;
+    let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
+    kinds.find_map(|kind| {
+        let found = formats.iter().find(|(_, _, media_type)| *media_type == kind);
+        found.map(|(_, name, _)| *name)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::HeaderValue;
+
+    const FORMATS: [Format<u32>; 3] =
+        [(1, "ply", "model/ply"), (2, "glb", "model/gltf-binary"), (3, "laz", "application/vnd.laszip")];
+
+    #[test]
+    fn the_first_known_media_type_is_accepted() {
+        assert_eq!(accepted(&FORMATS, &HeaderMap::new()), None);
+        for (accept, expected) in [
+            ("", None),
+            ("text/html", None),
+            ("text/html, model/gltf-binary;q=0.5,application/vnd.laszip", Some("glb")),
+        ] {
+            let headers = HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(accept))]);
+            assert_eq!(accepted(&FORMATS, &headers), expected, "{accept}");
+        }
+    }
+
+    #[test]
+    fn a_refusal_lists_the_names() {
+        assert_eq!(named(&FORMATS, "glb").unwrap(), FORMATS[1]);
+        for (formats, list) in [(&FORMATS[..], "ply, glb or laz"), (&FORMATS[..1], "ply")] {
+            let Err(Error::InvalidQuery { field, detail }) = named(formats, "stl") else {
+                panic!("there is no such format")
+            };
+            assert_eq!((field, detail), (Some("format"), format!("format is {list}")));
+        }
+    }
+}
