@@ -48,6 +48,7 @@ mod webhooks;
 pub use bodies::BodyParams;
 pub use clips::recorded_at_of_file;
 pub use connections::ConnectionParams;
+pub use digits::pretty_json;
 pub use fairness::{FailedKeyParams, LimitParams, ReaderParams};
 pub use layers::Origin;
 pub use map::{objects_document, rooms_document};

@@ -17,6 +17,8 @@ CELL_M = 0.05
 LOW_M = -0.075
 SLICES = 60
 WINDOW = 10
+# viola-reconstruct, cloud.rs: the network is asked about the means of the points in voxels of this size.
+SITE_M = 0.03
 AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
 VOXEL_NUMBERS = 2 * (2 * WINDOW + 1) + 3 * len(AROUND) + 2 + 2 * len(AROUND)
 # Planes of the grid: of each slice occupied and the mean normal's z, of each two slices the half sum of its x and of its y.
@@ -91,6 +93,29 @@ def augmented(surface: dict, random: np.random.Generator, vary: bool = True) -> 
     xyz += shift
     objects["centre"] += shift
     return surface
+
+
+def sites(surface: dict, random: np.random.Generator) -> dict:
+    """One point for each voxel of a grid in any direction, with the means of its points: the program's, label/sites.rs."""
+    xyz, yaw = surface["xyz"], random.uniform(0, np.pi / 2)
+    if len(xyz) == 0:
+        return surface
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], np.float32)
+    cell = np.floor(xyz @ turn / SITE_M + random.random(3)).astype(np.int64)
+    cell -= cell.min(axis=0)
+    _, of = np.unique((cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]) * (cell[:, 2].max() + 1) + cell[:, 2], return_inverse=True)
+    count = np.bincount(of)
+    total = lambda values: np.stack([np.bincount(of, values[:, axis]) for axis in range(3)], axis=1)
+    normal = total(surface["normal"])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.where(length > 1e-6, normal / length.clip(min=1e-6), [0, 0, 1])
+    # The label and object of any of its points: the last one in a random order.
+    one = np.zeros(len(count), np.int64)
+    order = random.permutation(len(of))
+    one[of[order]] = order
+    return {**surface, "xyz": (total(xyz) / count[:, None]).astype(np.float32), "normal": normal.astype(np.float32),
+            "label": surface["label"][one], "instance": surface["instance"][one]}
 
 
 def picked(surface: dict, kept: np.ndarray) -> dict:

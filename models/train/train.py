@@ -20,7 +20,7 @@ from drape import draped
 from furnish import furnished
 from network import Columns
 from start import calibrate_norms, read_weights
-from surfaces import PLANES, UNKNOWN, VOXEL_NUMBERS, augmented, load, main_yaw, mixed, turned
+from surfaces import PLANES, UNKNOWN, VOXEL_NUMBERS, augmented, load, main_yaw, mixed, sites, turned
 from voxels import POINTS, columns, cropped, joined, varied, whole
 
 # viola-geometry, taxonomy.rs.
@@ -93,7 +93,8 @@ def sample_of(paths: list[Path], ways: set[str], random: np.random.Generator) ->
     surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
     if not surfaces:
         return None
-    return {**cropped(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random), "paths": names}
+    surface = sites(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), random)
+    return {**cropped(surface, CROP, random), "paths": names}
 
 
 def rate_at(progress: float) -> float:
@@ -128,12 +129,13 @@ def answers(network: torch.nn.Module, paths: list[Path], vary: bool = False) -> 
     all_logits, all_labels = [], []
     for number, path in enumerate(paths):
         surface = load(path)
+        random = np.random.default_rng(number)
         if vary:
-            random = np.random.default_rng(number)
             surface = draped(surface, random) if random.random() < SHARES["draped"] else surface
             surface = augmented(surface, random)
         if len(surface["xyz"]) == 0:
             continue
+        surface = sites(surface, random)
         points, size = whole(turned(surface, -main_yaw(surface["normal"])))
         *inputs, labels, _ = columns(joined([points], device), 1, size)
         known = labels != UNKNOWN

@@ -237,14 +237,24 @@ fn holding_at_rate<E: Into<axum::BoxError>>(
     }))
 }
 
-/// Returns an answer with the name under which a browser saves it (RFC 6266, RFC 8187).
-pub(super) fn attachment(mut answer: Response, name: &str) -> Response {
+/// Returns an answer that a browser saves, with the name of the file.
+pub(super) fn attachment(answer: Response, name: &str) -> Response {
+    named(answer, "attachment", name)
+}
+
+/// Returns an answer that a browser shows if it can, with the name under which it saves it.
+pub(super) fn inline(answer: Response, name: &str) -> Response {
+    named(answer, "inline", name)
+}
+
+/// Returns an answer with a disposition and the name of its file (RFC 6266, RFC 8187).
+fn named(mut answer: Response, disposition: &str, name: &str) -> Response {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "!#$&+-.^_`|~".contains(c);
     let ascii: String = name
         .chars()
         .map(|c| if c == ' ' || c.is_ascii_graphic() && !"\"\\%/".contains(c) { c } else { '_' })
         .collect();
-    let mut value = format!("attachment; filename=\"{ascii}\"");
+    let mut value = format!("{disposition}; filename=\"{ascii}\"");
     if ascii != name {
         value.push_str("; filename*=UTF-8''");
         for c in name.chars() {
@@ -316,5 +326,7 @@ mod tests {
             let answer = attachment(Response::new(Body::empty()), name);
             assert_eq!(answer.headers()[header::CONTENT_DISPOSITION], want);
         }
+        let shown = inline(Response::new(Body::empty()), "elm-7-plan.svg");
+        assert_eq!(shown.headers()[header::CONTENT_DISPOSITION], "inline; filename=\"elm-7-plan.svg\"");
     }
 }

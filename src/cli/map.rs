@@ -20,6 +20,7 @@ use super::output;
 use super::progress::{TerminalProgress, print_line};
 use super::video_tools::video_tools;
 use super::wrong_file::Advice;
+use crate::api::pretty_json;
 use crate::jobs::{JobParams, level_maps};
 use anyhow::Result;
 use clap::Args;
@@ -119,7 +120,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
     files.write(out)?;
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&files.document)?);
+        println!("{}", String::from_utf8_lossy(&pretty_json(&files.document)));
     } else {
         table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     }

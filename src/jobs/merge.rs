@@ -172,9 +172,10 @@ async fn merge_from(
     let (claim, assembly) = assemble_readable(storage, claim, manifest).await?;
     let claim = &claim;
     let scenes = storage.last_scenes(claim).await?;
-    let version = claim.corrections.version;
-    let is_described =
-        |level: &LevelName| scenes.get(level).is_some_and(|scene| scene.corrections() == version);
+    let described = (claim.corrections.version, claim.home_name.as_deref());
+    let is_described = |level: &LevelName| {
+        scenes.get(level).is_some_and(|scene| (scene.corrections(), scene.home_name()) == described)
+    };
     let last_tiles = storage.last_tiles(claim).await?;
     // A map whose manifest was left out has more tiles than that.
     let is_same = assembly.manifest == *manifest
@@ -271,6 +272,7 @@ async fn levels(
             clips,
             scene: scenes.remove(&map.level),
             corrections: claim.corrections.on_level(map.level),
+            home_name: claim.home_name.clone(),
             left: left_map(storage, claim, map).await?,
         };
         let bytes = storage.lidar_map_file(map.id()).await?;

@@ -261,6 +261,15 @@ pub(super) async fn outdated(connection: &mut Connection, home: &HomeId) -> Resu
     Ok(())
 }
 
+/// Marks a home's map as due if it was ever: its plans have the home's name.
+pub(super) async fn renamed(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
+    query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1 AND map_wanted > 0")
+        .bind(home.key())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
 async fn files(
     connection: &mut Connection,
     home: &HomeId,

@@ -8,7 +8,7 @@ pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 use super::changes::{self, Changed};
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::home_maps::{FAILING_MERGES, MapState};
+use super::home_maps::{self, FAILING_MERGES, MapState};
 use super::{ClipState, Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
 use search::search_text;
@@ -147,6 +147,9 @@ impl Storage {
             }
         }
         let is_renamed = !is_new && rename(&mut transaction, id, name, &search).await?;
+        if is_renamed {
+            home_maps::renamed(&mut transaction, id).await?;
+        }
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;
         }

@@ -10,7 +10,7 @@ use std::process::Command;
 use viola_testing::{room, zips};
 
 /// Each file with its path below the home.
-const FILES: [(&str, &str); 20] = [
+const FILES: [(&str, &str); 21] = [
     ("map.json", "map"),
     ("objects.json", "map/objects"),
     ("points.ply", "map/points"),
@@ -23,6 +23,7 @@ const FILES: [(&str, &str); 20] = [
     ("mesh.usdz", "map/mesh?format=usdz"),
     ("mesh.obj", "map/mesh?format=obj"),
     ("plan.svg", "map/plan?format=svg"),
+    ("plan.png", "map/plan?format=png"),
     ("plan.pdf", "map/plan?format=pdf"),
     ("plan.dxf", "map/plan?format=dxf"),
     ("plan.geojson", "map/plan?format=geojson"),
@@ -33,7 +34,7 @@ const FILES: [(&str, &str); 20] = [
     ("matter.json", "map/robot?format=matter"),
 ];
 /// Files that a reader opens, each of which it tells about in a line.
-const READ: usize = 14;
+const READ: usize = 15;
 
 #[tokio::test]
 async fn readers_of_other_programs_find_the_home_in_its_files() {

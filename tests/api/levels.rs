@@ -159,6 +159,42 @@ async fn a_clip_is_aligned_to_the_level_where_it_was_recorded() {
 }
 
 #[tokio::test]
+async fn a_plan_tells_its_level_and_its_home() {
+    let (server, home, path, _) = aligned_upstairs().await;
+    eventually("the clip is in the map", || async {
+        let clip = server.get(&path).await.ok(200);
+        (!clip["placement"].is_null()).then_some(())
+    })
+    .await;
+    let plan = async |query: &str| server.get(&format!("{home}/map/plan?{query}")).await;
+    let title = async |level: &str| {
+        let svg = String::from_utf8(plan(&format!("level={level}")).await.bytes).unwrap();
+        let (_, title) = svg.split_once("<title>").unwrap();
+        title.split_once("</title>").unwrap().0.to_owned()
+    };
+    assert_eq!(title("main").await, "Floor plan");
+    assert_eq!(title("upper").await, "Floor plan, upper");
+    for (query, end) in [("level=upper&format=dxf", "-plan-upper.dxf\""), ("format=png", "-plan.png\"")] {
+        let plan = plan(query).await;
+        let name = plan.header("content-disposition");
+        assert!(name.starts_with("inline; filename=\"h-") && name.ends_with(end), "{name}");
+    }
+    // Plans with the home's new name follow.
+    let rename = async |name: Value| {
+        server.send(server.request(Method::PUT, &home).json(&json!({"name": name}))).await.ok(200)
+    };
+    rename(json!("Elm & Co")).await;
+    eventually("the plans have the name of the home", || async {
+        (title("upper").await == "Floor plan, upper: Elm &amp; Co").then_some(())
+    })
+    .await;
+    assert_eq!(title("main").await, "Floor plan: Elm &amp; Co");
+    rename(Value::Null).await;
+    eventually("the plans have no name", || async { (title("main").await == "Floor plan").then_some(()) })
+        .await;
+}
+
+#[tokio::test]
 async fn a_person_chooses_a_level() {
     let (server, home, path, clip) = aligned_upstairs().await;
     let choose = async |body: Value| {

@@ -270,6 +270,8 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     ] {
         let answer = server.get(&format!("{home}/map/plan?format={format}")).await;
         assert_eq!((answer.status, answer.header("content-type")), (200, kind));
+        let name = format!("inline; filename=\"h-1-plan.{format}\"");
+        assert_eq!(answer.header("content-disposition"), name);
         let begins = String::from_utf8_lossy(&answer.bytes[..60]).into_owned();
         assert!(answer.bytes.starts_with(start) || begins.contains("<?xml"), "{begins}");
         let request = server.request(Method::GET, &format!("{home}/map/plan")).header("accept", kind);

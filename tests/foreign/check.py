@@ -26,6 +26,7 @@ FILES = {
     "mesh.usdz": surfaces.usdz,
     "plan.dxf": plans.dxf,
     "plan.pdf": plans.pdf,
+    "plan.png": plans.png,
     "home.mcap": recording.mcap,
     "valetudo.json": robots.valetudo,
     "calibration.json": robots.calibration,

@@ -1,4 +1,4 @@
-"""Floor plans, by the readers of CAD programs and of PDF."""
+"""Floor plans, by the readers of CAD programs, of PDF and of pictures."""
 
 import math
 import re
@@ -7,9 +7,11 @@ import ezdxf
 import numpy as np
 import pypdf
 from ezdxf import bbox
+from PIL import Image
 
 # Points of a PDF in a millimetre.
 POINTS_OF_MM = 72 / 25.4
+SHEETS_MM = {"A4": [210, 297], "A3": [297, 420]}
 
 
 def area_m2(corners):
@@ -44,6 +46,10 @@ def dxf(truth):
         assert abs(area_m2(room["polygon_m"]) - holes_m2 - room["area_m2"]) < 0.02, room
     names = [text.dxf.text for text in space.query('TEXT[layer=="ROOM_NAMES"]')]
     assert [f"{room['area_m2']:.1f} m2" for room in truth.plan["rooms"]] == names[1::2], names
+    notes = [text.dxf.text for text in space.query('TEXT[layer=="NOTES"]')]
+    turn = next(match for match in (re.match(r"Turn by ([-\d.]+) degrees about 0,0 ", note) for note in notes) if match)
+    assert abs(float(turn[1]) - math.degrees(yaw)) < 0.001, (notes, yaw)
+    assert "Units: metres" in notes and notes[0].startswith("Floor plan"), notes
     furniture = space.query('*[layer=="FURNITURE"]')
     assert bool(truth.plan["furniture"]) == (len(furniture) > 0)
     return f"{len(space)} entities on {len(layers)} layers"
@@ -55,13 +61,41 @@ def turned(corner, yaw):
     return [c * corner[0] + s * corner[1], c * corner[1] - s * corner[0]]
 
 
+def page(truth):
+    """Returns the sides of the page in millimetres, and its scale."""
+    svg = (truth.folder / "plan.svg").read_text()
+    sides_mm = [float(side) for side in re.search(r'width="([\d.]+)mm" height="([\d.]+)mm"', svg).groups()]
+    return np.array(sides_mm), int(re.search(r"<desc>Scale 1:(\d+)\.", svg)[1])
+
+
 def pdf(truth):
     reader = pypdf.PdfReader(truth.path("plan.pdf"), strict=True)
     assert len(reader.pages) == 1
-    box = reader.pages[0].mediabox
-    svg = (truth.folder / "plan.svg").read_text()
-    page_mm = [float(side) for side in re.search(r'width="([\d.]+)mm" height="([\d.]+)mm"', svg).groups()]
-    for points, mm in zip([box.width, box.height], page_mm):
-        assert abs(float(points) - mm * POINTS_OF_MM) < 1, (box, page_mm)
-    assert len(reader.pages[0].get_contents().get_data()) > 1000
-    return f"a page of {page_mm[0]:g} x {page_mm[1]:g} mm"
+    assert reader.metadata.title.startswith("Floor plan"), reader.metadata
+    box = np.array([float(reader.pages[0].mediabox.width), float(reader.pages[0].mediabox.height)])
+    sheets = [name for name, mm in SHEETS_MM.items() if np.abs(np.sort(box) - np.array(mm) * POINTS_OF_MM).max() < 1]
+    assert sheets, box
+    page_mm, scale = page(truth)
+    content = reader.pages[0].get_contents().get_data().decode()
+    points_of_px, _, _, _, left, top = [float(number) for number in content.split(" cm", 1)[0].split()]
+    # The page is in the middle of the sheet.
+    height = page_mm[1] * POINTS_OF_MM
+    assert np.abs([2 * left + page_mm[0] * POINTS_OF_MM - box[0], 2 * top - height - box[1]]).max() < 0.5, (box, page_mm)
+    # The first room is filled after the background, in true scale.
+    area = re.split(r"\nf\*?\n", content)[1]
+    corners = np.array(re.findall(r"^([-\d.]+) ([-\d.]+) [ml]$", area, re.MULTILINE), float)
+    ring = np.array([turned(corner, truth.plan["plan_yaw_rad"]) for corner in truth.plan["rooms"][0]["polygon_m"]])
+    drawn, wanted = np.ptp(corners, axis=0) * points_of_px, np.ptp(ring, axis=0) * 1000 / scale * POINTS_OF_MM
+    assert np.abs(drawn - wanted).max() < 0.2, (drawn, wanted)
+    return f"1:{scale} on {sheets[0]}"
+
+
+def png(truth):
+    page_mm, _ = page(truth)
+    with Image.open(truth.path("plan.png")) as picture:
+        picture.load()
+        size_px, dpi = picture.size, picture.info["dpi"]
+    assert list(size_px) == truth.plan["image"]["size_px"], size_px
+    printed_mm = np.array(size_px) / dpi * 25.4
+    assert np.abs(printed_mm - page_mm).max() < 0.3, (printed_mm, page_mm)
+    return f"{size_px[0]} x {size_px[1]} pixels"

@@ -41,6 +41,12 @@ impl GridFrame {
         )
     }
 
+    /// Returns the origin for people and other programs, rounded to a micrometre: sums of decimal numbers have noise.
+    pub fn written_origin_m(&self) -> [f64; 2] {
+        // Adding zero makes -0 and 0 equal.
+        self.origin_m.map(|c| (c * 1e6).round() / 1e6 + 0.0)
+    }
+
     pub fn len(&self) -> usize {
         self.width * self.height
     }
@@ -103,6 +109,16 @@ mod tests {
             let frame = GridFrame::covering([x0, x0], [x0 + w, x0 + h], 0.3, cell);
             prop_assert!(frame.cell(&Point2::new(x0, x0)).is_some());
             prop_assert!(frame.cell(&Point2::new(x0 + w, x0 + h)).is_some());
+        }
+    }
+
+    #[test]
+    fn a_written_origin_has_no_noise() {
+        for (c, want) in
+            [(0.499_999_999_999_999_3, "0.5"), (-6.899_999_999_999_999_5, "-6.9"), (-1e-9, "0.0")]
+        {
+            let frame = GridFrame { origin_m: [c, 1.25], cell_m: 0.05, width: 1, height: 1 };
+            assert_eq!(format!("{:?}", frame.written_origin_m()), format!("[{want}, 1.25]"));
         }
     }
 

@@ -40,7 +40,7 @@ use evidence::Evidence;
 use merges::Merges;
 use spaces::Spaces;
 use viola_formats::lidar::LidarMap;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{LevelName, Point2, Pose2};
 
 pub use dxf::plan_dxf;
 pub use geojson::{plan_geojson, plan_json};
@@ -104,7 +104,16 @@ pub(super) fn plan_of_corrected(
     let owned = outlines.into_iter().zip(&spaces.owners);
     let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
     let furniture = furnish::furniture(objects, &rooms, &evidence.plan_from_map);
-    let mut plan = Plan { map_from_plan, walls, masonry, openings, rooms, furniture };
+    let mut plan = Plan {
+        level: LevelName::MAIN,
+        home_name: None,
+        map_from_plan,
+        walls,
+        masonry,
+        openings,
+        rooms,
+        furniture,
+    };
     fixtures::add(&mut plan, points);
     plan
 }

@@ -45,6 +45,14 @@ pub fn has_letters(words: &str) -> bool {
     is_whole(parse(&svg).root())
 }
 
+/// Returns a text without the letters that the fonts in the binary lack, and without the characters that join pictographs.
+pub fn letters_in_fonts(words: &str) -> String {
+    let joins = |letter: char| matches!(letter, '\u{200d}' | '\u{fe00}'..='\u{fe0f}');
+    let is_there =
+        |letter: &char| letter.is_ascii() || !joins(*letter) && has_letters(letter.encode_utf8(&mut [0; 4]));
+    words.chars().filter(is_there).collect()
+}
+
 /// Renders `svg` with `px_per_unit` pixels for each of its units.
 ///
 /// # Panics

@@ -1,8 +1,8 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
 use super::format::{Format, accepted, named};
-use super::{App, LevelQuery, level, missing, revision, tag_of_content};
-use crate::api::bodies::{FileBytes, send};
+use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_content};
+use crate::api::bodies::{FileBytes, inline, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
@@ -181,7 +181,9 @@ pub(in crate::api) async fn get_map_plan(
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
     let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(&app, file).await) };
-    Ok(tagged(send(blob, media_type), &tag))
+    let (what, ending) = format.file().split_once('.').unwrap_or_default();
+    let name = file_name(&home, map.revision, what, level, ending);
+    Ok(tagged(inline(send(blob, media_type), &name), &tag))
 }
 
 impl PlanFormat {

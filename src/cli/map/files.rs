@@ -5,7 +5,7 @@ use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
 use super::exports::LevelExports;
 use super::robot;
-use crate::api::{objects_document, rooms_document};
+use crate::api::{objects_document, pretty_json, rooms_document};
 use crate::cli::output;
 use crate::jobs::{Described, Earlier, describe};
 use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
@@ -183,7 +183,7 @@ fn clip_documents(manifest: &Manifest, clips: &[HomeClip]) -> Result<Vec<ClipDoc
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
-    let mut text = serde_json::to_vec_pretty(value)?;
+    let mut text = pretty_json(value);
     text.push(b'\n');
     output::write_bytes(path, text)
 }

@@ -21,6 +21,8 @@ pub struct Earlier {
     pub clips: Vec<PlacedClip>,
     pub scene: Option<MapScene>,
     pub corrections: Corrections,
+    /// The home's name now.
+    pub home_name: Option<String>,
     /// The level's earlier LiDAR map, if the new revision of the home has another.
     pub left: Option<LeftMap>,
 }
@@ -33,11 +35,13 @@ pub struct LeftMap {
 }
 
 impl Earlier {
-    /// Returns whether the level is described with its current LiDAR map and corrections.
+    /// Returns whether the level is described with its current LiDAR map, its corrections and the home's name.
     pub fn is_described(&self) -> bool {
         let history = self.scene.as_ref().and_then(|scene| scene.history.as_ref());
-        let is_corrected = history.is_some_and(|history| history.corrections == self.corrections.version);
-        is_corrected && self.left.is_none()
+        let is_same = |history: &MapHistory| {
+            history.corrections == self.corrections.version && history.home_name == self.home_name
+        };
+        history.is_some_and(is_same) && self.left.is_none()
     }
 }
 
@@ -68,6 +72,7 @@ pub fn describe(
     history.ids.move_by(&now_from_last);
     history.frames = frames(history.frames, now_from_last, last);
     history.corrections = last.corrections.version;
+    history.home_name.clone_from(&last.home_name);
     let (of_objects, of_rooms) = corrections(&last.corrections, &history);
     let numbers = ClipNumbers::new(clips.iter().map(|clip| &clip.clip));
     let (mut corrected_rooms, mut corrected_objects) = (BTreeMap::new(), BTreeMap::new());
@@ -84,8 +89,9 @@ pub fn describe(
         corrected_objects = corrected;
         history.hidden = hidden.into_iter().collect();
     };
-    let Description { rooms, objects, coverage, plan } =
+    let Description { rooms, objects, coverage, mut plan } =
         home::describe_revised(lidar, tiles, &numbers, revise);
+    (plan.level, plan.home_name) = (level, last.home_name.clone());
     let before = last.scene.as_ref().map(|scene| scene.objects.as_slice()).unwrap_or_default();
     let map_object = |object: Object| {
         let mut object = MapObject::new(level, object, clips);

@@ -1,9 +1,11 @@
 //! Homes, LiDAR maps, clips and idempotency keys.
 
+use super::home_maps::{due, finish, two_aligned};
 use super::*;
 
 on_every_back_end!(
     homes_come_and_go,
+    a_renamed_home_is_merged_again,
     lists_page_through_everything_once,
     what_is_not_there_is_told,
     a_clip_waits_for_the_first_map,
@@ -25,6 +27,27 @@ async fn homes_come_and_go(storage: Storage) {
     assert_eq!(storage.home(&id).await.unwrap(), renamed);
     storage.delete_home(&id, |_| true, at(500)).await.unwrap();
     assert!(matches!(storage.home(&id).await, Err(StorageError::NoSuchHome)));
+}
+
+/// The plans of its map have its name.
+async fn a_renamed_home_is_merged_again(storage: Storage) {
+    let bare = home("bare");
+    for name in [None, Some("Oak")] {
+        storage.put_home(&bare, name, |_| true, at(1)).await.unwrap();
+        assert!(due(&storage, 2).await.is_none(), "it has nothing to merge");
+    }
+    let (elm, _) = two_aligned(&storage).await;
+    let claim = due(&storage, 101).await.expect("the home is due");
+    assert_eq!(claim.home_name, None);
+    assert!(finish(&storage, &claim, b"tile", 102).await);
+    for name in [Some("Elm"), None] {
+        storage.put_home(&elm, name, |_| true, at(103)).await.unwrap();
+        let claim = due(&storage, 104).await.expect("the home has another name");
+        assert_eq!(claim.home_name.as_deref(), name);
+        assert!(storage.finish_merge(&claim, None, at(105)).await.unwrap());
+        storage.put_home(&elm, name, |_| true, at(106)).await.unwrap();
+        assert!(due(&storage, 107).await.is_none(), "the name is the same");
+    }
 }
 
 async fn lists_page_through_everything_once(storage: Storage) {

@@ -30,6 +30,7 @@ const LONG_REST: Duration = Duration::from_mins(1);
 #[derive(Debug, Clone)]
 pub struct MergeClaim {
     pub home: HomeId,
+    pub home_name: Option<String>,
     /// The clips that may be in the map.
     pub members: Vec<Member>,
     /// The current LiDAR map of each level, by the levels' names.
@@ -112,7 +113,7 @@ macro_rules! claim {
             " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
             $lock,
             ")
-    RETURNING id, map_wanted, map_fence, map_faults, created_at"
+    RETURNING id, name, map_wanted, map_fence, map_faults, created_at"
         )
     };
 }
@@ -348,6 +349,7 @@ async fn read_claim(
         fencing_token: row.number("map_fence")?,
         faults: row.count("map_faults")?,
         home_created_at: row.time("created_at")?,
+        home_name: row.maybe_text("name")?,
         home: home.clone(),
     })
 }

@@ -52,6 +52,9 @@ pub struct MapHistory {
     pub ids: History,
     /// Version of the home's corrections that are applied.
     pub corrections: i64,
+    /// The home's name in the titles of the plans.
+    #[serde(default)]
+    pub home_name: Option<String>,
     /// Objects that people hid.
     pub hidden: Vec<String>,
     /// Transforms into this revision's frame from those of earlier LiDAR maps, by revision.
@@ -82,6 +85,11 @@ impl MapScene {
     /// Returns the version of the corrections that it has.
     pub fn corrections(&self) -> i64 {
         self.history.as_ref().map_or(0, |history| history.corrections)
+    }
+
+    /// Returns the home's name that it has.
+    pub fn home_name(&self) -> Option<&str> {
+        self.history.as_ref()?.home_name.as_deref()
     }
 
     /// Returns the history; that of a revision of an earlier version has its ids and nothing else.

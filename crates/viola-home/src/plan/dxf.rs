@@ -5,7 +5,7 @@ use super::symbols::strokes;
 use std::fmt::{Display, Write};
 
 /// Layers and their colours, by AutoCAD's numbers.
-const LAYERS: [(&str, u8); 7] = [
+const LAYERS: [(&str, u8); 8] = [
     ("WALLS", 7),
     ("WALL_LINES", 8),
     ("DOORS", 30),
@@ -13,6 +13,7 @@ const LAYERS: [(&str, u8); 7] = [
     ("ROOMS", 3),
     ("ROOM_NAMES", 7),
     ("FURNITURE", 9),
+    ("NOTES", 8),
 ];
 /// Height of letters.
 const TEXT_M: f64 = 0.18;
@@ -59,6 +60,7 @@ pub fn plan_dxf(plan: &Plan) -> String {
     out.pair(0, "ENDSEC");
     out.section("ENTITIES");
     entities(plan, &mut out);
+    notes(plan, low, &mut out);
     out.pair(0, "ENDSEC");
     out.pair(0, "EOF");
     out.0
@@ -84,6 +86,23 @@ fn entities(plan: &Plan, out: &mut Dxf) {
     }
     for stroke in plan.furniture.iter().flat_map(strokes) {
         out.polyline("FURNITURE", &stroke.points_m, stroke.is_closed);
+    }
+}
+
+/// Writes the title, the unit and the frame below the drawing. Programs drop comments when they save a file, and some of them
+/// ignore the variable of the unit, which is newer than R12.
+fn notes(plan: &Plan, [left, bottom]: [f64; 2], out: &mut Dxf) {
+    let turn_deg = plan.map_from_plan.yaw_rad.to_degrees();
+    let lines = [
+        plan.title(),
+        "Units: metres".to_owned(),
+        format!("Turn by {turn_deg:.3} degrees about 0,0 for the LiDAR map's frame"),
+    ];
+    for (number, line) in (2..).zip(&lines) {
+        out.entity("TEXT", "NOTES");
+        out.point([left, bottom - 1.6 * TEXT_M * f64::from(number)]);
+        out.pair(40, TEXT_M);
+        out.pair(1, encoded(line));
     }
 }
 

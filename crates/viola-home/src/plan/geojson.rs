@@ -6,10 +6,13 @@ use crate::rooms::outline::Outline;
 use serde_json::{Value, json};
 use viola_geometry::Point2;
 
+/// Name of the coordinate system: as WKT (OGC 01-009), which GDAL and its users read.
+const CRS: &str = "LOCAL_CS[\"LiDAR map\",UNIT[\"metre\",1]]";
 const FRAME: &str = "metres in the LiDAR map's own frame, x right and y up; not longitude and latitude";
 
 /// Returns the plan as a GeoJSON feature collection (RFC 7946, except that coordinates are metres in the
-/// LiDAR map's frame, because a home's map has no place on the Earth; the foreign member `frame` says so).
+/// LiDAR map's frame, because a home's map has no place on the Earth; the member `crs` of GeoJSON 2008 tells it to programs,
+/// the foreign member `frame` to people).
 pub fn plan_geojson(plan: &Plan) -> Value {
     let mut features = Vec::new();
     for (number, room) in (1..).zip(&plan.rooms) {
@@ -62,6 +65,7 @@ pub fn plan_geojson(plan: &Plan) -> Value {
     let (low, high) = bounds(&features);
     json!({
         "type": "FeatureCollection",
+        "crs": { "type": "name", "properties": { "name": CRS } },
         "frame": FRAME,
         "plan_yaw_rad": plan.map_from_plan.yaw_rad,
         "bbox": [low[0], low[1], high[0], high[1]],

@@ -62,6 +62,19 @@ fn beyond(wall: &Wall) -> Polygon {
     body(&behind, USUAL_M)
 }
 
+/// Returns the common area of two outlines.
+pub(super) fn common_m2(a: &Outline, b: &Outline) -> f64 {
+    let span = |outline: &Outline, axis: usize| {
+        let along = outline.ring_m.iter().map(|corner| corner[axis]);
+        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
+    };
+    let is_apart = (0..2).any(|axis| {
+        let ((a_low, a_high), (b_low, b_high)) = (span(a, axis), span(b, axis));
+        a_high <= b_low || b_high <= a_low
+    });
+    if is_apart { 0.0 } else { polygon(a).intersection(&polygon(b)).unsigned_area() }
+}
+
 fn ring(corners: &[[f64; 2]]) -> Polygon {
     Polygon::new(line_string(corners), Vec::new())
 }

@@ -3,12 +3,15 @@
 use crate::rooms::outline::{Outline, contains};
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{LevelName, Point2, Pose2};
 
 /// A floor plan. All coordinates are in the plan's own frame: the LiDAR map's, turned about its origin so that
 /// the main direction of the walls is horizontal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
+    /// Level and name of the home, for the title.
+    pub level: LevelName,
+    pub home_name: Option<String>,
     /// Rotation of the plan's frame into the LiDAR map's.
     pub map_from_plan: Pose2,
     pub walls: Vec<Wall>,
@@ -137,6 +140,18 @@ impl Furniture {
 }
 
 impl Plan {
+    /// Returns the title: with the level unless it is `main`, and with the home's name if it has one.
+    pub fn title(&self) -> String {
+        let mut title = "Floor plan".to_owned();
+        if !self.level.is_main() {
+            title += &format!(", {}", self.level);
+        }
+        if let Some(name) = self.home_name.as_deref().map(str::trim).filter(|name| !name.is_empty()) {
+            title += &format!(": {name}");
+        }
+        title
+    }
+
     /// Returns the box of all walls and rooms.
     pub fn bounds_m(&self) -> ([f64; 2], [f64; 2]) {
         let rings = self.masonry.iter().chain(self.rooms.iter().map(|room| &room.outline));

@@ -373,4 +373,4 @@ fn middle(left: &[&Upright], used: &[usize], normal: &Vector2) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -14,8 +14,9 @@ use viola_geometry::Point2;
 
 /// Scales of drawings, 1 to this.
 const SCALES: [f64; 12] = [20.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0];
-/// The longer side of the drawing on paper, at most.
-const LONGEST_MM: f64 = 260.0;
+/// Sheets of paper (ISO 216): the shorter and the longer side, and the smallest scale at which the sheet is taken.
+const A4: ([f64; 2], f64) = ([210.0, 297.0], 100.0);
+const A3: ([f64; 2], f64) = ([297.0, 420.0], f64::INFINITY);
 /// Space around the drawing: for dimension lines above and left of it.
 const BEFORE_MM: f64 = 26.0;
 const AFTER_MM: f64 = 12.0;
@@ -42,6 +43,8 @@ pub(super) struct Page {
     pub scale: f64,
     pub width_mm: f64,
     pub height_mm: f64,
+    /// Width and height of the sheet of paper on which the page is printed.
+    pub sheet_mm: [f64; 2],
     /// Upper left corner of the drawing in the plan's frame, and its place on the page.
     corner_m: [f64; 2],
     corner_mm: [f64; 2],
@@ -53,16 +56,15 @@ impl Page {
     pub fn of(plan: &Plan) -> Page {
         let (low, high) = plan.bounds_m();
         let size_m = [0, 1].map(|axis| (high[axis] - low[axis]).max(1.0));
-        let longest_m = size_m[0].max(size_m[1]);
-        let fits = |scale: &f64| longest_m * 1e3 / scale <= LONGEST_MM;
-        let scale = SCALES.into_iter().find(fits).unwrap_or(SCALES[SCALES.len() - 1]);
+        let (scale, sheet_mm) = scale_and_sheet(size_m);
         let [width, height] = size_m.map(|side| side * 1e3 / scale);
-        let width_mm = (width + BEFORE_MM + AFTER_MM).max(NARROWEST_MM);
+        let [width_mm, height_mm] = page_mm(size_m, scale);
         let left = BEFORE_MM + (width_mm - width - BEFORE_MM - AFTER_MM) / 2.0;
         Page {
             scale,
             width_mm,
-            height_mm: height + BEFORE_MM + AFTER_MM + TITLE_MM,
+            height_mm,
+            sheet_mm,
             corner_m: [low[0], high[1]],
             corner_mm: [left, BEFORE_MM],
             drawing_mm: [[left, BEFORE_MM], [left + width, BEFORE_MM + height]],
@@ -103,6 +105,44 @@ impl Page {
         path.pop();
         path
     }
+}
+
+/// Returns the largest scale at which the page of a drawing fits on a sheet, and the sheet's width and height.
+fn scale_and_sheet(size_m: [f64; 2]) -> (f64, [f64; 2]) {
+    let fits = |(scale, sheet_mm): &(f64, [f64; 2])| {
+        let page_mm = page_mm(size_m, *scale);
+        (0..2).all(|axis| page_mm[axis] <= sheet_mm[axis])
+    };
+    let smallest = SCALES[SCALES.len() - 1];
+    [A4, A3]
+        .into_iter()
+        .flat_map(|([short, long], smallest)| {
+            let scales = SCALES.into_iter().filter(move |scale| *scale <= smallest);
+            scales.flat_map(move |scale| [(scale, [short, long]), (scale, [long, short])])
+        })
+        .find(fits)
+        .unwrap_or((smallest, page_mm(size_m, smallest)))
+}
+
+/// Returns width and height of the page of a drawing.
+fn page_mm(size_m: [f64; 2], scale: f64) -> [f64; 2] {
+    let [width, height] = size_m.map(|side| side * 1e3 / scale);
+    [(width + BEFORE_MM + AFTER_MM).max(NARROWEST_MM), height + BEFORE_MM + AFTER_MM + TITLE_MM]
+}
+
+/// Returns a text of at most `longest` letters. A longer one ends with an ellipsis, behind its last whole word unless that would
+/// take more than half.
+pub(super) fn shortened(words: &str, longest: usize) -> String {
+    let letters: Vec<char> = words.chars().collect();
+    if letters.len() <= longest {
+        return words.to_owned();
+    }
+    let kept = longest.saturating_sub(1);
+    // A space right behind the kept letters ends a word, too.
+    let space = letters[..=kept].iter().rposition(|letter| letter.is_whitespace());
+    let end = space.filter(|space| 2 * space >= longest).unwrap_or(kept);
+    let start: String = letters[..end].iter().collect();
+    format!("{}\u{2026}", start.trim_end())
 }
 
 /// Returns the width of a text in letters of `size_mm`, as estimated for the font in the binary.

@@ -1,5 +1,6 @@
 //! Oblique walls: the stairs that cells make of them become straight sides.
 
+use super::masonry::common_m2;
 use super::model::Wall;
 use super::oblique::Oblique;
 use super::shape::{THICKEST_M, USUAL_M};
@@ -20,6 +21,9 @@ const MOVE_M: f64 = 0.3;
 /// Sine of the largest angle between the two faces of a wall.
 const PARALLEL: f64 = 0.2;
 
+/// Rooms with a larger common area overlap.
+const MAX_COMMON_M2: f64 = 1e-4;
+
 /// A bound on work: rings with more corners keep their stairs.
 const MAX_CORNERS: usize = 2000;
 
@@ -33,19 +37,63 @@ pub(super) struct Side {
     pub ends_m: [[f64; 2]; 2],
 }
 
-/// Puts the stairs of all rooms on their faces, and returns the new sides.
+/// Puts the stairs of all rooms on their faces, and returns the new sides. Rooms do not overlap afterwards.
 pub(super) fn straighten(outlines: &mut [Outline], faces: &[Oblique]) -> Vec<Side> {
     let mut sides = Vec::new();
+    let before = outlines.to_vec();
     for (room, outline) in outlines.iter_mut().enumerate() {
+        let is_shared = |side: [[f64; 2]; 2]| {
+            let others = before.iter().enumerate().filter(|(other, _)| *other != room);
+            others.flat_map(|(_, other)| rings_of(other)).any(|ring| has_part_of(ring, side))
+        };
         let rings = std::iter::once(&mut outline.ring_m).chain(&mut outline.holes_m);
         for ring in rings {
-            if let Some((straight, new)) = straight(ring, faces) {
+            if let Some((straight, new)) = straight(ring, faces, &is_shared) {
                 *ring = straight;
                 sides.extend(new.into_iter().map(|(face, ends_m)| Side { room, face, ends_m }));
             }
         }
     }
+    restore_overlapping(outlines, &before, &mut sides);
     sides
+}
+
+fn rings_of(outline: &Outline) -> impl Iterator<Item = &Vec<[f64; 2]>> {
+    std::iter::once(&outline.ring_m).chain(&outline.holes_m)
+}
+
+/// Returns whether a ring has a part of a side, both along the axes.
+fn has_part_of(ring: &[[f64; 2]], [from_m, to_m]: [[f64; 2]; 2]) -> bool {
+    let span = |a: f64, b: f64| [a.min(b), a.max(b)];
+    let is_part = |(a, b): (&[f64; 2], &[f64; 2])| {
+        (0..2).any(|axis| {
+            let is_on_line = [a, b, &to_m].iter().all(|end| end[axis] == from_m[axis]);
+            let own = span(from_m[1 - axis], to_m[1 - axis]);
+            let other = span(a[1 - axis], b[1 - axis]);
+            is_on_line && own[0].max(other[0]) < own[1].min(other[1])
+        })
+    };
+    ring.iter().zip(ring.iter().cycle().skip(1)).any(is_part)
+}
+
+/// Gives rooms that overlap their stairs back, which overlap nothing.
+fn restore_overlapping(outlines: &mut [Outline], before: &[Outline], sides: &mut Vec<Side>) {
+    loop {
+        let is_straight = |room: usize| outlines[room] != before[room];
+        let overlaps = |room: usize| {
+            let mut others = (0..outlines.len()).filter(|other| *other != room);
+            others.any(|other| common_m2(&outlines[room], &outlines[other]) > MAX_COMMON_M2)
+        };
+        let found: Vec<usize> =
+            (0..outlines.len()).filter(|room| is_straight(*room) && overlaps(*room)).collect();
+        if found.is_empty() {
+            return;
+        }
+        for room in found {
+            outlines[room].clone_from(&before[room]);
+            sides.retain(|side| side.room != room);
+        }
+    }
 }
 
 /// Returns the face of which a side of a ring is a step; the room is on the side's left.
@@ -78,12 +126,17 @@ struct Line {
 
 type NewSides = Vec<(usize, [[f64; 2]; 2])>;
 
-/// Returns a ring with straight sides for its stairs; `None` if it has none.
-fn straight(ring: &[[f64; 2]], faces: &[Oblique]) -> Option<(Vec<[f64; 2]>, NewSides)> {
+/// Returns a ring with straight sides for its stairs; `None` if it has none. A side that `is_shared` lies at another room, without
+/// a wall between, and stays.
+fn straight(
+    ring: &[[f64; 2]],
+    faces: &[Oblique],
+    is_shared: &impl Fn([[f64; 2]; 2]) -> bool,
+) -> Option<(Vec<[f64; 2]>, NewSides)> {
     if ring.len() > MAX_CORNERS {
         return None;
     }
-    let lines = lines(ring, faces);
+    let lines = lines(ring, faces, is_shared);
     if lines.iter().all(|line| line.face.is_none()) || lines.len() < 3 {
         return None;
     }
@@ -116,11 +169,14 @@ fn straight(ring: &[[f64; 2]], faces: &[Oblique]) -> Option<(Vec<[f64; 2]>, NewS
 }
 
 /// Joins the steps of each face; short stairs stay.
-fn lines(ring: &[[f64; 2]], faces: &[Oblique]) -> Vec<Line> {
+fn lines(ring: &[[f64; 2]], faces: &[Oblique], is_shared: &impl Fn([[f64; 2]; 2]) -> bool) -> Vec<Line> {
     let count = ring.len();
     let corner = |i: usize| ring[i % count];
-    let mut labels: Vec<Option<usize>> =
-        (0..count).map(|i| face_of(faces, corner(i), corner(i + 1))).collect();
+    let label = |i: usize| {
+        let side = [corner(i), corner(i + 1)];
+        face_of(faces, side[0], side[1]).filter(|_| !is_shared(side))
+    };
+    let mut labels: Vec<Option<usize>> = (0..count).map(label).collect();
     for [from, to] in runs(&labels) {
         if length_m(corner(from), corner(to)) < SIDE_M {
             (from..to).for_each(|i| labels[i % count] = None);
@@ -246,3 +302,6 @@ fn is_behind(side: &Side, other: &Side, faces: &[Oblique]) -> bool {
     let least_m = 0.5 * (b - a).abs().min((d - c).abs());
     is_opposite && common_m >= least_m && (0.03..=THICKEST_M).contains(&behind_m(side, other, faces))
 }
+
+#[cfg(test)]
+mod tests;

@@ -57,7 +57,7 @@ pub fn nav2_zip(files: &[(&'static str, Vec<u8>)]) -> Vec<u8> {
 }
 
 fn yaml(image: &str, frame: &GridFrame, mode: Mode) -> Vec<u8> {
-    let [x_m, y_m] = frame.origin_m;
+    let [x_m, y_m] = frame.written_origin_m();
     let mode = match mode {
         Mode::Scale => "scale",
         Mode::Raw => "raw",

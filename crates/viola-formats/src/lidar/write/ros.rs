@@ -23,7 +23,7 @@ pub(super) fn write(map: &LidarMap, image: &str) -> Result<RosFiles, LidarError>
             Cell::Unknown => 205,
         }));
     }
-    let [x_m, y_m] = frame.origin_m;
+    let [x_m, y_m] = frame.written_origin_m();
     // YAML reads JSON's quotes too. 0.196 keeps unknown cells from being free.
     let image = serde_json::Value::from(image);
     let yaml = format!(

@@ -1,7 +1,7 @@
 use super::super::evidence::Facing;
 use super::*;
 
-fn face(from_m: [f64; 2], direction_deg: f64, length_m: f64) -> Oblique {
+pub(in crate::plan) fn face(from_m: [f64; 2], direction_deg: f64, length_m: f64) -> Oblique {
     let (sin, cos) = direction_deg.to_radians().sin_cos();
     Oblique {
         from_m: Point2::from(from_m),

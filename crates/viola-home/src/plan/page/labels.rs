@@ -1,6 +1,6 @@
 //! Names, areas and sizes of rooms, where they cover as little furniture as possible.
 
-use super::{INK, Page, QUIET, metres, point, text_width_mm};
+use super::{INK, Page, QUIET, metres, point, shortened, text_width_mm};
 use crate::plan::model::{Plan, PlanRoom};
 use crate::rooms::outline::contains;
 use crate::svg::escape;
@@ -44,8 +44,7 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
 
 fn name(room: &PlanRoom) -> String {
     let shown: String = room.title().chars().filter(|letter| !letter.is_control()).collect();
-    let cut: String = shown.trim().chars().take(LONGEST).collect();
-    cut.trim_end().to_owned()
+    shortened(shown.trim(), LONGEST)
 }
 
 fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {

@@ -1,6 +1,7 @@
 //! A plan as PDF: the elements of its SVG page, one to one, in true scale. Text is outlines, so the file
 //! needs no font. It shows the names that the fonts in the binary can show, as the picture does.
 
+use super::Page;
 use super::svg::drawn_svg;
 use crate::plan::model::Plan;
 use crate::svg::parse;
@@ -11,15 +12,19 @@ use resvg::usvg::{FillRule, Group, LineCap, LineJoin, Node, Paint, PaintOrder, P
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Points of PDF for each pixel of SVG.
+/// Points of PDF for each pixel of SVG, and for each millimetre.
 const POINTS_PER_PX: f32 = 72.0 / 96.0;
+const POINTS_PER_MM: f64 = 72.0 / 25.4;
 
-/// Returns the page of [`drawn_svg`] as PDF 1.4.
+/// Returns the page of [`drawn_svg`] as PDF 1.4, in the middle of a sheet of paper.
 pub fn plan_pdf(plan: &Plan) -> Vec<u8> {
     let tree = parse(&drawn_svg(plan));
-    let [width, height] = [tree.size().width(), tree.size().height()].map(|px| px * POINTS_PER_PX);
+    let page = Page::of(plan);
+    let [width, height] = page.sheet_mm.map(|mm| mm * POINTS_PER_MM);
+    let left = (width - page.width_mm * POINTS_PER_MM) / 2.0;
     // SVG counts down from the upper edge, PDF up from the lower one.
-    let mut content = format!("{POINTS_PER_PX} 0 0 -{POINTS_PER_PX} 0 {height:.2} cm\n");
+    let top = (height + page.height_mm * POINTS_PER_MM) / 2.0;
+    let mut content = format!("{POINTS_PER_PX} 0 0 -{POINTS_PER_PX} {left:.2} {top:.2} cm\n");
     draw_group(tree.root(), &mut content);
     let mut packed = ZlibEncoder::new(Vec::new(), Compression::default());
     let packed = packed.write_all(content.as_bytes()).and_then(|()| packed.finish());
@@ -28,15 +33,25 @@ pub fn plan_pdf(plan: &Plan) -> Vec<u8> {
     stream.extend_from_slice(&packed);
     stream.extend_from_slice(b"\nendstream");
     file(&[
-        b"<< /Type /Catalog /Pages 2 0 R >>".to_vec(),
+        // Programs that print it must not scale it to the printer's margins.
+        b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>".to_vec(),
         b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>".to_vec(),
         format!(
             "<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {width:.2} {height:.2}] /Resources << >> /Contents 4 0 R >>"
         )
         .into_bytes(),
         stream,
-        b"<< /Title (Floor plan) /Producer (viola) >>".to_vec(),
+        format!("<< /Title {} /Producer (viola) >>", text_string(&plan.title())).into_bytes(),
     ])
+}
+
+/// Returns a text in the encoding of documents' information: UTF-16 behind its mark, in hexadecimal digits.
+fn text_string(words: &str) -> String {
+    let mut digits = "FEFF".to_owned();
+    for unit in words.encode_utf16() {
+        let _ = write!(digits, "{unit:04X}");
+    }
+    format!("<{digits}>")
 }
 
 /// Returns a file of numbered objects; the first is the catalogue, the last the document's information.

@@ -5,7 +5,8 @@ use super::{
     INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title,
 };
 use crate::plan::model::Plan;
-use crate::svg::{FONT_FAMILY, escape, has_letters, render};
+use crate::svg::{FONT_FAMILY, escape, has_letters, letters_in_fonts, render};
+use flate2::Crc;
 use std::fmt::Write;
 
 /// Returns the plan as a standalone SVG page. Names are escaped.
@@ -15,9 +16,10 @@ pub fn plan_svg(plan: &Plan) -> String {
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.1}mm\" height=\"{height:.1}mm\" \
          viewBox=\"0 0 {width:.1} {height:.1}\" font-family=\"{FONT_FAMILY}\" text-anchor=\"middle\" \
-         stroke-linejoin=\"miter\">\n<title>Floor plan</title>\n\
+         stroke-linejoin=\"miter\">\n<title>{}</title>\n\
          <desc>Scale 1:{:.0}. The LiDAR map's frame is turned by {:.1} degrees on this page.</desc>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n",
+        escape(&plan.title()),
         page.scale,
         -plan.map_from_plan.yaw_rad.to_degrees()
     );
@@ -59,21 +61,46 @@ pub fn plan_svg(plan: &Plan) -> String {
     out + "</g>\n</svg>\n"
 }
 
-/// Returns the page as PNG and PDF draw it: a room whose name has a letter that the fonts in the binary lack is drawn like
-/// one without a name.
+/// Returns the page as PNG and PDF draw it: names have only the letters of the fonts in the binary.
 pub(super) fn drawn_svg(plan: &Plan) -> String {
     let mut plan = plan.clone();
+    plan.home_name = plan.home_name.as_deref().and_then(drawn);
     for room in &mut plan.rooms {
-        room.name = room.name.take().filter(|name| has_letters(name));
+        room.name = room.name.as_deref().and_then(drawn);
         room.id = room.id.take().filter(|id| has_letters(id));
     }
     plan_svg(&plan)
 }
 
-/// Returns the plan as PNG.
+/// Returns a name as the fonts draw it; `None` if they lack all its letters and digits.
+fn drawn(name: &str) -> Option<String> {
+    if has_letters(name) {
+        return Some(name.to_owned());
+    }
+    let shown = letters_in_fonts(name);
+    shown.chars().any(char::is_alphanumeric).then(|| shown.trim().to_owned())
+}
+
+/// Returns the plan as PNG, with its resolution.
 pub fn plan_png(plan: &Plan) -> Vec<u8> {
-    let page = Page::of(plan);
+    let px_per_mm = px_per_mm(&Page::of(plan));
     // The renderer takes a millimetre for 96 / 25.4 pixels.
-    let picture = render(&drawn_svg(plan), (px_per_mm(&page) * 25.4 / 96.0) as f32);
-    picture.encode_png().expect("an RGBA picture in memory always encodes")
+    let picture = render(&drawn_svg(plan), (px_per_mm * 25.4 / 96.0) as f32);
+    let mut png = picture.encode_png().expect("an RGBA picture in memory always encodes");
+    // Without it, programs take a pixel for 1/96 of an inch.
+    png.splice(HEADER_END..HEADER_END, resolution((px_per_mm * 1e3).round() as u32));
+    png
+}
+
+/// End of a PNG's signature and its first chunk, which have fixed lengths.
+const HEADER_END: usize = 33;
+
+/// Returns the chunk `pHYs` (PNG, 11.3.4.3): pixels per metre along both axes.
+fn resolution(px_per_m: u32) -> Vec<u8> {
+    let side = px_per_m.to_be_bytes();
+    let content = [&b"pHYs"[..], &side, &side, &[1]].concat();
+    let mut sum = Crc::new();
+    sum.update(&content);
+    // The length counts neither the name nor the sum.
+    [&9u32.to_be_bytes()[..], &content, &sum.sum().to_be_bytes()].concat()
 }

@@ -1,10 +1,16 @@
 //! The title block: what the page is, its scale, a scale bar and the axes of the LiDAR map.
 
-use super::{INK, LINE_MM, Page, QUIET, THIN_MM, TITLE_MM, text_width_mm};
+use super::{INK, LINE_MM, Page, QUIET, THIN_MM, TITLE_MM, shortened, text_width_mm};
 use crate::plan::model::Plan;
+use crate::svg::escape;
 use std::fmt::Write;
 
 const LEFT_MM: f64 = 10.0;
+/// Size of the title's letters. Bold ones are wider than others.
+const TITLE_LETTERS_MM: f64 = 4.4;
+const BOLD: f64 = 1.1;
+/// Width of the axes at the right edge of the page.
+const AXES_MM: f64 = 33.0;
 /// Longest scale bar.
 const BAR_MM: f64 = 50.0;
 
@@ -18,13 +24,21 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     let area_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
     let rooms = plan.rooms.len();
     let plural = if rooms == 1 { "" } else { "s" };
-    text(out, [LEFT_MM, top + 6.5], 4.4, INK, "start", true, "Floor plan");
+    let heading = escape(&heading(&plan.title(), page.width_mm - LEFT_MM - AXES_MM));
+    text(out, [LEFT_MM, top + 6.5], TITLE_LETTERS_MM, INK, "start", true, &heading);
     let facts = format!("{rooms} room{plural}, {area_m2:.1} m\u{b2}");
     text(out, [LEFT_MM, top + 11.5], 2.8, QUIET, "start", false, &facts);
     let scale = format!("Scale 1:{:.0}, measures in metres", page.scale);
     text(out, [LEFT_MM, top + 15.8], 2.4, QUIET, "start", false, &scale);
     bar(page, [page.width_mm * 0.45, top + 9.0], out);
     axes(plan, [right - 12.0, top + 12.5], out);
+}
+
+/// Returns the part of a title for which there is room.
+fn heading(title: &str, width_mm: f64) -> String {
+    let fits = |words: &String| BOLD * text_width_mm(words, TITLE_LETTERS_MM) <= width_mm;
+    let letters = title.chars().count();
+    (1..=letters).rev().map(|longest| shortened(title, longest)).find(fits).unwrap_or_default()
 }
 
 fn text(out: &mut String, at: [f64; 2], size: f64, ink: &str, anchor: &str, is_bold: bool, words: &str) {

@@ -146,7 +146,7 @@ fn is_near(points: &FxHashMap<[i32; 2], Vec<Point2>>, p: &Point2) -> bool {
 mod tests {
     use super::*;
     use crate::evaluate::Mesh;
-    use viola_geometry::Point3;
+    use viola_geometry::{LevelName, Point3};
     use viola_home::PlanRoom;
 
     /// A room of 4 m by 3 m: the mesh has wall at two of its sides, a cupboard at the third, nothing at the last.
@@ -171,6 +171,8 @@ mod tests {
         let outline = viola_home::Outline { ring_m, holes_m: Vec::new() };
         let room = PlanRoom { id: None, name: None, outline, area_m2: 12.0, label_at_m: [2.0, 1.5] };
         let plan = Plan {
+            level: LevelName::MAIN,
+            home_name: None,
             map_from_plan: Pose2::new(0.0, 0.0, 0.0),
             walls: Vec::new(),
             masonry: Vec::new(),

@@ -1,0 +1,134 @@
+//! Titles, names, sheets and resolution of the pages.
+
+use super::super::*;
+use super::plan_of;
+use flate2::Crc;
+
+/// Returns a plan with one wall around a box.
+fn box_of(size_m: [f64; 2]) -> Plan {
+    let [x, y] = size_m;
+    let ring_m = vec![[0.0, 0.0], [x, 0.0], [x, y], [0.0, y]];
+    let masonry = vec![Outline { ring_m, holes_m: Vec::new() }];
+    Plan { masonry, rooms: Vec::new(), furniture: Vec::new(), ..plan_of("") }
+}
+
+fn titled(level: &str, home_name: Option<&str>) -> Plan {
+    let home_name = home_name.map(str::to_owned);
+    Plan { level: level.parse().unwrap(), home_name, ..plan_of("Kitchen") }
+}
+
+fn has(bytes: &[u8], words: &str) -> bool {
+    bytes.windows(words.len()).any(|part| part == words.as_bytes())
+}
+
+#[test]
+fn pictures_show_the_letters_that_the_font_has() {
+    for (name, shown) in [
+        ("\u{53a8}\u{623f}", ""),
+        ("\u{30ea}\u{30d3}\u{30f3}\u{30b0}", ""),
+        ("\u{2728}!", ""),
+        ("Bad \u{1f6c1}", "Bad"),
+        (
+            "\u{1f6cf}\u{fe0f} \u{421}\u{43f}\u{430}\u{43b}\u{44c}\u{43d}\u{44f}",
+            "\u{421}\u{43f}\u{430}\u{43b}\u{44c}\u{43d}\u{44f}",
+        ),
+        ("K\u{fc}che \u{53a8}\u{623f}", "K\u{fc}che"),
+    ] {
+        let (plan, other) = (plan_of(name), plan_of(shown));
+        assert!(plan_svg(&plan).contains(name));
+        assert_eq!(plan_json(&plan)["rooms"][0]["name"], name);
+        assert!(plan_png(&plan) == plan_png(&other) && plan_pdf(&plan) == plan_pdf(&other), "{name}");
+    }
+    assert!(plan_pdf(&plan_of("K\u{fc}che")) != plan_pdf(&plan_of("")));
+}
+
+#[test]
+fn a_long_name_ends_behind_a_word_with_an_ellipsis() {
+    for (name, shown) in [
+        ("Wohnzimmer mit sehr langem Namen", "Wohnzimmer mit sehr langem\u{2026}"),
+        ("Wohnzimmer mit sehr langen Na", "Wohnzimmer mit sehr langen\u{2026}"),
+        ("Wohnzimmer mit langem Namen.", "Wohnzimmer mit langem Namen."),
+        ("a bcdefghijklmnopqrstuvwxyzabcdefgh", "a bcdefghijklmnopqrstuvwxyz\u{2026}"),
+    ] {
+        let svg = plan_svg(&plan_of(name));
+        assert!(svg.contains(&format!(">{shown}</text>")), "{name}");
+    }
+    assert!(crate::svg::has_letters("\u{2026}"));
+}
+
+#[test]
+fn the_title_has_the_level_and_the_home() {
+    for (level, home_name, title) in [
+        ("main", None, "Floor plan"),
+        ("main", Some(" "), "Floor plan"),
+        ("upper", None, "Floor plan, upper"),
+        ("main", Some("Elm Street 3"), "Floor plan: Elm Street 3"),
+        ("upper", Some("K\u{fc}ster"), "Floor plan, upper: K\u{fc}ster"),
+    ] {
+        let plan = titled(level, home_name);
+        let svg = plan_svg(&plan);
+        assert!(svg.contains(&format!("<title>{title}</title>")), "{title}");
+        assert!(svg.contains(&format!(">{title}</text>")), "{title}");
+        let hex: String = title.encode_utf16().map(|unit| format!("{unit:04X}")).collect();
+        assert!(has(&plan_pdf(&plan), &format!("/Title <FEFF{hex}>")), "{title}");
+    }
+    let svg = plan_svg(&titled("main", Some("<Elm> & Co")));
+    assert!(svg.contains(">Floor plan: &lt;Elm&gt; &amp; Co</text>"));
+    let long = "Elm ".repeat(50);
+    let svg = plan_svg(&titled("main", Some(&long)));
+    assert!(svg.contains(" Elm\u{2026}</text>") && svg.contains(&format!(": {}</title>", long.trim())));
+    // Pictures leave letters out that the font lacks.
+    let drawn = |home_name| plan_png(&titled("main", home_name));
+    assert!(drawn(Some("Elm \u{1f3e0}")) == drawn(Some("Elm")) && drawn(Some("\u{5bb6}")) == drawn(None));
+    assert!(drawn(Some("Elm")) != drawn(None));
+}
+
+#[test]
+fn a_page_fits_on_a_sheet_at_a_usual_scale() {
+    for (size_m, scale, sheet_points) in [
+        ([4.0, 3.0], 25, "595.28 841.89"),
+        ([10.0, 9.0], 75, "595.28 841.89"),
+        ([16.0, 6.0], 75, "841.89 595.28"),
+        ([30.0, 20.0], 100, "1190.55 841.89"),
+        ([200.0, 200.0], 1000, "841.89 1190.55"),
+    ] {
+        let plan = box_of(size_m);
+        assert!(
+            plan_svg(&plan).contains(&format!(">Scale 1:{scale}, measures in metres</text>")),
+            "{size_m:?}"
+        );
+        assert!(has(&plan_pdf(&plan), &format!("/MediaBox [0 0 {sheet_points}]")), "{size_m:?}");
+    }
+}
+
+#[test]
+fn a_picture_has_its_resolution() {
+    let plan = box_of([4.0, 3.0]);
+    let png = plan_png(&plan);
+    let word = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+    assert_eq!((&png[12..16], &png[37..41], word(33), png[49]), (&b"IHDR"[..], &b"pHYs"[..], 9, 1));
+    let mut sum = Crc::new();
+    sum.update(&png[37..50]);
+    assert_eq!(sum.sum(), word(50));
+    // The page is 160 mm and 120 mm with the spaces around the drawing.
+    assert!(plan_svg(&plan).contains("width=\"198.0mm\" height=\"182.0mm\""));
+    for (px, px_per_m, side_mm) in [(word(16), word(41), 198.0), (word(20), word(45), 182.0)] {
+        assert!((f64::from(px) / f64::from(px_per_m) * 1e3 - side_mm).abs() < 0.2, "{px} {px_per_m}");
+    }
+    assert!(image::load_from_memory(&png).is_ok());
+}
+
+#[test]
+fn a_drawing_tells_its_unit_and_its_frame() {
+    let mut plan = titled("upper", Some("Elm"));
+    plan.map_from_plan = Pose2::new(0.0, 0.0, 37.2f64.to_radians());
+    let dxf = plan_dxf(&plan);
+    assert_eq!(dxf.matches("\nTEXT\n8\nNOTES\n").count(), 3);
+    for line in [
+        "Floor plan, upper: Elm",
+        "Units: metres",
+        "Turn by 37.200 degrees about 0,0 for the LiDAR map's frame",
+    ] {
+        assert!(dxf.contains(&format!("\n1\n{line}\n")), "{line}");
+    }
+}
