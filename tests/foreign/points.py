@@ -19,6 +19,8 @@ def laz(truth):
     assert (str(header.version), header.point_format.id) == ("1.4", 7)
     assert list(header.scales) == [LAZ_STEP_M] * 3 and list(header.offsets) == [0] * 3
     assert header.point_count == len(truth.vertices)
+    with pye57.E57(truth.path("points.e57")) as file:
+        assert file.image_file.root()["guid"].value() == f"{{{header.uuid}}}", header.uuid
     xyz = np.asarray(las.xyz)
     same_points(xyz, truth.xyz, LAZ_STEP_M / 2 + 1e-6)
     assert (header.mins <= xyz.min(axis=0)).all() and (header.maxs >= xyz.max(axis=0)).all()

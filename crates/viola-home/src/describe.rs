@@ -3,13 +3,14 @@
 use super::assemble::Tile;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
-use super::objects::{Object, ObjectsParams, objects};
-use super::plan::{Ground, Plan, plan_of_corrected};
+use super::objects::{Object, ObjectsParams, objects, room_of};
+use super::plan::{Ground, Plan, PlanRoom, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
+use viola_geometry::Point2;
 
-/// Rooms, objects, their plan, and the coverage of the LiDAR map.
+/// Rooms, objects, their plan, and the coverage of the LiDAR map. The rooms have the outlines of the plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description {
     pub rooms: Vec<Room>,
@@ -24,7 +25,8 @@ pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Descri
 }
 
 /// Describes a map whose rooms and objects are revised before the plan is drawn: they get the ids that they
-/// had, and the corrections of people.
+/// had, and the corrections of people. Both are compared with rooms of earlier revisions by the outlines of the
+/// LiDAR map's cells.
 pub fn describe_revised(
     lidar: &LidarMap,
     tiles: &[Tile],
@@ -44,5 +46,99 @@ pub fn describe_revised(
         || coverage(lidar, &points, &rooms),
         || plan_of_corrected(&ground, &points, &found, &rooms, &objects),
     );
+    take_outlines(&mut rooms, &plan);
+    for object in &mut objects {
+        object.room = room_of(&rooms, &object.bounds()).map(|room| room.id.clone());
+    }
     Description { rooms, objects, coverage, plan }
+}
+
+/// Gives the rooms the outlines of the plan, in the map's frame. A room that the plan lacks keeps its own one, and so does
+/// the room that the plan drew over it.
+fn take_outlines(rooms: &mut [Room], plan: &Plan) {
+    let plan_from_map = plan.map_from_plan.inverse();
+    let label_in_plan = |room: &Room| {
+        let at = plan_from_map.apply(&Point2::from(room.label_at_m));
+        [at.x, at.y]
+    };
+    let in_map = |corner: &[f64; 2]| {
+        let at = plan.map_from_plan.apply(&Point2::from(*corner));
+        [at.x, at.y].map(|metres| (metres * 1e3).round() / 1e3)
+    };
+    let lacking: Vec<[f64; 2]> =
+        rooms.iter().filter(|room| drawn(plan, &room.id).is_none()).map(label_in_plan).collect();
+    for room in rooms {
+        let Some(drawn) = drawn(plan, &room.id) else { continue };
+        if lacking.iter().any(|label| drawn.contains(*label)) {
+            continue;
+        }
+        // Corrections of people are held by the label: the own one is on floor that the robot knows.
+        if !drawn.contains(label_in_plan(room)) {
+            room.label_at_m = in_map(&drawn.label_at_m);
+        }
+        room.area_m2 = (drawn.area_m2 * 100.0).round() / 100.0;
+        room.polygon_m = drawn.outline.ring_m.iter().map(in_map).collect();
+        room.holes_m = drawn.outline.holes_m.iter().map(|hole| hole.iter().map(in_map).collect()).collect();
+    }
+}
+
+/// Returns the largest room of the plan with an id.
+fn drawn<'a>(plan: &'a Plan, id: &str) -> Option<&'a PlanRoom> {
+    let own = plan.rooms.iter().filter(|room| room.id.as_deref() == Some(id) && room.area_m2 > 0.0);
+    own.max_by(|a, b| a.area_m2.total_cmp(&b.area_m2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rooms::tests::flat;
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+    use viola_geometry::Pose2;
+
+    fn described() -> Description {
+        describe(&flat(0.0), &[], &ClipNumbers::new(std::iter::empty()))
+    }
+
+    #[test]
+    fn rooms_have_the_outlines_of_the_plan() {
+        let Description { rooms, plan, .. } = described();
+        assert_eq!(rooms.len(), 2);
+        for (room, area_m2) in rooms.iter().zip([12.0, 9.0]) {
+            let drawn = drawn(&plan, &room.id).unwrap();
+            assert_eq!(room.polygon_m.len(), 4, "{room:?}");
+            assert!((room.area_m2 - drawn.area_m2).abs() <= 0.005, "{room:?}");
+            // Points of a raster of 5 cm.
+            assert!((room.area_m2 / area_m2 - 1.0).abs() < 0.05, "{room:?}");
+            assert!(room.contains(&Point2::from(room.label_at_m)));
+        }
+    }
+
+    /// The plan's frame is a quarter turn from the map's: its point (x, y) is (-y, x) in the map.
+    #[test]
+    fn outlines_are_turned_and_keep_their_holes() {
+        let square = |low: f64, high: f64| vec![[low, low], [high, low], [high, high], [low, high]];
+        let mut plan = described().plan;
+        plan.map_from_plan = Pose2::new(0.0, 0.0, FRAC_PI_2);
+        plan.rooms.truncate(1);
+        let drawn = &mut plan.rooms[0];
+        drawn.id = Some("1".to_owned());
+        drawn.outline.ring_m = square(0.0, 4.0);
+        drawn.outline.holes_m = vec![square(1.0, 2.0).into_iter().rev().collect()];
+        (drawn.area_m2, drawn.label_at_m) = (15.0, [3.0, 2.0]);
+        let own = Room::rectangle("1", [-3.0, 0.5], [-0.5, 3.0]);
+        let far = Room::rectangle("2", [5.0, 5.0], [6.0, 6.0]);
+        let under = Room::rectangle("2", [-3.8, 2.2], [-2.2, 3.8]);
+
+        let mut rooms = [own.clone(), far.clone()];
+        take_outlines(&mut rooms, &plan);
+        assert_eq!(rooms[0].polygon_m, [[0.0, 0.0], [0.0, 4.0], [-4.0, 4.0], [-4.0, 0.0]]);
+        assert_eq!(rooms[0].holes_m, [[[-2.0, 1.0], [-2.0, 2.0], [-1.0, 2.0], [-1.0, 1.0]]]);
+        // Its own label is in the hole.
+        assert_eq!((rooms[0].area_m2, rooms[0].label_at_m), (15.0, [-2.0, 3.0]));
+        assert_eq!(rooms[1], far, "the plan lacks it");
+
+        let mut rooms = [own.clone(), under.clone()];
+        take_outlines(&mut rooms, &plan);
+        assert_eq!(rooms, [own, under], "the plan drew one over the other");
+    }
 }

@@ -10,6 +10,7 @@ mod parts;
 mod simplify;
 #[cfg(test)]
 mod tests;
+mod texture;
 mod usdz;
 mod vertices;
 
@@ -122,12 +123,12 @@ impl Mesh {
         glb::glb(self)
     }
 
-    /// Returns the mesh as Wavefront OBJ with vertex colours, with a group for each part.
+    /// Returns the mesh as Wavefront OBJ with vertex colours, with an object and a group for each part.
     pub fn obj(&self) -> String {
         obj::obj(self)
     }
 
-    /// Returns the mesh as USDZ, with a mesh for each part.
+    /// Returns the mesh as USDZ, with a mesh for each part and its colours as a picture.
     pub fn usdz(&self) -> Vec<u8> {
         usdz::usdz(self)
     }

@@ -103,7 +103,7 @@ pub(super) fn plan_of_corrected(
     }
     let owned = outlines.into_iter().zip(&spaces.owners);
     let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
-    let furniture = furnish::furniture(objects, &rooms, &evidence.plan_from_map);
+    let furniture = furnish::furniture(objects, points, &rooms, &evidence.plan_from_map);
     let mut plan = Plan {
         level: LevelName::MAIN,
         home_name: None,

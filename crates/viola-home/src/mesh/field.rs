@@ -15,12 +15,18 @@ const CORNERS: usize = (BLOCK * BLOCK * BLOCK) as usize;
 /// must still see enough points.
 const RADIUS: f32 = 2.5;
 
-/// Distances and weights at the corners of one block.
-pub struct Block {
-    distance_m: [f32; CORNERS],
+/// The field at one corner.
+#[derive(Clone, Copy, Default)]
+pub struct Sample {
+    pub distance_m: f32,
     /// 0 without points.
-    weight: [f32; CORNERS],
+    pub weight: f32,
+    /// Mean of the points' normals.
+    pub normal: [f32; 3],
 }
+
+/// The field at the corners of one block.
+pub struct Block([Sample; CORNERS]);
 
 /// Distances at the corners of a grid, near points only.
 pub struct Field {
@@ -67,11 +73,10 @@ impl Field {
         self.index.get(&key).copied()
     }
 
-    /// Returns distance and weight at a corner; `None` far from all points.
-    pub fn at(&self, place: [i32; 3]) -> Option<(f32, f32)> {
+    /// Returns the field at a corner; `None` far from all points.
+    pub fn at(&self, place: [i32; 3]) -> Option<Sample> {
         let (_, block) = &self.blocks[self.block(block_of(place))? as usize];
-        let at = corner(place);
-        (block.weight[at] > 0.0).then(|| (block.distance_m[at], block.weight[at]))
+        Some(block.0[corner(place)]).filter(|sample| sample.weight > 0.0)
     }
 }
 
@@ -93,7 +98,7 @@ impl Block {
                 }
             });
         }
-        let mut block = Block { distance_m: [0.0; CORNERS], weight: [0.0; CORNERS] };
+        let mut samples = [Sample::default(); CORNERS];
         for &index in touching {
             let point = &points[index as usize];
             each_corner(key, point, step_m, |at, offset_m| {
@@ -106,16 +111,17 @@ impl Block {
                     return;
                 }
                 let weight = (1.0 - distance2 / radius2_m2).powi(2);
-                block.distance_m[at] += weight * dot(point.normal, offset_m);
-                block.weight[at] += weight;
+                let sample = &mut samples[at];
+                sample.distance_m += weight * dot(point.normal, offset_m);
+                sample.weight += weight;
+                sample.normal.iter_mut().zip(point.normal).for_each(|(sum, c)| *sum += weight * c);
             });
         }
-        for (distance_m, weight) in block.distance_m.iter_mut().zip(&block.weight) {
-            if *weight > 0.0 {
-                *distance_m /= weight;
-            }
+        for sample in samples.iter_mut().filter(|sample| sample.weight > 0.0) {
+            sample.distance_m /= sample.weight;
+            sample.normal = sample.normal.map(|c| c / sample.weight);
         }
-        block
+        Block(samples)
     }
 }
 

@@ -1,8 +1,9 @@
 //! Surface nets (Gibson, "Constrained elastic surface nets", 1998): one vertex in each cell that the surface
 //! passes, one quadrilateral for each edge of the grid that it crosses.
 
-use super::field::{BLOCK, Field, block_of, corner};
+use super::field::{BLOCK, Field, Sample, block_of, corner};
 use crate::MAP_VOXEL_M;
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// The weight that the best corner of a cell needs at a step of [`MAP_VOXEL_M`]. On a plane of one point for each 3 cm it
@@ -10,6 +11,8 @@ use rayon::prelude::*;
 const MIN_WEIGHT: f32 = 2.0;
 const CELLS: usize = (BLOCK * BLOCK * BLOCK) as usize;
 const NONE: u32 = u32::MAX;
+
+type V = Vector3<f32>;
 
 /// Positions and triangles of a surface.
 #[derive(Default)]
@@ -39,7 +42,7 @@ pub fn net(field: &Field) -> Net {
         (vertex != NONE).then_some(vertex)
     };
     let triangles: Vec<Vec<[u32; 3]>> =
-        field.blocks.par_iter().map(|(key, _)| triangles(field, *key, &vertex)).collect();
+        field.blocks.par_iter().map(|(key, _)| triangles(field, *key, &vertex, &positions_m)).collect();
     Net { positions_m, triangles: triangles.concat() }
 }
 
@@ -72,9 +75,9 @@ fn vertex_in(field: &Field, cell: [i32; 3]) -> Option<[f32; 3]> {
     let mut distances = [0.0_f32; 8];
     let mut best_weight = 0.0_f32;
     for (index, distance) in distances.iter_mut().enumerate() {
-        let (value, weight) = field.at(moved(cell, offset(index)))?;
-        *distance = value;
-        best_weight = best_weight.max(weight);
+        let sample = field.at(moved(cell, offset(index)))?;
+        *distance = sample.distance_m;
+        best_weight = best_weight.max(sample.weight);
     }
     // A coarser grid sums more points.
     if best_weight < MIN_WEIGHT * (field.step_m / MAP_VOXEL_M as f32).powi(2) {
@@ -104,15 +107,16 @@ fn triangles(
     field: &Field,
     key: [i32; 3],
     vertex: &(impl Fn([i32; 3]) -> Option<u32> + Sync),
+    positions_m: &[[f32; 3]],
 ) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     for place in places(key) {
-        let Some((here, _)) = field.at(place) else { continue };
+        let Some(here) = field.at(place) else { continue };
         for axis in 0..3 {
             let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
             let step = |of: usize, by: i32| std::array::from_fn(|c| if c == of { by } else { 0 });
-            let Some((there, _)) = field.at(moved(place, step(axis, 1))) else { continue };
-            if (here < 0.0) == (there < 0.0) {
+            let Some(there) = field.at(moved(place, step(axis, 1))) else { continue };
+            if (here.distance_m < 0.0) == (there.distance_m < 0.0) {
                 continue;
             }
             // The four cells around the edge, counter-clockwise as seen against the axis.
@@ -120,10 +124,26 @@ fn triangles(
                 .map(|[du, dv]| vertex(moved(moved(place, step(u, du)), step(v, dv))));
             let [Some(a), Some(b), Some(c), Some(d)] = around else { continue };
             // The observed side has positive distances.
-            let quad = if here < 0.0 { [a, b, c, d] } else { [d, c, b, a] };
+            let quad = if here.distance_m < 0.0 { [a, b, c, d] } else { [d, c, b, a] };
+            if !was_observed(quad.map(|vertex| positions_m[vertex as usize]), &here, &there) {
+                continue;
+            }
             triangles.push([quad[0], quad[1], quad[2]]);
             triangles.push([quad[0], quad[2], quad[3]]);
         }
     }
     triangles
+}
+
+/// Checks that a quadrilateral faces the way of the points' normals at its edge of the grid.
+///
+/// Between two sheets that face the same way, such as a wall that two clips have some centimetres apart, the distance to
+/// the front sheet is negative and the distance to the back sheet is positive. The sign changes there without a surface.
+fn was_observed(quad: [[f32; 3]; 4], here: &Sample, there: &Sample) -> bool {
+    let [a, b, c, d] = quad.map(V::from);
+    let front = (c - a).cross(&(d - b));
+    // The normal where the distance is zero.
+    let normal =
+        V::from(here.normal) * there.distance_m.abs() + V::from(there.normal) * here.distance_m.abs();
+    front.dot(&normal) >= 0.0
 }

@@ -16,7 +16,8 @@ pub fn obj(mesh: &Mesh) -> String {
         let _ = writeln!(out, "vn {x:.3} {y:.3} {z:.3}");
     }
     for part in &mesh.parts {
-        let _ = writeln!(out, "g {}", part.name);
+        // Some programs divide a file by objects and ignore its groups, others do the opposite.
+        let _ = writeln!(out, "o {0}\ng {0}", part.name);
         for triangle in &mesh.triangles[part.triangles.clone()] {
             let [a, b, c] = triangle.map(|vertex| vertex + 1);
             let _ = writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}");

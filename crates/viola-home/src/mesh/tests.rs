@@ -3,6 +3,7 @@ use crate::assemble::Tile;
 use crate::objects::UprightBox;
 use crate::{MAP_VOXEL_M, MapPoint};
 use std::collections::BTreeMap;
+use std::io::Read;
 use viola_geometry::taxonomy::Class;
 use viola_reconstruct::{CloudPoint, Label};
 
@@ -139,17 +140,36 @@ fn an_open_edge_stays_where_it_is_on_a_coarser_grid() {
 
 #[test]
 fn both_sides_of_a_thin_wall_are_there() {
-    let mut points = plane(0.05, 1.0, 0.0, Class::Wall);
-    points.extend(plane(-0.05, -1.0, 0.0, Class::Wall));
+    for half_m in [0.05, 0.02] {
+        let mut points = plane(half_m, 1.0, 0.0, Class::Wall);
+        points.extend(plane(-half_m, -1.0, 0.0, Class::Wall));
+        let mesh = Mesh::new(&[tile(points)], &[], usize::MAX);
+        assert_eq!(outward(&mesh), 1.0, "{half_m}");
+        let inner = mesh
+            .vertices
+            .iter()
+            .filter(|vertex| vertex.position_m[0].abs().max(vertex.position_m[1].abs()) < 0.9);
+        let mut above_less_below = 0;
+        for vertex in inner {
+            let z_m = f64::from(vertex.position_m[2]);
+            let error = (z_m.abs() - half_m).abs();
+            assert!(error < 0.01, "{half_m}: a vertex is {error} m off its side");
+            above_less_below += if z_m > 0.0 { 1 } else { -1 };
+        }
+        assert_eq!(above_less_below, 0, "{half_m}");
+    }
+}
+
+/// Two clips saw one surface 8 cm apart.
+#[test]
+fn no_surface_is_between_two_sheets_that_face_the_same_way() {
+    let sheets_m = [0.005, 0.085];
+    let points = sheets_m.iter().flat_map(|z_m| plane(*z_m, 1.0, 0.0, Class::Wall)).collect();
     let mesh = Mesh::new(&[tile(points)], &[], usize::MAX);
     assert_eq!(outward(&mesh), 1.0);
-    let inner = mesh
-        .vertices
-        .iter()
-        .filter(|vertex| vertex.position_m[0].abs().max(vertex.position_m[1].abs()) < 0.9);
-    for vertex in inner {
-        let error = (f64::from(vertex.position_m[2]).abs() - 0.05).abs();
-        assert!(error < 0.01, "a vertex is {error} m off its side");
+    for vertex in &mesh.vertices {
+        let errors = sheets_m.map(|z_m| (f64::from(vertex.position_m[2]) - z_m).abs());
+        assert!(errors[0].min(errors[1]) < 0.01, "a vertex is {errors:?} m off the sheets");
     }
 }
 
@@ -182,7 +202,10 @@ fn objects_are_parts_by_their_ids() {
     assert_eq!(mesh.parts.iter().map(|part| part.triangles.len()).sum::<usize>(), mesh.triangles.len());
     let obj = mesh.obj();
     assert_eq!(obj.matches("\nf ").count(), mesh.triangles.len());
-    assert!(obj.contains("\ng chair-1\n"));
+    // Blender divides a file by `o`, others by `g`.
+    for name in names {
+        assert!(obj.contains(&format!("\no {name}\ng {name}\nf ")), "{name}");
+    }
     let glb = mesh.glb();
     assert_eq!(&glb[..4], b"glTF");
     assert_eq!(u32::from_le_bytes([glb[8], glb[9], glb[10], glb[11]]) as usize, glb.len());
@@ -190,14 +213,65 @@ fn objects_are_parts_by_their_ids() {
     let document: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
     assert_eq!(document["nodes"][1]["name"], "chair-1");
     assert_eq!(document["buffers"][0]["byteLength"].as_u64().unwrap() as usize, glb.len() - 28 - length);
-    let usdz = mesh.usdz();
-    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(usdz)).unwrap();
-    let file = archive.by_index(0).unwrap();
-    assert_eq!(
-        (file.name().unwrap().as_ref(), file.compression()),
-        ("home.usda", zip::CompressionMethod::Stored)
-    );
-    assert_eq!(file.data_start().unwrap() % 64, 0);
+}
+
+/// Returns the places of all triangles' corners in the picture, in the order of the file.
+fn places(stage: &str) -> Vec<[f64; 2]> {
+    let lists = stage.split("primvars:st = [").skip(1).filter_map(|rest| rest.split(']').next());
+    let pairs = lists.flat_map(|list| list.split("), "));
+    pairs
+        .map(|pair| {
+            let (s, t) = pair.trim_matches(['(', ')']).split_once(", ").unwrap();
+            [s, t].map(|number| number.parse::<f64>().unwrap())
+        })
+        .collect()
+}
+
+/// Phones ignore colours of vertices.
+#[test]
+fn a_picture_in_the_usdz_has_the_colours_of_every_corner() {
+    let mut points = plane(0.0, 1.0, 0.0, Class::Floor);
+    points.extend(sphere([0.0, 0.4, 0.5], 0.25));
+    let mesh = Mesh::new(&[tile(points)], &[], 3000);
+    assert_eq!(mesh.parts.len(), 2);
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(mesh.usdz())).unwrap();
+    let mut files = ["home.usda", "colors.png"].into_iter().enumerate().map(|(index, name)| {
+        let mut file = archive.by_index(index).unwrap();
+        assert_eq!(
+            (file.name().unwrap().as_ref(), file.compression()),
+            (name, zip::CompressionMethod::Stored)
+        );
+        assert_eq!(file.data_start().unwrap() % 64, 0, "{name}");
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).unwrap();
+        bytes
+    });
+    let stage = String::from_utf8(files.next().unwrap()).unwrap();
+    let picture = image::load_from_memory(&files.next().unwrap()).unwrap().into_rgb8();
+    assert!(stage.contains("asset inputs:file = @colors.png@"));
+    let size_px = f64::from(picture.width());
+    assert_eq!(picture.width(), picture.height());
+    let places = places(&stage);
+    assert_eq!(places.len(), 3 * mesh.triangles.len());
+    for (triangle, places) in mesh.triangles.iter().zip(places.chunks(3)) {
+        let colors = triangle.map(|vertex| mesh.vertices[vertex as usize].color);
+        // Rows of a picture begin at the top, texture coordinates at the bottom.
+        let texels =
+            [0, 1, 2].map(|corner| [places[corner][0] * size_px, (1.0 - places[corner][1]) * size_px]);
+        for (texel, color) in texels.iter().zip(colors) {
+            assert!(
+                texel.iter().all(|c| (c.fract() - 0.5).abs() < 0.01),
+                "{texel:?} is no centre of a texel"
+            );
+            assert_eq!(picture.get_pixel(texel[0] as u32, texel[1] as u32).0, color);
+        }
+        // Bilinear interpolation is linear if the four corners are a parallelogram.
+        let across = picture.get_pixel(texels[1][0] as u32, texels[2][1] as u32).0;
+        for (channel, value) in across.into_iter().enumerate() {
+            let [a, b, c] = colors.map(|color| i32::from(color[channel]));
+            assert_eq!(i32::from(value), (b + c - a).clamp(0, 255));
+        }
+    }
 }
 
 /// Labels below say chair; the object is a sofa by its size, or because a person said so.

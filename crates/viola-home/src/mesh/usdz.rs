@@ -1,7 +1,8 @@
-//! A mesh as USDZ (Pixar, "Usdz File Format Specification"): a stored zip whose one file is USD as text, with a
-//! Mesh for each part, y up, in metres.
+//! A mesh as USDZ (Pixar, "Usdz File Format Specification"): a stored zip of USD as text, with a Mesh for each part, y up,
+//! in metres, and of a picture with the colours.
 
 use super::parts::Part;
+use super::texture::Texture;
 use super::{Mesh, y_up};
 use crate::light::linear;
 use std::fmt::Write as _;
@@ -16,16 +17,20 @@ pub fn usdz(mesh: &Mesh) -> Vec<u8> {
         .compression_method(zip::CompressionMethod::Stored)
         .with_alignment(ALIGNMENT)
         .last_modified_time(zip::DateTime::default());
+    let texture = Texture::new(mesh.triangles.len());
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    // Readers open the first file.
     let written = archive
         .start_file("home.usda", options)
-        .and_then(|()| Ok(archive.write_all(stage(mesh).as_bytes())?))
+        .and_then(|()| Ok(archive.write_all(stage(mesh, &texture).as_bytes())?))
+        .and_then(|()| archive.start_file("colors.png", options))
+        .and_then(|()| Ok(archive.write_all(&texture.png(mesh))?))
         .and_then(|()| archive.finish());
     // Writing to memory fails only for sizes beyond the format's 4 GB.
     written.map(Cursor::into_inner).unwrap_or_default()
 }
 
-fn stage(mesh: &Mesh) -> String {
+fn stage(mesh: &Mesh, texture: &Texture) -> String {
     let mut out = String::from(
         "#usda 1.0\n(\n    defaultPrim = \"home\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n\ndef Xform \"home\" (\n    kind = \"component\"\n)\n{\n",
     );
@@ -36,14 +41,15 @@ fn stage(mesh: &Mesh) -> String {
         while names.contains(&name) {
             name.push('_');
         }
-        write_part(&mut out, mesh, part, &name);
+        write_part(&mut out, mesh, texture, part, &name);
         names.push(name);
     }
     out.push_str("}\n");
     out
 }
 
-/// The material: the colour of the vertices as light, because the recording's light is in it.
+/// The material: the picture as light that the surface emits. It reflects nothing (black, the index of refraction of air),
+/// because the recording's light is in the colours already.
 const LOOK: &str = r#"    def Material "look"
     {
         token outputs:surface.connect = </home/look/surface.outputs:surface>
@@ -51,16 +57,29 @@ const LOOK: &str = r#"    def Material "look"
         def Shader "surface"
         {
             uniform token info:id = "UsdPreviewSurface"
-            color3f inputs:diffuseColor.connect = </home/look/color.outputs:result>
+            color3f inputs:diffuseColor = (0, 0, 0)
+            color3f inputs:emissiveColor.connect = </home/look/colors.outputs:rgb>
+            float inputs:ior = 1
             float inputs:roughness = 1
             token outputs:surface
         }
 
-        def Shader "color"
+        def Shader "colors"
         {
-            uniform token info:id = "UsdPrimvarReader_float3"
-            string inputs:varname = "displayColor"
-            float3 outputs:result
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @colors.png@
+            token inputs:sourceColorSpace = "sRGB"
+            float2 inputs:st.connect = </home/look/places.outputs:result>
+            token inputs:wrapS = "clamp"
+            token inputs:wrapT = "clamp"
+            float3 outputs:rgb
+        }
+
+        def Shader "places"
+        {
+            uniform token info:id = "UsdPrimvarReader_float2"
+            string inputs:varname = "st"
+            float2 outputs:result
         }
     }
 
@@ -75,7 +94,7 @@ fn identifier(name: &str) -> String {
     out
 }
 
-fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
+fn write_part(out: &mut String, mesh: &Mesh, texture: &Texture, part: &Part, name: &str) {
     let triangles = &mesh.triangles[part.triangles.clone()];
     let vertices = &mesh.vertices[part.vertices.clone()];
     let list = |items: &mut dyn Iterator<Item = String>| items.collect::<Vec<_>>().join(", ");
@@ -90,12 +109,14 @@ fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
         &mut triangles.iter().flatten().map(|vertex| (*vertex as usize - part.vertices.start).to_string()),
     );
     let points = list(&mut positions.iter().map(|place| triple(*place)));
-    let normals = list(&mut vertices.iter().map(|vertex| triple(y_up(vertex.normal))));
     let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| linear(c) as f32))));
+    let corners = part.triangles.clone().flat_map(|triangle| texture.corners(triangle));
+    let places = list(&mut corners.map(|[s, t]| format!("({s:.5}, {t:.5})")));
+    // A surface that reflects nothing needs no normals. Programs without the material show `displayColor`.
     // Writing to a String cannot fail.
     let _ = write!(
         out,
-        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        uniform bool doubleSided = 1\n        float3[] extent = [{}, {}]\n        int[] faceVertexCounts = [{counts}]\n        int[] faceVertexIndices = [{indices}]\n        rel material:binding = </home/look>\n        normal3f[] normals = [{normals}] (\n            interpolation = \"vertex\"\n        )\n        point3f[] points = [{points}]\n        color3f[] primvars:displayColor = [{colors}] (\n            interpolation = \"vertex\"\n        )\n        uniform token subdivisionScheme = \"none\"\n        custom string viola:class = \"{}\"\n    }}\n\n",
+        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        uniform bool doubleSided = 1\n        float3[] extent = [{}, {}]\n        int[] faceVertexCounts = [{counts}]\n        int[] faceVertexIndices = [{indices}]\n        rel material:binding = </home/look>\n        point3f[] points = [{points}]\n        color3f[] primvars:displayColor = [{colors}] (\n            interpolation = \"vertex\"\n        )\n        texCoord2f[] primvars:st = [{places}] (\n            interpolation = \"faceVarying\"\n        )\n        uniform token subdivisionScheme = \"none\"\n        custom string viola:class = \"{}\"\n    }}\n\n",
         triple(low),
         triple(high),
         part.class.name(),

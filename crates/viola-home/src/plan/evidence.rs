@@ -247,6 +247,11 @@ impl<'a> Evidence<'a> {
         self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits & !BELOW_LINTEL) > 0)
     }
 
+    /// Returns the fraction of the columns of an interval of a face that show wall at many heights, to the ceiling or not.
+    pub fn upright_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits) >= TALL)
+    }
+
     /// Returns the fraction of the columns of an interval of a face that show wall up to the ceiling.
     pub fn tall_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
         self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, is_tall)

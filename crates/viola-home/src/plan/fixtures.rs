@@ -1,12 +1,15 @@
 //! Windows and closed doors, by the labelled points in the walls, and the leaves of open doors.
 
 mod front;
+mod leaf;
 
-use super::model::{Opening, OpeningKind, Plan, Swing, Wall};
+use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
 use front::fronts;
-use viola_geometry::Point2;
+use leaf::Leaf;
+use std::cmp::Ordering;
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2, Vector2};
 
 /// Step along a wall.
 const STEP_M: f64 = 0.05;
@@ -15,7 +18,7 @@ const WINDOW_OFF_M: f64 = 0.15;
 const DOOR_OFF_M: f64 = 0.08;
 /// Curtains hang this far before the wall.
 const CURTAIN_OFF_M: f64 = 0.25;
-/// Windows of outer walls lie deeper than the usual thickness.
+/// Windows and doors of outer walls lie deeper than the usual thickness.
 const RECESS_M: f64 = 0.2;
 /// Heights in which points count, in bins of `BIN_M`. The frames of French windows begin at the floor.
 const HEIGHTS_M: [f64; 2] = [0.05, 2.6];
@@ -45,12 +48,24 @@ const GAP_M: f64 = 0.4;
 const SEEN_FRACTION: f64 = 0.5;
 const WINDOW_M: [f64; 2] = [0.35, 6.0];
 const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
-/// A leaf reaches this part of the doorway's width; it is seen in this part of its length.
-const LEAF_FRACTION: f64 = 0.7;
-const LEAF_STEPS: usize = 10;
+/// A thin wall within a room, with a free end and at most this long, may be an open leaf.
+const LEAF_M: f64 = 1.05;
+/// Its room goes on this far beyond the free end.
+const BEYOND_END_M: f64 = 0.1;
+/// Shortest front with a window: shorter ones are sides of recesses and of pillars, which see the frame beside them from its
+/// end.
+const FRONT_M: f64 = 0.55;
+/// Minimum cosine of the angle between a point's normal and its wall's.
+const FACES_WALL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// A point of the plan, its height and its class.
-type Labelled = (Point2, f64, Class);
+/// A labelled point of the plan.
+struct Labelled {
+    at: Point2,
+    z: f64,
+    class: Class,
+    /// Level part of its normal, with length 1; none for level surfaces.
+    normal: Option<Vector2>,
+}
 
 /// Heights of the labels in a step of a wall, as bits.
 #[derive(Default, Clone, Copy)]
@@ -85,28 +100,21 @@ impl Step {
 
 /// Adds windows and closed doors to a plan's openings, and leaves to its doors.
 pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
-    let plan_from_map = plan.map_from_plan.inverse();
-    let (piers, labelled): (Vec<Labelled>, Vec<Labelled>) = points
-        .iter()
-        .filter(|point| {
-            matches!(point.point.label.class, Class::Window | Class::Door | Class::Curtain | Class::Wall)
-        })
-        .map(|point| {
-            let [x, y, z] = point.point.position_m.map(f64::from);
-            (plan_from_map.apply(&Point2::new(x, y)), z, point.point.label.class)
-        })
-        .filter(|(_, z, _)| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(z))
-        .partition(|(_, _, class)| *class == Class::Wall);
+    let (piers, mut labelled): (Vec<Labelled>, Vec<Labelled>) =
+        labelled(points, plan.map_from_plan.inverse()).partition(|point| point.class == Class::Wall);
+    // An open leaf is no closed door of the wall beside it.
+    let leaves = add_leaves(plan, &labelled);
+    labelled.retain(|point| point.class != Class::Door || !leaves.iter().any(|leaf| leaf.has(&point.at)));
     let mut found: Vec<Opening> = Vec::new();
-    for wall in &plan.walls {
-        let steps = steps(wall, labelled.iter());
+    for wall in plan.walls.iter().filter(|wall| !is_leaf(wall, &plan.rooms)) {
+        let steps = steps(wall, room_side(wall, &plan.rooms), labelled.iter());
         let doors = runs(&steps, Step::shows_door, Step::shows_pier, CLOSED_DOOR_M);
         let doors = doors.into_iter().filter(|run| !is_before_window(&steps[run[0]..=run[1]]));
         found.extend(doors.map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
     }
     // A window of a wall between rooms is a mirror or a picture, as a rule.
-    for front in fronts(&plan.walls) {
-        let steps = steps(&front.line, labelled.iter().chain(&piers));
+    for front in fronts(&plan.walls).iter().filter(|front| front.line.length_m() >= FRONT_M) {
+        let steps = steps(&front.line, None, labelled.iter().chain(&piers));
         let on_line =
             windows(&steps).into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
         found.extend(on_line.filter_map(|opening| front.on_wall(opening)));
@@ -119,8 +127,81 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
             plan.openings.push(opening);
         }
     }
-    for opening in plan.openings.iter_mut().filter(|opening| opening.kind == OpeningKind::Door) {
-        opening.swing = swing(opening, &labelled);
+    add_leaves(plan, &labelled);
+}
+
+/// Returns the points that tell of openings, and those of walls.
+fn labelled(points: &[MapPoint], plan_from_map: Pose2) -> impl Iterator<Item = Labelled> {
+    points
+        .iter()
+        .map(|point| (&point.point, point.point.label.class))
+        .filter(|(_, class)| matches!(class, Class::Window | Class::Door | Class::Curtain | Class::Wall))
+        .map(move |(point, class)| {
+            let [x, y, z] = point.position_m.map(f64::from);
+            let normal = point.normal.map(f64::from);
+            let level = plan_from_map.rotate(&Vector2::new(normal[0], normal[1]));
+            let at = plan_from_map.apply(&Point2::new(x, y));
+            Labelled { at, z, class, normal: level.try_normalize(0.5) }
+        })
+        .filter(|point| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&point.z))
+}
+
+/// Adds the leaves of doors that have none yet, and returns the new ones.
+fn add_leaves(plan: &mut Plan, labelled: &[Labelled]) -> Vec<Leaf> {
+    let doors = labelled.iter().filter(|point| point.class == Class::Door);
+    let points: Vec<(Point2, f64)> = doors.map(|point| (point.at, point.z)).collect();
+    let mut leaves = Vec::new();
+    for door in plan.openings.iter_mut().filter(|opening| opening.kind == OpeningKind::Door) {
+        if door.swing.is_none()
+            && let Some(leaf) = Leaf::of_door(door, &points)
+        {
+            door.swing = Some(leaf.swing);
+            leaves.push(leaf);
+        }
+    }
+    leaves
+}
+
+/// Returns a point of the plan by its coordinates in a wall's own frame.
+fn place(wall: &Wall, along_m: f64, across_m: f64) -> [f64; 2] {
+    let length_m = wall.length_m().max(1e-9);
+    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m);
+    [
+        wall.from_m[0] + along_m * along[0] - across_m * along[1],
+        wall.from_m[1] + along_m * along[1] + across_m * along[0],
+    ]
+}
+
+/// Returns whether a point is in one of the rooms beside a wall.
+fn is_in_its_rooms(wall: &Wall, rooms: &[PlanRoom], p: [f64; 2]) -> bool {
+    wall.rooms.iter().filter_map(|room| rooms.get(*room)).any(|room| room.contains(p))
+}
+
+/// Returns whether a wall is an open leaf: it stands within a room and has a free end.
+fn is_leaf(wall: &Wall, rooms: &[PlanRoom]) -> bool {
+    let length_m = wall.length_m();
+    let has_free_end = || {
+        let ends = [-BEYOND_END_M, length_m + BEYOND_END_M];
+        ends.iter().any(|along_m| is_in_its_rooms(wall, rooms, place(wall, *along_m, 0.0)))
+    };
+    wall.is_measured && wall.rooms.len() == 1 && length_m <= LEAF_M && has_free_end()
+}
+
+/// Returns the sign of the coordinate across a wall on the side of its room, if the room is on one side only.
+fn room_side(wall: &Wall, rooms: &[PlanRoom]) -> Option<f64> {
+    /// Samples along the wall, which may pass several rooms.
+    const SAMPLES: usize = 8;
+    let count = |sign: f64| {
+        let across_m = sign * (wall.thickness_m / 2.0 + DOOR_OFF_M);
+        let along_m = |sample: usize| (sample as f64 + 0.5) / SAMPLES as f64 * wall.length_m();
+        let is_in_room =
+            |sample: &usize| is_in_its_rooms(wall, rooms, place(wall, along_m(*sample), across_m));
+        (0..SAMPLES).filter(is_in_room).count()
+    };
+    match count(1.0).cmp(&count(-1.0)) {
+        Ordering::Greater => Some(1.0),
+        Ordering::Less => Some(-1.0),
+        Ordering::Equal => None,
     }
 }
 
@@ -132,22 +213,29 @@ fn within(from_m: [f64; 2], to_m: [f64; 2], p: &Point2) -> [f64; 2] {
     [off[0] * along[0] + off[1] * along[1], off[1] * along[0] - off[0] * along[1]]
 }
 
-fn steps<'a>(wall: &Wall, labelled: impl Iterator<Item = &'a Labelled>) -> Vec<Step> {
+/// Returns what the points show in each step of a wall. Doors lie deeper in an outer wall, but not before its face:
+/// `room_side` is the sign across the wall on which its room is.
+fn steps<'a>(wall: &Wall, room_side: Option<f64>, labelled: impl Iterator<Item = &'a Labelled>) -> Vec<Step> {
     let count = ((wall.length_m() / STEP_M).ceil() as usize).max(1);
     let mut steps = vec![Step::default(); count];
     let half_m = wall.thickness_m / 2.0;
     let recess_m = if wall.is_measured { 0.0 } else { RECESS_M };
-    for (p, z, class) in labelled {
-        let [along, across] = within(wall.from_m, wall.to_m, p);
-        if along < 0.0 || along >= wall.length_m() {
+    let [from, to] = [wall.from_m, wall.to_m].map(Point2::from);
+    let across_wall = Vector2::new(from.y - to.y, to.x - from.x) / wall.length_m().max(1e-9);
+    for point in labelled {
+        let [along, across] = within(wall.from_m, wall.to_m, &point.at);
+        let faces_wall = point.normal.is_none_or(|normal| normal.dot(&across_wall).abs() >= FACES_WALL);
+        if along < 0.0 || along >= wall.length_m() || !faces_wall {
             continue;
         }
-        let bit = 1u32 << ((z - HEIGHTS_M[0]) / BIN_M) as u32;
+        let is_in_room = room_side.is_some_and(|sign| sign * across > 0.0);
+        let door_m = half_m + DOOR_OFF_M + if is_in_room { 0.0 } else { recess_m };
+        let bit = 1u32 << ((point.z - HEIGHTS_M[0]) / BIN_M) as u32;
         let step = &mut steps[((along / STEP_M) as usize).min(count - 1)];
-        match class {
+        match point.class {
             Class::Window if across.abs() < half_m + WINDOW_OFF_M + recess_m => step.window |= bit,
             Class::Curtain if across.abs() < half_m + CURTAIN_OFF_M + recess_m => step.curtain |= bit,
-            Class::Door if across.abs() < half_m + DOOR_OFF_M + recess_m => step.door |= bit,
+            Class::Door if across.abs() < door_m => step.door |= bit,
             Class::Wall if across.abs() < half_m + DOOR_OFF_M + recess_m => step.wall |= bit,
             _ => {}
         }
@@ -223,25 +311,22 @@ fn opening(wall: &Wall, run: [usize; 2], kind: OpeningKind, labelled: &[Labelled
     let span_m = [run[0] as f64 * STEP_M, ((run[1] + 1) as f64 * STEP_M).min(wall.length_m())];
     let mut heights: Vec<f64> = labelled
         .iter()
-        .filter(|(p, _, of)| {
-            let [along, across] = within(wall.from_m, wall.to_m, p);
-            *of == class
+        .filter(|point| {
+            let [along, across] = within(wall.from_m, wall.to_m, &point.at);
+            point.class == class
                 && (span_m[0]..span_m[1]).contains(&along)
                 && across.abs() < wall.thickness_m + RECESS_M
         })
-        .map(|(_, z, _)| *z)
+        .map(|point| point.z)
         .collect();
     heights.sort_by(f64::total_cmp);
     let quantile = |part: f64| heights.get((part * heights.len() as f64) as usize).copied();
-    let at = |along: f64| {
-        [0, 1].map(|axis| wall.from_m[axis] + along / wall.length_m() * (wall.to_m[axis] - wall.from_m[axis]))
-    };
     let is_window = kind == OpeningKind::Window;
     Opening {
         id: String::new(),
         kind,
-        from_m: at(span_m[0]),
-        to_m: at(span_m[1]),
+        from_m: place(wall, span_m[0], 0.0),
+        to_m: place(wall, span_m[1], 0.0),
         thickness_m: wall.thickness_m,
         sill_m: if is_window { quantile(0.03) } else { None },
         head_m: quantile(0.97),
@@ -261,78 +346,5 @@ fn meet(a: &Opening, b: &Opening) -> bool {
     })
 }
 
-/// Returns the open leaf of a door, if points of it stand beside the doorway.
-fn swing(opening: &Opening, labelled: &[Labelled]) -> Option<Swing> {
-    let width_m = opening.width_m();
-    let mut best: Option<(usize, Swing)> = None;
-    for (from, to) in [(opening.from_m, opening.to_m), (opening.to_m, opening.from_m)] {
-        let along = [0, 1].map(|axis| (to[axis] - from[axis]) / width_m.max(1e-9));
-        for side in [-1.0, 1.0] {
-            let across = [-along[1] * side, along[0] * side];
-            let shifted = |p: [f64; 2], by: f64| [p[0] + by * across[0], p[1] + by * across[1]];
-            let half_m = opening.thickness_m / 2.0;
-            let (hinge_m, closed_m) = (shifted(from, half_m), shifted(to, half_m));
-            // Steps of the leaf's length that were seen, by its angle in steps of 10 degrees.
-            let mut seen = [0u16; 18];
-            for (p, z, class) in labelled {
-                let off = [p.x - hinge_m[0], p.y - hinge_m[1]];
-                let reach_m = off[0].hypot(off[1]);
-                if *class != Class::Door || !(0.3..1.9).contains(z) || reach_m > width_m {
-                    continue;
-                }
-                let [x, y] = [along, across].map(|axis| off[0] * axis[0] + off[1] * axis[1]);
-                let angle_deg = y.atan2(x).to_degrees();
-                if (30.0..150.0).contains(&angle_deg) {
-                    let step = ((reach_m / width_m * LEAF_STEPS as f64) as usize).min(LEAF_STEPS - 1);
-                    seen[(angle_deg / 10.0) as usize] |= 1 << step;
-                }
-            }
-            let most = seen.windows(2).map(|two| (two[0] | two[1]).count_ones() as usize).max().unwrap_or(0);
-            let open_m = shifted(hinge_m, width_m);
-            if most as f64 >= LEAF_FRACTION * LEAF_STEPS as f64 && best.is_none_or(|(least, _)| most > least)
-            {
-                best = Some((most, Swing { hinge_m, open_m, closed_m }));
-            }
-        }
-    }
-    best.map(|(_, swing)| swing)
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn patches_of_labels_are_one_window() {
-        let step = |window: bool| Step { window: if window { 0b1001 } else { 0 }, ..Step::default() };
-        let steps: Vec<Step> =
-            (0..60).map(|i| step((10..20).contains(&i) || (25..32).contains(&i))).collect();
-        assert_eq!(windows(&steps), [[10, 31]]);
-        let mut divided = steps.clone();
-        divided[21..24].fill(Step { wall: PANE, ..Step::default() });
-        assert_eq!(windows(&divided), [[10, 19], [25, 31]]);
-        let speck: Vec<Step> = (0..60).map(|i| step(i == 7)).collect();
-        assert!(windows(&speck).is_empty());
-    }
-
-    #[test]
-    fn the_frame_tells_where_a_window_ends() {
-        let frame = Step { window: 0b10, ..Step::default() };
-        let curtain = Step { curtain: PANE, ..Step::default() };
-        let both = Step { window: 0b10, curtain: PANE, ..Step::default() };
-        let of = |parts: &[(usize, Step)]| {
-            let steps: Vec<Step> = parts.iter().flat_map(|(count, step)| vec![*step; *count]).collect();
-            windows(&steps)
-        };
-        let none = Step::default();
-        // Curtains beyond both ends, and one that hides its window.
-        assert_eq!(of(&[(5, none), (5, curtain), (20, both), (5, curtain)]), [[10, 29]]);
-        assert_eq!(of(&[(5, none), (30, curtain), (5, none)]), [[5, 34]]);
-        // One bar of the frame is seen; a shorter one is a wrong label.
-        assert_eq!(of(&[(5, none), (12, frame), (5, none)]), [[5, 16]]);
-        assert!(of(&[(5, none), (8, frame), (5, none)]).is_empty());
-        // A curtain between two windows, and one before the middle of a window.
-        assert_eq!(of(&[(30, frame), (6, curtain), (30, frame)]), [[0, 29], [36, 65]]);
-        assert_eq!(of(&[(15, frame), (6, curtain), (15, frame)]), [[0, 35]]);
-    }
-}
+mod tests;

@@ -1,6 +1,8 @@
-//! Furniture of the plan: objects along its axes, within their rooms, none over another.
+//! Furniture of the plan: objects along its axes, within their rooms. None is over another, except parts of
+//! other pieces and chairs below tables.
 
 use super::model::{Furniture, PlanRoom};
+use crate::map_point::MapPoint;
 use crate::objects::{Object, is_furniture};
 use crate::rooms::outline::{contains, distance_m};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -12,10 +14,20 @@ const SNAP_RAD: f64 = 0.35;
 /// An object is moved and cut by at most this.
 const MOVE_M: f64 = 0.4;
 const CUT: f64 = 0.4;
-/// Smallest side of a drawn piece.
+/// Thinner sides become this thick, before walls and other pieces cut them.
 const MIN_SIDE_M: f64 = 0.12;
 /// Pieces this near a wall stand with their back to it.
 const BACK_M: f64 = 0.35;
+/// Objects of at least the first confidence are placed first, then those of at least the second, then the others.
+const CONFIDENCE_BANDS: [f64; 2] = [0.7, 0.55];
+/// Pieces with a higher underside hang: other pieces may stand below them.
+const HUNG_M: f64 = 0.9;
+/// The backrest of a seat is above this fraction of its height.
+const BACKREST: f64 = 2.0 / 3.0;
+/// Minimum points of a seat above that height, and below it.
+const MIN_POINTS: usize = 15;
+/// Points of an object lie at most this far outside its box.
+const POINT_OFF_M: f64 = 0.02;
 
 /// Returns whether a class has a symbol. Lamps stand on other pieces or hang.
 fn is_drawn(class: Class) -> bool {
@@ -30,6 +42,27 @@ fn is_set_in(class: Class, host: Class) -> bool {
         Television => matches!(host, Cabinet | Shelf | Table | Desk | Counter),
         _ => false,
     }
+}
+
+/// Returns whether a piece may stand below the top of another.
+fn is_under(class: Class, other: Class) -> bool {
+    class == Class::Chair && matches!(other, Class::Table | Class::Desk)
+}
+
+fn is_hung(object: &Object) -> bool {
+    object.bounds().bottom_m() > HUNG_M
+}
+
+/// Returns the place of an object's confidence in the order, from 0. A part comes no earlier than its host,
+/// which would else give way to it.
+fn band(object: &Object, objects: &[Object]) -> usize {
+    let of = |object: &Object| CONFIDENCE_BANDS.iter().filter(|least| object.confidence < **least).count();
+    let is_host = |host: &&Object| {
+        is_set_in(object.class, host.class)
+            && !is_hung(host)
+            && object.bounds().shared_m2(&host.bounds()) > 0.0
+    };
+    objects.iter().filter(is_host).map(of).fold(of(object), usize::max)
 }
 
 /// A piece along the axes, as an interval of each axis.
@@ -53,22 +86,43 @@ impl Bounds {
     }
 }
 
-/// Returns the pieces to draw: larger ones keep their place, smaller ones give way or are left out.
-pub(super) fn furniture(objects: &[Object], rooms: &[PlanRoom], plan_from_map: &Pose2) -> Vec<Furniture> {
-    let mut order: Vec<&Object> = objects.iter().filter(|object| is_drawn(object.class)).collect();
+/// Returns the pieces to draw, in that order. Standing pieces are placed before hung ones, then surer ones before
+/// others, then larger ones. Each gives way to those placed before it, or is left out. `points` is the fused map.
+pub(super) fn furniture(
+    objects: &[Object],
+    points: &[MapPoint],
+    rooms: &[PlanRoom],
+    plan_from_map: &Pose2,
+) -> Vec<Furniture> {
+    let is_seat = |point: &&MapPoint| matches!(point.point.label.class, Class::Chair | Class::Sofa);
+    let seats: Vec<&MapPoint> = points.iter().filter(is_seat).collect();
+    let drawn = objects.iter().filter(|object| is_drawn(object.class));
+    let mut order: Vec<((bool, usize), &Object)> =
+        drawn.map(|object| ((is_hung(object), band(object, objects)), object)).collect();
     let area = |object: &Object| object.size_m[0] * object.size_m[1];
-    order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.id.cmp(&b.id)));
+    order.sort_by(|(stage, a), (other, b)| {
+        stage.cmp(other).then(area(b).total_cmp(&area(a))).then(a.id.cmp(&b.id))
+    });
     let mut placed: Vec<(Furniture, Bounds)> = Vec::new();
-    for object in order {
-        if let Some(next) = piece(object, rooms, plan_from_map).and_then(|piece| fit(piece, rooms, &placed)) {
+    for (_, object) in order {
+        let piece = piece(object, &seats, rooms, plan_from_map);
+        if let Some(next) = piece.and_then(|piece| fit(piece, rooms, &placed)) {
             placed.push(next);
         }
     }
-    placed.into_iter().map(|(piece, _)| piece).collect()
+    let mut pieces: Vec<Furniture> = placed.into_iter().map(|(piece, _)| piece).collect();
+    // The filled tops of tables cover the chairs below them.
+    pieces.sort_by_key(|piece| piece.class != Class::Chair);
+    pieces
 }
 
 /// Returns an object's piece in the plan's frame.
-fn piece(object: &Object, rooms: &[PlanRoom], plan_from_map: &Pose2) -> Option<Furniture> {
+fn piece(
+    object: &Object,
+    seats: &[&MapPoint],
+    rooms: &[PlanRoom],
+    plan_from_map: &Pose2,
+) -> Option<Furniture> {
     let at = plan_from_map.apply(&Point2::new(object.centre_m[0], object.centre_m[1]));
     if rooms.is_empty() {
         return None;
@@ -85,8 +139,32 @@ fn piece(object: &Object, rooms: &[PlanRoom], plan_from_map: &Pose2) -> Option<F
         centre_m: [at.x, at.y],
         size_m,
         yaw_rad,
-        back: None,
+        back: seen_back(object, seats).map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
         is_set_in: false,
+    })
+}
+
+/// Returns the side of a seat's backrest, in quarter turns of the object's own frame from -y: the side to which
+/// the highest points are displaced. None without enough points; `seats` are those of all chairs and sofas.
+fn seen_back(object: &Object, seats: &[&MapPoint]) -> Option<u8> {
+    let bounds = object.bounds();
+    let backrest_m = BACKREST * bounds.top_m();
+    let own = seats.iter().filter(|seat| seat.point.label.class == object.class);
+    let at = own.map(|seat| seat.point.position_m.map(f64::from));
+    let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) =
+        at.filter(|at| bounds.holds(at, POINT_OFF_M)).partition(|at| at[2] > backrest_m);
+    if high.len().min(low.len()) < MIN_POINTS {
+        return None;
+    }
+    let local = high.iter().map(|[x, y, _]| bounds.local(*x, *y));
+    let sum = local.fold([0.0; 2], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
+    // A displacement counts relative to its side, as seats are seldom square.
+    let [x, y] = [0, 1].map(|axis| sum[axis] / bounds.size_m[axis]);
+    Some(match (x.abs() > y.abs(), x > 0.0, y > 0.0) {
+        (true, true, _) => 1,
+        (true, false, _) => 3,
+        (false, _, true) => 2,
+        (false, _, false) => 0,
     })
 }
 
@@ -124,9 +202,11 @@ fn fit(
         }
     }
     let meets = |now: &Bounds, piece: &Furniture| {
-        placed
-            .iter()
-            .find(|(other, at)| at.meets(now) && !(piece.is_set_in && is_set_in(piece.class, other.class)))
+        placed.iter().find(|(other, at)| {
+            let is_part = piece.is_set_in && is_set_in(piece.class, other.class);
+            let is_below = is_under(piece.class, other.class) || is_under(other.class, piece.class);
+            at.meets(now) && !is_part && !is_below
+        })
     };
     for _ in 0..4 {
         let Some((_, other)) = meets(&now, &piece) else { break };
@@ -145,9 +225,7 @@ fn fit(
     }
     let is_same = (0..2).all(|axis| {
         let moved = (now.low[axis] + now.high[axis] - original.low[axis] - original.high[axis]).abs() / 2.0;
-        moved <= MOVE_M
-            && now.size(axis) >= MIN_SIDE_M
-            && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
+        moved <= MOVE_M && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
     });
     let kept = now.size(0) * now.size(1) / (original.size(0) * original.size(1)).max(1e-9);
     if !is_same || kept < 1.0 - CUT || meets(&now, &piece).is_some() {
@@ -161,7 +239,10 @@ fn fit(
     } else {
         [now.size(0), now.size(1)]
     };
-    piece.back = if is_turned { None } else { back(&piece, room) };
+    // Chairs face their tables, whatever wall is near.
+    if !is_turned && piece.class != Class::Chair {
+        piece.back = back(&piece, room);
+    }
     Some((piece, now))
 }
 
@@ -207,7 +288,8 @@ fn into_room(mut now: Bounds, room: &PlanRoom) -> Option<Bounds> {
     (contains(ring, &middle) && is_inside && now.size(0) > 0.0 && now.size(1) > 0.0).then_some(now)
 }
 
-/// Returns the side of a piece that stands at a wall. Beds and toilets have a short side there, others a long one.
+/// Returns the side of a piece that stands at a wall, else the one that was seen. Beds and toilets have a short side
+/// at the wall, others a long one.
 fn back(piece: &Furniture, room: &PlanRoom) -> Option<u8> {
     let [x, y] = piece.size_m.map(|side| side / 2.0);
     let sides = [[0.0, -y], [x, 0.0], [0.0, y], [-x, 0.0]];
@@ -223,7 +305,12 @@ fn back(piece: &Furniture, room: &PlanRoom) -> Option<u8> {
     let costs: Vec<(f64, f64)> = (0..4).map(cost).collect();
     let total = |side: &usize| costs[*side].0 + costs[*side].1;
     let best = (0..4).min_by(|a, b| total(a).total_cmp(&total(b)))?;
-    let is_at_wall =
-        costs[best].0 < BACK_M || matches!(piece.class, Class::Bed | Class::Sofa | Class::Toilet);
-    is_at_wall.then_some(best as u8)
+    if costs[best].0 < BACK_M {
+        return Some(best as u8);
+    }
+    let has_back = matches!(piece.class, Class::Bed | Class::Sofa | Class::Toilet);
+    piece.back.or(has_back.then_some(best as u8))
 }
+
+#[cfg(test)]
+mod tests;

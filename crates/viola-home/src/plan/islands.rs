@@ -14,6 +14,11 @@ const LEAF_M: f64 = 1.05;
 const BESIDE_SPUR_M: [f64; 2] = [0.15, 0.3];
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
+/// Largest thickness of a pier between two doors, minimum length by its thickness, and minimum fraction of both its faces with
+/// wall. Furniture like a wall is thicker, as a rule.
+const PIER_M: f64 = 0.25;
+const PIER_RATIO: f64 = 2.0;
+const PIER_FRACTION: f64 = 0.6;
 /// Minimum fraction of a small island with wall up to the ceiling: a piece of a thin wall.
 const WALL_FRACTION: f64 = 0.5;
 
@@ -138,7 +143,8 @@ struct Island {
     bounds: [[usize; 2]; 2],
 }
 
-/// Makes small solid islands a part of their room, except pillars and thin walls: furniture like walls is frequent.
+/// Makes small solid islands a part of their room, except pillars and thin walls: furniture like walls is frequent. Doors end
+/// at piers, but not at pillars.
 pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     let solid = Grid { frame: cells.frame(), cells: cells.inside.iter().map(|inside| !inside).collect() };
     let (piece, count) = pieces(&solid);
@@ -155,7 +161,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     }
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &islands[*piece as usize];
-        if island.area_m2 < ISLAND_M2 {
+        if island.area_m2 < ISLAND_M2 && !is_pier(cells, evidence, island.bounds) {
             let is_wall = island.wall_m2 >= WALL_FRACTION * island.area_m2;
             cells.pillars[at] = is_wall || is_pillar(cells, evidence, island.bounds);
             cells.inside[at] = !cells.pillars[at];
@@ -176,6 +182,24 @@ fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
         evidence.is_wall(&Point2::from(p))
     };
     (0..STEPS * STEPS).filter(is_wall).count() as f64 / (STEPS * STEPS) as f64
+}
+
+/// Returns whether an island is a piece of wall, of which clips saw both faces at many heights; they seldom see the ceiling.
+/// Thinner pieces may be open leaves of doors.
+fn is_pier(cells: &Cells, evidence: &Evidence, bounds: [[usize; 2]; 2]) -> bool {
+    let metres = |axis: usize| bounds[axis].map(|line| cells.lines[axis][line]);
+    (0..2).any(|axis| {
+        let (faces_m, span_m) = (metres(axis), metres(1 - axis));
+        let thickness_m = faces_m[1] - faces_m[0];
+        let shows = |up: bool| {
+            let line_m = faces_m[usize::from(up)];
+            evidence.upright_fraction(Facing { axis, up }, line_m, span_m) >= PIER_FRACTION
+        };
+        (SPUR_M..=PIER_M).contains(&thickness_m)
+            && span_m[1] - span_m[0] >= PIER_RATIO * thickness_m
+            && shows(false)
+            && shows(true)
+    })
 }
 
 /// Returns whether three sides of an island show wall up to the ceiling.

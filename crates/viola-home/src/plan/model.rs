@@ -92,7 +92,7 @@ pub struct Furniture {
     /// Along its own x and y.
     pub size_m: [f64; 2],
     pub yaw_rad: f64,
-    /// Direction of its back, in quarter turns of its own frame from -y; none if no wall tells it.
+    /// Direction of its back, in quarter turns of its own frame from -y; none if neither a wall nor its points tell it.
     pub back: Option<u8>,
     /// True for a part of another piece, as a sink in a counter.
     pub is_set_in: bool,

@@ -89,7 +89,7 @@ pub(super) fn strokes(piece: &Furniture) -> Vec<Stroke> {
             match class {
                 Class::Bed => bed(&mut local, long_m),
                 Class::Sofa => sofa(&mut local, long_m, deep_m),
-                Class::Chair => local.line([0.0, 0.22], [1.0, 0.22]),
+                Class::Chair if piece.back.is_some() => local.line([0.0, 0.22], [1.0, 0.22]),
                 Class::Cabinet => local.line([0.0, 1.0], [1.0, 0.0]),
                 Class::Shelf => shelf(&mut local, long_m),
                 Class::Counter => local.line([0.0, 0.93], [1.0, 0.93]),

@@ -44,7 +44,7 @@ fn plan_of(name: &str) -> Plan {
     let mut rooms = crate::rooms(&lidar, &[]);
     rooms[0].name = Some(name.into());
     let objects =
-        [object(Class::Table, 1.5, 0.1), object(Class::Chair, 1.6, 0.0), object(Class::Sofa, 90.0, 0.0)];
+        [object(Class::Table, 1.5, 0.1), object(Class::Cabinet, 1.6, 0.0), object(Class::Sofa, 90.0, 0.0)];
     plan(&lidar, &[], &rooms, &objects)
 }
 

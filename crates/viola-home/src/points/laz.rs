@@ -66,7 +66,9 @@ pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
 
 fn header(id: Uuid) -> las::Result<las::Header> {
     let mut builder = Builder::from((1, 4));
-    builder.guid = id;
+    // The first three members of a GUID are little-endian numbers (LAS 1.4 R15, 2.4). The library writes the bytes of the
+    // UUID in their own order.
+    builder.guid = Uuid::from_bytes(id.to_bytes_le());
     builder.generating_software = concat!("viola ", env!("CARGO_PKG_VERSION")).to_owned();
     builder.system_identifier = "MERGE".to_owned();
     builder.has_wkt_crs = true;
@@ -184,9 +186,11 @@ mod tests {
         }
     }
 
+    const ID: Uuid = Uuid::from_u128(0x0011_2233_4455_6677_8899_aabb_ccdd_eeff);
+
     fn laz(points: &[MapPoint]) -> Vec<u8> {
         let out = Shared::default();
-        write_laz(out.clone(), Uuid::from_u128(5), points.iter().copied().map(Ok)).unwrap();
+        write_laz(out.clone(), ID, points.iter().copied().map(Ok)).unwrap();
         out.0.lock().unwrap().get_ref().clone()
     }
 
@@ -195,7 +199,7 @@ mod tests {
         let points = points(1000);
         let mut reader = Reader::new(Cursor::new(laz(&points))).unwrap();
         let header = reader.header();
-        assert_eq!((header.number_of_points(), header.guid()), (1000, Uuid::from_u128(5)));
+        assert_eq!(header.number_of_points(), 1000);
         assert!(header.has_wkt_crs() && header.point_format().to_u8().unwrap() & 0x3f == 7);
         let all = reader.read_all().unwrap();
         for (read, written) in all.points().zip(&points) {
@@ -210,6 +214,15 @@ mod tests {
             assert_eq!(read.extra_bytes[..4], written.point.label.probability().to_le_bytes());
             assert_eq!(read.extra_bytes[4..], written.clip.to_le_bytes());
         }
+    }
+
+    /// LAS 1.4 R15, 2.4: the GUID data 1 to 3 are numbers of 4, 2 and 2 bytes, and all numbers are little-endian.
+    #[test]
+    fn the_id_is_written_as_las_stores_a_guid() {
+        let file = laz(&points(1));
+        let guid =
+            [0x33, 0x22, 0x11, 0x00, 0x55, 0x44, 0x77, 0x66, 0x88, 0x99, 0xaa, 0xbb, 0xcc, 0xdd, 0xee, 0xff];
+        assert_eq!(file[8..24], guid);
     }
 
     #[test]

@@ -160,3 +160,28 @@ fn a_doorway_between_staggered_walls_divides_two_rooms() {
     let areas_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
     assert!((22.5..24.0).contains(&areas_m2), "{areas_m2}");
 }
+
+/// Clips saw both faces of the pier, but not the ceiling.
+#[test]
+fn a_pier_divides_two_doors() {
+    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let pieces = [[0.0, 0.6], [1.4, 2.0], [2.8, 4.0]];
+    for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
+        walls.extend(pieces.map(|[from, to]| [[x, from], [x, to]]));
+    }
+    let lidar = lidar_of(&walls);
+    let mut points = Vec::new();
+    // Points 2.5 cm apart, so that no column is without any.
+    for [from, to] in pieces {
+        for off in [0.0, 0.025] {
+            points.extend(face(4.0, false, [from + off, to], [0.1, 1.9]));
+            points.extend(face(4.1, true, [from + off, to], [0.1, 1.9]));
+        }
+    }
+    let plan = plan(&lidar, &points, &crate::rooms(&lidar, &points), &[]);
+    let is_door =
+        |opening: &Opening| opening.kind == OpeningKind::Door && (opening.width_m() - 0.8).abs() < 0.16;
+    assert_eq!(plan.openings.len(), 2, "{:?}", plan.openings);
+    assert!(plan.openings.iter().all(is_door), "{:?}", plan.openings);
+}
