@@ -11,6 +11,9 @@ from truth import same_points
 
 KINDS = {1: "u1", 3: "<u2", 7: "<f4"}
 
+# Half of the last decimal of a document's numbers (src/api/digits.rs).
+DIGIT = 0.51e-4
+
 
 def packed(message, stride):
     """Returns packed elements as an array with named fields."""
@@ -87,9 +90,9 @@ def objects(truth, scene):
         [cube], [text] = entity.cubes, entity.texts
         assert text.text == (thing["name"] or thing["id"])
         at, size, turn = cube.pose.position, cube.size, cube.pose.orientation
-        same_points([[at.x, at.y, at.z]], [thing["centre_m"]], 1e-9)
-        same_points([[size.x, size.y, size.z]], [thing["size_m"]], 1e-9)
-        assert abs(2 * math.atan2(turn.z, turn.w) - thing["yaw_rad"]) < 1e-9
+        same_points([[at.x, at.y, at.z]], [thing["centre_m"]], DIGIT)
+        same_points([[size.x, size.y, size.z]], [thing["size_m"]], DIGIT)
+        assert abs(2 * math.atan2(turn.z, turn.w) - thing["yaw_rad"]) < DIGIT
 
 
 def clips(truth, messages):
@@ -98,7 +101,7 @@ def clips(truth, messages):
     for clip in truth.clips:
         pose, transform = clip["map_from_clip"], transforms[f"clip/{clip['clip']}"]
         assert transform.parent_frame_id == "map"
-        assert abs(transform.translation.x - pose["x_m"]) < 1e-9 and abs(transform.translation.y - pose["y_m"]) < 1e-9
+        assert abs(transform.translation.x - pose["x_m"]) < DIGIT and abs(transform.translation.y - pose["y_m"]) < DIGIT
         path = messages[f"/clips/{clip['clip']}/path"]
         assert path.frame_id == "map" and 0 < len(path.poses) <= 500
         if not truth.room:
