@@ -278,7 +278,7 @@ PARTS = [
     },
     {
         "name": "home", "title": "A home's map", "needs": ["VIOLA_TEST_DATA", "VIOLA_MODELS"],
-        "note": "Excerpts of 40 frames: disagreement of overlaps, points within 5 cm of the labelled mesh, objects by turned boxes.",
+        "note": "Excerpts of 40 frames: disagreement of overlaps, points within 5 cm of the mesh, objects by turned boxes.",
         "runs": {"DeepLab": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --models $MODELS --out {out}",
                  "built-in": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --out {out}"},
         "settings": {"tiny": {}, "quick": {}, "all": {}}, "minutes": {"tiny": 4, "quick": 2, "all": 2}, "rows": homes,
@@ -288,7 +288,7 @@ PARTS = [
     },
     {
         "name": "homes", "title": "Objects and plan of simulated homes", "needs": [],
-        "note": "Points of the true surface, without clips; at least 75 % of patches named right. Faces within 10 cm and 3 degrees, areas within 5 %.",
+        "note": "Points of the true surface; at least 75 % of patches named right. Faces within 10 cm and 3 degrees, areas within 5 %.",
         "runs": {"run": "viola evaluate --home --set normal --seeds {seeds} --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001"}, "quick": {"seeds": "5000..5050"}, "all": {"seeds": "5000..5050"}},
         "minutes": {"tiny": 2, "quick": 1, "all": 1}, "rows": simulated_homes,
