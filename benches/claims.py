@@ -247,7 +247,7 @@ PARTS = [
     },
     {
         "name": "clip", "title": "A clip's zip to its pose", "needs": ["VIOLA_TEST_DATA"], "repeat": 3,
-        "note": "The median of three runs. Required are 6 s and 700 MiB for 60 frames.",
+        "note": "Median of three runs. Required are 6 s and 700 MiB for 60 frames.",
         "prepare": "(cd $SCENE && zip -q - intrinsic/* {color,depth,pose}/1[2-7]?.*) > target/60.zip\n"
                    "(cd $SCENE && zip -qr - intrinsic color depth pose) > target/300.zip",
         "runs": {frames + " frames": f"viola align --clip target/{frames}.zip --lidar $SCENE/lidar/valetudo.json --out {{out}}/out"
@@ -266,7 +266,7 @@ PARTS = [
     },
     {
         "name": "labels", "title": "Classes of points", "needs": ["VIOLA_TEST_DATA", "VIOLA_MODELS"],
-        "note": "`volume` is the built-in network; single frames and voting are by DeepLab.",
+        "note": "`volume` is the built-in network; frames and voting are by DeepLab.",
         "runs": {"real": "viola evaluate --scene $SCENE --labels --frames 60 --models $MODELS --out {out}",
                  "simulated": "viola evaluate --set normal,changed --seeds {seeds} --frames {frames} --labels --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001", "frames": "8"}, "quick": {"seeds": "5000..5003", "frames": "20"},
