@@ -12,7 +12,7 @@ from truth import same_points
 KINDS = {1: "u1", 3: "<u2", 7: "<f4"}
 
 # Half of the last decimal of a document's numbers (src/api/digits.rs).
-DIGIT = 0.51e-4
+DIGIT = 0.5e-4 + 1e-9
 
 
 def packed(message, stride):
