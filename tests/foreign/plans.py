@@ -33,6 +33,12 @@ def dxf(truth):
         box = bbox.extents(space.query('*[layer=="ROOMS"]'))
         sides = sorted([box.size.x, box.size.y])
         assert abs(sides[0] - width) < 0.15 and abs(sides[1] - length) < 0.15, sides
+    fractions = [wall["filmed_fraction"] for wall in truth.plan["walls"]]
+    assert all(0 <= fraction <= 1 for fraction in fractions), fractions
+    # If clips filmed no wall, all walls are drawn alike.
+    filmed = sum(fraction >= 0.2 for fraction in fractions) or len(fractions)
+    counts = [len(space.query(f'LINE[layer=="{layer}"]')) for layer in ["WALL_LINES", "WALL_LINES_UNFILMED"]]
+    assert counts == [filmed, len(fractions) - filmed], (counts, fractions)
     yaw = truth.plan["plan_yaw_rad"]
     rings = [ring for room in truth.plan["rooms"] for ring in [room["polygon_m"], *room["holes_m"]]]
     drawn = space.query('POLYLINE[layer=="ROOMS"]')

@@ -10,6 +10,7 @@ mod direction;
 mod dxf;
 mod evidence;
 mod faces;
+mod filmed;
 mod fixtures;
 mod furnish;
 mod gaps;
@@ -100,7 +101,9 @@ pub(super) fn plan_of_corrected(
     walls.extend(slanted);
     for (number, wall) in (1..).zip(&mut walls) {
         wall.id = format!("wall-{number}");
+        wall.filmed_fraction = filmed::fraction(wall, &openings, &evidence);
     }
+    let unfilmed_masonry = masonry::unfilmed(&masonry, &walls);
     let owned = outlines.into_iter().zip(&spaces.owners);
     let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
     let furniture = furnish::furniture(objects, points, &rooms, &evidence.plan_from_map);
@@ -110,6 +113,7 @@ pub(super) fn plan_of_corrected(
         map_from_plan,
         walls,
         masonry,
+        unfilmed_masonry,
         openings,
         rooms,
         furniture,

@@ -1,13 +1,17 @@
 //! A plan as DXF (R12, which every CAD program reads), in metres and in the plan's upright frame.
 
-use super::model::{Opening, OpeningKind, Plan, strip};
+use super::masonry;
+use super::model::{Opening, OpeningKind, Plan, by_filming, strip};
 use super::symbols::strokes;
+use crate::rooms::outline::Outline;
 use std::fmt::{Display, Write};
 
 /// Layers and their colours, by AutoCAD's numbers.
-const LAYERS: [(&str, u8); 8] = [
+const LAYERS: [(&str, u8); 10] = [
     ("WALLS", 7),
     ("WALL_LINES", 8),
+    ("WALLS_UNFILMED", 253),
+    ("WALL_LINES_UNFILMED", 254),
     ("DOORS", 30),
     ("WINDOWS", 5),
     ("ROOMS", 3),
@@ -67,19 +71,16 @@ pub fn plan_dxf(plan: &Plan) -> String {
 }
 
 fn entities(plan: &Plan, out: &mut Dxf) {
-    for outline in &plan.masonry {
-        out.polyline("WALLS", &outline.ring_m, true);
-        outline.holes_m.iter().for_each(|hole| out.polyline("WALLS", hole, true));
-    }
-    for wall in &plan.walls {
-        out.line("WALL_LINES", wall.from_m, wall.to_m);
-    }
+    out.outlines("WALLS", &masonry::without(&plan.masonry, &plan.unfilmed_masonry));
+    out.outlines("WALLS_UNFILMED", &plan.unfilmed_masonry);
+    let (filmed, unfilmed) = by_filming(&plan.walls);
+    filmed.iter().for_each(|wall| out.line("WALL_LINES", wall.from_m, wall.to_m));
+    unfilmed.iter().for_each(|wall| out.line("WALL_LINES_UNFILMED", wall.from_m, wall.to_m));
     for opening in &plan.openings {
         draw_opening(opening, out);
     }
     for room in &plan.rooms {
-        out.polyline("ROOMS", &room.outline.ring_m, true);
-        room.outline.holes_m.iter().for_each(|hole| out.polyline("ROOMS", hole, true));
+        out.outlines("ROOMS", std::slice::from_ref(&room.outline));
         let [x, y] = room.label_at_m;
         out.text("ROOM_NAMES", [x, y], &room.title());
         out.text("ROOM_NAMES", [x, y - 1.6 * TEXT_M], &format!("{:.1} m2", room.area_m2));
@@ -170,6 +171,13 @@ impl Dxf {
             self.point(*point);
         }
         self.entity("SEQEND", layer);
+    }
+
+    fn outlines(&mut self, layer: &str, outlines: &[Outline]) {
+        for outline in outlines {
+            self.polyline(layer, &outline.ring_m, true);
+            outline.holes_m.iter().for_each(|hole| self.polyline(layer, hole, true));
+        }
     }
 
     fn text(&mut self, layer: &str, at: [f64; 2], words: &str) {

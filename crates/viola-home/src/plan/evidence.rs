@@ -1,7 +1,7 @@
 //! Evidence of walls in the plan's frame: columns of upright surface that face one of four directions, and open
 //! floor.
 
-use super::raster::{is_level, level_cells, owners, tall_cells};
+use super::raster::{is_level, level_cells, owners, upright_cells};
 use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
@@ -35,10 +35,14 @@ const ABOVE_DOORS: u32 = !0 << 13;
 /// Cosine between a point's normal and the direction that it faces.
 const FACING: f64 = 0.8;
 
+/// Returns whether a fused point is on an upright surface of any class.
+pub(super) fn is_upright(point: &MapPoint) -> bool {
+    f64::from(point.point.normal[2]).abs() < 0.4
+}
+
 /// Returns whether a fused point is on a wall, or on something flat on it.
 pub(super) fn is_wall_surface(point: &MapPoint) -> bool {
-    let is_upright = f64::from(point.point.normal[2]).abs() < 0.4;
-    is_upright && matches!(point.point.label.class, Class::Wall | Class::Picture | Class::Mirror)
+    is_upright(point) && matches!(point.point.label.class, Class::Wall | Class::Picture | Class::Mirror)
 }
 
 /// A direction that faces look into; their room is on this side.
@@ -135,6 +139,8 @@ pub(super) struct Evidence<'a> {
     floor: Vec<bool>,
     /// Cells with wall up to the ceiling.
     wall: Vec<bool>,
+    /// Directions of the upright surface that clips saw in each cell, as bits.
+    directions: Vec<u8>,
     /// Index of the room of each cell of `space`, from 1; 0 for none.
     owner: Vec<u32>,
 }
@@ -144,6 +150,7 @@ impl<'a> Evidence<'a> {
         let plan_from_map = map_from_plan.inverse();
         let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (level, floor) = level_cells(space, points);
+        let (wall, directions) = upright_cells(space, points);
         for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at] || floor[*at]) {
             let p = plan_from_map.apply(&space.centre(at));
             for axis in 0..2 {
@@ -165,7 +172,8 @@ impl<'a> Evidence<'a> {
             space,
             level,
             floor,
-            wall: tall_cells(space, points),
+            wall,
+            directions,
             owner: owners(space, rooms),
         };
         evidence.add_lidar();
@@ -299,6 +307,11 @@ impl<'a> Evidence<'a> {
     /// Returns whether wall up to the ceiling stands at a place.
     pub fn is_wall(&self, in_plan: &Point2) -> bool {
         self.cell(in_plan).is_some_and(|at| self.wall[at])
+    }
+
+    /// Returns whether clips saw upright surface of one of some directions at a place of the map's frame.
+    pub fn has_upright(&self, in_map: &Point2, directions: u8) -> bool {
+        self.space.index(in_map).is_some_and(|at| self.directions[at] & directions != 0)
     }
 
     /// Returns whether the robot or a clip saw floor at a place.

@@ -42,6 +42,7 @@ pub fn plan_geojson(plan: &Plan) -> Value {
                 "kind": "wall_line",
                 "thickness_m": round(wall.thickness_m),
                 "is_measured": wall.is_measured,
+                "filmed_fraction": wall.filmed_fraction,
             },
         }));
     }
@@ -85,6 +86,7 @@ pub fn plan_json(plan: &Plan) -> Value {
             "length_m": round(wall.length_m()),
             "thickness_m": round(wall.thickness_m),
             "is_measured": wall.is_measured,
+            "filmed_fraction": wall.filmed_fraction,
             "rooms": rooms,
         })
     });

@@ -1,7 +1,7 @@
 //! Area of the walls beside oblique sides.
 
-use super::model::{Opening, OpeningKind, Wall, strip};
-use super::shape::USUAL_M;
+use super::model::{Opening, OpeningKind, Wall, by_filming, strip};
+use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
 use geo::{Area, BooleanOps, Coord, LineString, MultiPolygon, Polygon, unary_union};
 
@@ -27,8 +27,7 @@ pub(super) fn with_oblique(
     if oblique.is_empty() {
         return base;
     }
-    let base = MultiPolygon(base.iter().map(polygon).collect());
-    let rooms = MultiPolygon(rooms.iter().map(polygon).collect());
+    let (base, rooms) = (area(&base), area(rooms));
     let ways = openings.iter().filter(|opening| opening.kind != OpeningKind::Window);
     let ways = unary_union(
         &ways.map(|way| ring(&strip(way.from_m, way.to_m, way.thickness_m + SEAM_M))).collect::<Vec<_>>(),
@@ -39,7 +38,35 @@ pub(super) fn with_oblique(
     let beyond = unary_union(&beyond).difference(&unary_union(&bodies));
     let walls = unary_union(&oblique.iter().map(|wall| body(wall, 0.0)).collect::<Vec<_>>());
     let masonry = base.difference(&beyond).union(&walls).difference(&rooms).difference(&ways);
-    masonry.0.iter().filter(|piece| piece.unsigned_area() >= MIN_AREA_M2).map(outline).collect()
+    pieces(&masonry)
+}
+
+/// Returns the part of the masonry that belongs to the walls of the LiDAR map only. A corner with a wall that clips filmed
+/// belongs to that one.
+pub(super) fn unfilmed(masonry: &[Outline], walls: &[Wall]) -> Vec<Outline> {
+    let (filmed, unfilmed) = by_filming(walls);
+    if unfilmed.is_empty() {
+        return Vec::new();
+    }
+    let bodies = |walls: &[&Wall], by_m: f64| {
+        unary_union(&walls.iter().map(|wall| body(wall, by_m)).collect::<Vec<_>>())
+    };
+    let own = bodies(&unfilmed, 0.0).difference(&bodies(&filmed, 0.0));
+    let corners = bodies(&unfilmed, THICKEST_M).difference(&bodies(&filmed, THICKEST_M));
+    pieces(&area(masonry).intersection(&own.union(&corners)))
+}
+
+/// Returns masonry without a part of it.
+pub(super) fn without(masonry: &[Outline], part: &[Outline]) -> Vec<Outline> {
+    if part.is_empty() { masonry.to_vec() } else { pieces(&area(masonry).difference(&area(part))) }
+}
+
+fn area(outlines: &[Outline]) -> MultiPolygon {
+    MultiPolygon(outlines.iter().map(polygon).collect())
+}
+
+fn pieces(area: &MultiPolygon) -> Vec<Outline> {
+    area.0.iter().filter(|piece| piece.unsigned_area() >= MIN_AREA_M2).map(outline).collect()
 }
 
 /// Returns the area of a wall, extended at its ends.
@@ -107,5 +134,56 @@ fn outline(polygon: &Polygon) -> Outline {
         ring_m: corners(polygon.exterior()),
         // Corners that became one may leave a hole without area, which is no ring (RFC 7946, 3.1.6).
         holes_m: polygon.interiors().iter().map(corners).filter(|hole| is_ring(hole)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wall(from_m: [f64; 2], to_m: [f64; 2], filmed_fraction: f64) -> Wall {
+        Wall {
+            id: String::new(),
+            from_m,
+            to_m,
+            thickness_m: 0.2,
+            is_measured: false,
+            filmed_fraction,
+            rooms: vec![0],
+        }
+    }
+
+    fn area_m2(outlines: &[Outline]) -> f64 {
+        outlines.iter().map(Outline::area_m2).sum()
+    }
+
+    /// A room of 4 m by 3 m with walls of 0.2 m: below, on the right, above, on the left.
+    #[test]
+    fn a_corner_belongs_to_a_filmed_wall() {
+        let ring_m = vec![[-0.2, -0.2], [4.2, -0.2], [4.2, 3.2], [-0.2, 3.2]];
+        let holes_m = vec![vec![[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]]];
+        let masonry = [Outline { ring_m, holes_m }];
+        let all_m2 = 4.4 * 3.4 - 4.0 * 3.0;
+        for (fractions, unfilmed_m2) in [
+            ([1.0, 0.0, 0.1, 0.2], 0.2 * (3.0 + 4.0) + 0.2 * 0.2),
+            ([1.0, 0.0, 0.9, 0.2], 0.2 * 3.0),
+            ([1.0, 0.0, 0.0, 0.0], all_m2 - 0.2 * 4.4),
+            ([1.0, 0.5, 0.9, 0.2], 0.0),
+            // No clip filmed any wall.
+            ([0.1, 0.0, 0.0, 0.0], 0.0),
+        ] {
+            let [below, right, above, left] = fractions;
+            let walls = [
+                wall([0.0, -0.1], [4.0, -0.1], below),
+                wall([4.1, 0.0], [4.1, 3.0], right),
+                wall([4.0, 3.1], [0.0, 3.1], above),
+                wall([-0.1, 3.0], [-0.1, 0.0], left),
+            ];
+            let unfilmed = unfilmed(&masonry, &walls);
+            assert_eq!(unfilmed.is_empty(), unfilmed_m2 == 0.0, "{fractions:?}");
+            assert!((area_m2(&unfilmed) - unfilmed_m2).abs() < 0.01, "{fractions:?} {unfilmed:?}");
+            let rest_m2 = area_m2(&without(&masonry, &unfilmed));
+            assert!((rest_m2 + area_m2(&unfilmed) - all_m2).abs() < 0.01, "{fractions:?} {rest_m2}");
+        }
     }
 }

@@ -5,6 +5,9 @@ use serde::Serialize;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Point2, Pose2};
 
+/// Walls with a smaller filmed fraction are drawn as walls of the LiDAR map only.
+const MIN_FILMED_FRACTION: f64 = 0.2;
+
 /// A floor plan. All coordinates are in the plan's own frame: the LiDAR map's, turned about its origin so that
 /// the main direction of the walls is horizontal.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +20,8 @@ pub struct Plan {
     pub walls: Vec<Wall>,
     /// Area of the walls without doors and passages.
     pub masonry: Vec<Outline>,
+    /// The part of `masonry` of the walls that are in the LiDAR map only.
+    pub unfilmed_masonry: Vec<Outline>,
     pub openings: Vec<Opening>,
     pub rooms: Vec<PlanRoom>,
     pub furniture: Vec<Furniture>,
@@ -31,6 +36,8 @@ pub struct Wall {
     pub thickness_m: f64,
     /// True if both faces were seen; else the thickness is a usual one, and one face was seen.
     pub is_measured: bool,
+    /// Fraction of its length without doors and passages, 0 to 1, where clips saw upright surface at one of its faces.
+    pub filmed_fraction: f64,
     /// Indices of the rooms on its sides.
     pub rooms: Vec<usize>,
 }
@@ -116,6 +123,10 @@ impl Wall {
     pub fn length_m(&self) -> f64 {
         (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
     }
+
+    fn is_filmed(&self) -> bool {
+        self.filmed_fraction >= MIN_FILMED_FRACTION
+    }
 }
 
 impl Opening {
@@ -165,6 +176,13 @@ impl Plan {
         }
         if low[0] > high[0] { ([0.0; 2], [1.0; 2]) } else { (low, high) }
     }
+}
+
+/// Returns the walls that clips filmed, and those of the LiDAR map only. If clips filmed none, as in a home without clips, all
+/// walls are in the first group.
+pub(super) fn by_filming(walls: &[Wall]) -> (Vec<&Wall>, Vec<&Wall>) {
+    let is_any_filmed = walls.iter().any(Wall::is_filmed);
+    walls.iter().partition(|wall| !is_any_filmed || wall.is_filmed())
 }
 
 /// Returns the corners of a strip around a line, counter-clockwise.

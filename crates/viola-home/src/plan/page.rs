@@ -27,6 +27,8 @@ const NARROWEST_MM: f64 = 150.0;
 
 pub(super) const INK: &str = "#20242b";
 pub(super) const WALL: &str = "#2f343d";
+/// Walls that are in the LiDAR map only.
+pub(super) const UNFILMED_WALL: &str = "#b4bbc6";
 pub(super) const QUIET: &str = "#5d6673";
 pub(super) const FURNITURE: &str = "#8a929e";
 /// Tints of rooms: light and distinct.

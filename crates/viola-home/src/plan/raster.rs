@@ -1,10 +1,11 @@
 //! Surface and rooms in the cells of the LiDAR map's raster.
 
-use super::evidence::{LOWEST_M, height, is_tall, is_wall_surface};
+use super::evidence::{LOWEST_M, height, is_tall, is_upright, is_wall_surface};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
 use crate::rooms::space::Space;
-use viola_geometry::Point2;
+use std::f64::consts::FRAC_PI_4;
+use viola_geometry::{Point2, Vector2};
 
 /// Maximum height of floor.
 const FLOOR_M: f64 = 0.15;
@@ -13,6 +14,11 @@ const FURNITURE_M: f64 = 1.5;
 const CEILING_M: f64 = 1.9;
 /// Minimum vertical part of the normal of a level surface.
 const LEVEL: f64 = 0.7;
+/// Tangent of 22.5 degrees, half of the width of a direction.
+const HALF_DIRECTION: f32 = std::f32::consts::SQRT_2 - 1.0;
+/// Cosine of the largest angle between a wall's normal and the middle of a direction of its surface: 50 degrees, so that
+/// noise of 27 degrees is allowed and the walls at its corners are excluded.
+const SAME_DIRECTION: f64 = 0.643;
 
 /// Returns whether a point is on a surface that no wall crosses: floor, furniture from above, ceiling.
 pub(super) fn is_level(point: &MapPoint) -> bool {
@@ -33,16 +39,45 @@ pub(super) fn level_cells(space: &Space, points: &[MapPoint]) -> (Vec<bool>, Vec
     (level, floor)
 }
 
-/// Returns the cells with wall up to the ceiling.
-pub(super) fn tall_cells(space: &Space, points: &[MapPoint]) -> Vec<bool> {
-    let mut bits = vec![0u32; space.frame.len()];
-    for point in points.iter().filter(|point| is_wall_surface(point)) {
+/// Returns the cells with wall up to the ceiling, and the directions of each cell's upright surface of any class.
+pub(super) fn upright_cells(space: &Space, points: &[MapPoint]) -> (Vec<bool>, Vec<u8>) {
+    let (mut heights, mut directions) = (vec![0u32; space.frame.len()], vec![0u8; space.frame.len()]);
+    for point in points.iter().filter(|point| is_upright(point)) {
         let [x, y, z] = point.point.position_m.map(f64::from);
-        if let Some(cell) = space.index(&Point2::new(x, y)).filter(|_| z >= LOWEST_M) {
-            bits[cell] |= height(z);
+        if z < LOWEST_M {
+            continue;
+        }
+        if let Some(cell) = space.index(&Point2::new(x, y)) {
+            directions[cell] |= direction(point.point.normal);
+            if is_wall_surface(point) {
+                heights[cell] |= height(z);
+            }
         }
     }
-    bits.into_iter().map(is_tall).collect()
+    (heights.into_iter().map(is_tall).collect(), directions)
+}
+
+/// Returns the bit of a normal's direction. The four directions are 45 degrees wide, around 0, 45, 90 and 135 degrees;
+/// opposite normals have the same one.
+fn direction([x, y, _]: [f32; 3]) -> u8 {
+    if y.abs() <= HALF_DIRECTION * x.abs() {
+        1
+    } else if x.abs() <= HALF_DIRECTION * y.abs() {
+        1 << 2
+    } else if x * y > 0.0 {
+        1 << 1
+    } else {
+        1 << 3
+    }
+}
+
+/// Returns the bits of the directions that surface of a wall may have, whose normal is given in the map's frame.
+pub(super) fn directions_of(normal: &Vector2) -> u8 {
+    let is_near = |direction: &u8| {
+        let (sin, cos) = (f64::from(*direction) * FRAC_PI_4).sin_cos();
+        (normal.x * cos + normal.y * sin).abs() > SAME_DIRECTION
+    };
+    (0..4u8).filter(is_near).fold(0, |bits, direction| bits | (1u8 << direction))
 }
 
 /// Returns the room of each cell, from 1.
@@ -70,4 +105,34 @@ pub(super) fn owners(space: &Space, rooms: &[Room]) -> Vec<u32> {
         }
     }
     owner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surface_has_the_direction_of_its_wall_and_not_of_the_walls_at_its_corners() {
+        let unit = |degrees: i32| f64::from(degrees).to_radians().sin_cos();
+        for of_wall in (-180..180).step_by(5) {
+            let (sin, cos) = unit(of_wall);
+            let directions = directions_of(&Vector2::new(cos, sin));
+            for (off, is_of_wall) in [
+                (-27, true),
+                (0, true),
+                (27, true),
+                (153, true),
+                (180, true),
+                (207, true),
+                (75, false),
+                (90, false),
+                (105, false),
+                (270, false),
+            ] {
+                let (sin, cos) = unit(of_wall + off);
+                let direction = direction([cos as f32, sin as f32, 0.0]);
+                assert_eq!(directions & direction != 0, is_of_wall, "{of_wall} {off}");
+            }
+        }
+    }
 }

@@ -115,6 +115,7 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec
                 to_m: point(wall.to_m),
                 thickness_m: wall.faces_m[1] - wall.faces_m[0],
                 is_measured: wall.is_measured,
+                filmed_fraction: 0.0,
                 rooms: wall.rooms,
             }
         })

@@ -280,6 +280,7 @@ pub(super) fn walls(sides: &[Side], faces: &[Oblique]) -> Vec<Wall> {
             to_m: centre(to_m),
             thickness_m,
             is_measured: other.is_some(),
+            filmed_fraction: 0.0,
             rooms,
         });
     }

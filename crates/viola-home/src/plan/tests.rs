@@ -1,5 +1,6 @@
 //! Plans of two rooms of bare LiDAR points.
 
+mod filmed;
 mod gaps;
 mod oblique;
 mod pages;

@@ -2,9 +2,11 @@
 
 use super::image::px_per_mm;
 use super::{
-    INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title,
+    INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, UNFILMED_WALL, WALL, dimensions, furniture, labels, openings,
+    title,
 };
 use crate::plan::model::Plan;
+use crate::rooms::outline::Outline;
 use crate::svg::{FONT_FAMILY, escape, has_letters, letters_in_fonts, render};
 use flate2::Crc;
 use std::fmt::Write;
@@ -41,10 +43,12 @@ pub fn plan_svg(plan: &Plan) -> String {
         out,
         "</g>\n<g id=\"walls\" fill=\"{WALL}\" stroke=\"{WALL}\" stroke-width=\"{LINE_MM}\" fill-rule=\"evenodd\">"
     );
-    for outline in &plan.masonry {
-        let mut path = page.ring(&outline.ring_m);
-        outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
-        let _ = writeln!(out, "<path d=\"{path}\"/>");
+    paths(&plan.masonry, &page, &mut out);
+    if !plan.unfilmed_masonry.is_empty() {
+        // Half of the line around all walls remains as their edge.
+        let _ =
+            writeln!(out, "</g>\n<g id=\"unfilmed-walls\" fill=\"{UNFILMED_WALL}\" fill-rule=\"evenodd\">");
+        paths(&plan.unfilmed_masonry, &page, &mut out);
     }
     let _ =
         writeln!(out, "</g>\n<g id=\"openings\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\" fill=\"none\">");
@@ -59,6 +63,14 @@ pub fn plan_svg(plan: &Plan) -> String {
     let _ = writeln!(out, "</g>\n<g id=\"title\">");
     title::draw(plan, &page, &mut out);
     out + "</g>\n</svg>\n"
+}
+
+fn paths(outlines: &[Outline], page: &Page, out: &mut String) {
+    for outline in outlines {
+        let mut path = page.ring(&outline.ring_m);
+        outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
+        let _ = writeln!(out, "<path d=\"{path}\"/>");
+    }
 }
 
 /// Returns the page as PNG and PDF draw it: names have only the letters of the fonts in the binary.

@@ -1,6 +1,6 @@
 //! The title block: what the page is, its scale, a scale bar and the axes of the LiDAR map.
 
-use super::{INK, LINE_MM, Page, QUIET, THIN_MM, TITLE_MM, shortened, text_width_mm};
+use super::{INK, LINE_MM, Page, QUIET, THIN_MM, TITLE_MM, UNFILMED_WALL, shortened, text_width_mm};
 use crate::plan::model::Plan;
 use crate::svg::escape;
 use std::fmt::Write;
@@ -30,8 +30,21 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     text(out, [LEFT_MM, top + 11.5], 2.8, QUIET, "start", false, &facts);
     let scale = format!("Scale 1:{:.0}, measures in metres", page.scale);
     text(out, [LEFT_MM, top + 15.8], 2.4, QUIET, "start", false, &scale);
+    if !plan.unfilmed_masonry.is_empty() {
+        legend([LEFT_MM, top + 20.1], out);
+    }
     bar(page, [page.width_mm * 0.45, top + 9.0], out);
     axes(plan, [right - 12.0, top + 12.5], out);
+}
+
+/// A sample of the walls that are in the LiDAR map only, and its meaning.
+fn legend([x, y]: [f64; 2], out: &mut String) {
+    let _ = writeln!(
+        out,
+        "<rect x=\"{x:.2}\" y=\"{:.2}\" width=\"4\" height=\"1.8\" fill=\"{UNFILMED_WALL}\" stroke=\"{INK}\" stroke-width=\"{THIN_MM}\"/>",
+        y - 1.8
+    );
+    text(out, [x + 5.2, y], 2.4, QUIET, "start", false, "not filmed: by the LiDAR map only");
 }
 
 /// Returns the part of a title for which there is room.

@@ -176,6 +176,7 @@ mod tests {
             map_from_plan: Pose2::new(0.0, 0.0, 0.0),
             walls: Vec::new(),
             masonry: Vec::new(),
+            unfilmed_masonry: Vec::new(),
             openings: Vec::new(),
             rooms: vec![room],
             furniture: Vec::new(),
