@@ -271,12 +271,26 @@ impl RoomCorrection {
     }
 }
 
-/// Applies corrections to the rooms. Returns what was corrected by the room's id. A correction that a new
-/// LiDAR map made impossible, such as a merge of rooms that no longer meet, is left out.
-pub fn correct_rooms(
-    rooms: &mut Vec<Room>,
-    corrections: &[(String, RoomCorrection)],
-) -> BTreeMap<String, Corrected<RoomField>> {
+/// A line through two points that divides two rooms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomDivision {
+    pub from_m: [f64; 2],
+    pub to_m: [f64; 2],
+    /// Ids of the rooms on its sides.
+    pub rooms: [String; 2],
+}
+
+/// The corrections that were applied to the rooms.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CorrectedRooms {
+    /// The corrected properties, by the room's id.
+    pub by_id: BTreeMap<String, Corrected<RoomField>>,
+    pub divisions: Vec<RoomDivision>,
+}
+
+/// Applies corrections to the rooms. A correction that a new LiDAR map made impossible, such as a merge of rooms that no
+/// longer meet, is left out.
+pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrection)]) -> CorrectedRooms {
     let all = corrections.iter().flat_map(|(key, correction)| {
         [RoomField::MergeWith, RoomField::SplitBy, RoomField::Name]
             .into_iter()
@@ -285,12 +299,18 @@ pub fn correct_rooms(
     let mut all: Vec<_> = all.collect();
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.cmp(b.1)));
     let mut corrected: BTreeMap<String, Corrected<RoomField>> = BTreeMap::new();
+    let mut divisions: Vec<RoomDivision> = Vec::new();
     for (_, key, field, correction) in all {
         let Some(index) = at(rooms, &correction.at_m, Some(key.as_str())) else { continue };
         let is_done = match field {
-            RoomField::MergeWith => correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge)),
+            RoomField::MergeWith => {
+                correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge, &mut divisions))
+            }
             RoomField::SplitBy => {
-                correction.split.as_ref().is_some_and(|line| cut(rooms, index, line, correction))
+                let division = correction.split.as_ref().and_then(|line| cut(rooms, index, line, correction));
+                let is_done = division.is_some();
+                divisions.extend(division);
+                is_done
             }
             // The name of a room that was merged into another is not that of both.
             RoomField::Name => {
@@ -314,7 +334,7 @@ pub fn correct_rooms(
         of_room.name.clone_from(&rooms[index].name);
         of_room.fields.push(field);
     }
-    corrected
+    CorrectedRooms { by_id: corrected, divisions }
 }
 
 /// Returns the room at a point. Furniture that stands on the point is cut out of its room: then the room is the one with
@@ -329,8 +349,8 @@ fn at(rooms: &[Room], place: &[f64; 2], id: Option<&str>) -> Option<usize> {
     })
 }
 
-/// Joins other rooms to one; returns whether at least one was joined.
-fn join(rooms: &mut Vec<Room>, index: usize, merge: &RoomMerge) -> bool {
+/// Joins other rooms to one; returns whether at least one was joined. Lines between rooms that are one now divide nothing.
+fn join(rooms: &mut Vec<Room>, index: usize, merge: &RoomMerge, divisions: &mut Vec<RoomDivision>) -> bool {
     let id = rooms[index].id.clone();
     let mut is_done = false;
     for place in &merge.with_m {
@@ -338,30 +358,34 @@ fn join(rooms: &mut Vec<Room>, index: usize, merge: &RoomMerge) -> bool {
         let Some(other) = at(rooms, place, None).filter(|other| *other != own) else { continue };
         if let Some(both) = merged(&rooms[own], &rooms[other]) {
             rooms[own] = both;
-            rooms.remove(other);
+            let joined = rooms.remove(other);
+            let beside = divisions.iter_mut().flat_map(|division| &mut division.rooms);
+            beside.filter(|beside| **beside == joined.id).for_each(|beside| beside.clone_from(&id));
+            divisions.retain(|division| division.rooms[0] != division.rooms[1]);
             is_done = true;
         }
     }
     is_done
 }
 
-/// Divides a room; returns whether it was divided.
-fn cut(rooms: &mut Vec<Room>, index: usize, line: &RoomSplit, correction: &RoomCorrection) -> bool {
+/// Divides a room; returns the division, or none if the room cannot be divided there.
+fn cut(
+    rooms: &mut Vec<Room>,
+    index: usize,
+    line: &RoomSplit,
+    correction: &RoomCorrection,
+) -> Option<RoomDivision> {
     let other_id = part_id(&rooms[index].id);
     let [from, to, anchor] = [line.from_m, line.to_m, correction.at_m].map(Point2::from);
     if rooms.iter().any(|room| room.id == other_id) {
-        return false;
+        return None;
     }
-    let Some([own, other]) = split(&rooms[index], &from, &to, &anchor, &other_id) else { return false };
+    let [own, other] = split(&rooms[index], &from, &to, &anchor, &other_id)?;
+    let division =
+        RoomDivision { from_m: line.from_m, to_m: line.to_m, rooms: [own.id.clone(), other.id.clone()] };
     rooms[index] = own;
     rooms.insert(index + 1, other);
-    true
-}
-
-/// Returns whether a room is a part of one that a person divided.
-pub(super) fn is_divided(id: &str, rooms: &[Room]) -> bool {
-    let other_id = part_id(id);
-    rooms.iter().any(|room| room.id == other_id || id == part_id(&room.id))
+    Some(division)
 }
 
 /// Returns the id of the part of a divided room that does not keep the room's id.

@@ -1,10 +1,11 @@
 //! Description of a home's map: rooms, objects, coverage and plan.
 
 use super::assemble::Tile;
+use super::corrections::RoomDivision;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
 use super::objects::{Object, ObjectsParams, objects, room_of};
-use super::plan::{Ground, Plan, PlanRoom, plan_of_corrected};
+use super::plan::{Ground, Plan, PlanRoom, Revised, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
@@ -21,17 +22,17 @@ pub struct Description {
 
 /// Describes the map of `tiles`, which are in the order of their keys.
 pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
-    describe_revised(lidar, tiles, clips, |_, _| ())
+    describe_revised(lidar, tiles, clips, |_, _| Vec::new())
 }
 
 /// Describes a map whose rooms and objects are revised before the plan is drawn: they get the ids that they
 /// had, and the corrections of people. Both are compared with rooms of earlier revisions by the outlines of the
-/// LiDAR map's cells.
+/// LiDAR map's cells. `revise` returns the lines by which people divided rooms.
 pub fn describe_revised(
     lidar: &LidarMap,
     tiles: &[Tile],
     clips: &ClipNumbers,
-    revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>),
+    revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>) -> Vec<RoomDivision>,
 ) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
     let rooms_and_objects = || {
@@ -41,10 +42,11 @@ pub fn describe_revised(
     };
     let ((found, mut objects), ground) = rayon::join(rooms_and_objects, || Ground::new(lidar, &points));
     let mut rooms = found.clone();
-    revise(&mut rooms, &mut objects);
+    let divisions = revise(&mut rooms, &mut objects);
+    let revised = Revised { rooms: &rooms, objects: &objects, divisions: &divisions };
     let (coverage, plan) = rayon::join(
         || coverage(lidar, &points, &rooms),
-        || plan_of_corrected(&ground, &points, &found, &rooms, &objects),
+        || plan_of_corrected(&ground, &points, &found, &revised),
     );
     take_outlines(&mut rooms, &plan);
     for object in &mut objects {
@@ -53,8 +55,8 @@ pub fn describe_revised(
     Description { rooms, objects, coverage, plan }
 }
 
-/// Gives the rooms the outlines of the plan, in the map's frame. A room that the plan lacks keeps its own one, and so does
-/// the room that the plan drew over it.
+/// Gives the rooms the outlines of the plan, in the map's frame. A room of which the plan lacks the most keeps its own one, and
+/// so does a room that the plan drew over it.
 fn take_outlines(rooms: &mut [Room], plan: &Plan) {
     let plan_from_map = plan.map_from_plan.inverse();
     let label_in_plan = |room: &Room| {
@@ -65,13 +67,17 @@ fn take_outlines(rooms: &mut [Room], plan: &Plan) {
         let at = plan.map_from_plan.apply(&Point2::from(*corner));
         [at.x, at.y].map(|metres| (metres * 1e3).round() / 1e3)
     };
-    let lacking: Vec<[f64; 2]> =
-        rooms.iter().filter(|room| drawn(plan, &room.id).is_none()).map(label_in_plan).collect();
-    for room in rooms {
-        let Some(drawn) = drawn(plan, &room.id) else { continue };
-        if lacking.iter().any(|label| drawn.contains(*label)) {
-            continue;
-        }
+    let mut all_drawn: Vec<Option<PlanRoom>> = rooms.iter().map(|room| plan.whole_room(room)).collect();
+    loop {
+        let own = rooms.iter().zip(&all_drawn).filter(|(_, drawn)| drawn.is_none());
+        let labels: Vec<[f64; 2]> = own.map(|(room, _)| label_in_plan(room)).collect();
+        let is_over = |drawn: &PlanRoom| labels.iter().any(|label| drawn.contains(*label));
+        let over = all_drawn.iter().position(|drawn| drawn.as_ref().is_some_and(is_over));
+        let Some(over) = over else { break };
+        all_drawn[over] = None;
+    }
+    for (room, drawn) in rooms.iter_mut().zip(all_drawn) {
+        let Some(drawn) = drawn else { continue };
         // Corrections of people are held by the label: the own one is on floor that the robot knows.
         if !drawn.contains(label_in_plan(room)) {
             room.label_at_m = in_map(&drawn.label_at_m);
@@ -80,12 +86,6 @@ fn take_outlines(rooms: &mut [Room], plan: &Plan) {
         room.polygon_m = drawn.outline.ring_m.iter().map(in_map).collect();
         room.holes_m = drawn.outline.holes_m.iter().map(|hole| hole.iter().map(in_map).collect()).collect();
     }
-}
-
-/// Returns the largest room of the plan with an id.
-fn drawn<'a>(plan: &'a Plan, id: &str) -> Option<&'a PlanRoom> {
-    let own = plan.rooms.iter().filter(|room| room.id.as_deref() == Some(id) && room.area_m2 > 0.0);
-    own.max_by(|a, b| a.area_m2.total_cmp(&b.area_m2))
 }
 
 #[cfg(test)]
@@ -104,7 +104,7 @@ mod tests {
         let Description { rooms, plan, .. } = described();
         assert_eq!(rooms.len(), 2);
         for (room, area_m2) in rooms.iter().zip([12.0, 9.0]) {
-            let drawn = drawn(&plan, &room.id).unwrap();
+            let drawn = plan.rooms.iter().find(|drawn| drawn.id.as_ref() == Some(&room.id)).unwrap();
             assert_eq!(room.polygon_m.len(), 4, "{room:?}");
             assert!((room.area_m2 - drawn.area_m2).abs() <= 0.005, "{room:?}");
             // Points of a raster of 5 cm.
@@ -140,5 +140,40 @@ mod tests {
         let mut rooms = [own.clone(), under.clone()];
         take_outlines(&mut rooms, &plan);
         assert_eq!(rooms, [own, under], "the plan drew one over the other");
+    }
+
+    /// Two parts of 4 m by 3 m and 2 m by 3 m with a wall of 0.1 m between them.
+    #[test]
+    fn a_room_in_parts_is_all_of_them_or_keeps_its_own_outline() {
+        let template = described().plan;
+        let part = |id: Option<&str>, low_x: f64, high_x: f64| {
+            let mut part = template.rooms[0].clone();
+            part.id = id.map(str::to_owned);
+            part.outline.ring_m = vec![[low_x, 0.0], [high_x, 0.0], [high_x, 3.0], [low_x, 3.0]];
+            (part.area_m2, part.label_at_m) = (part.outline.area_m2(), [(low_x + high_x) / 2.0, 1.5]);
+            part
+        };
+        let mut door = template.openings[0].clone();
+        (door.from_m, door.to_m, door.thickness_m) = ([4.05, 1.0], [4.05, 1.8], 0.1);
+        let own = Room::rectangle("1", [0.1, 0.1], [6.0, 2.9]);
+        for (name, parts, openings, area_m2) in [
+            ("a doorway", vec![part(Some("1"), 0.0, 4.0), part(Some("1"), 4.1, 6.1)], vec![door], 18.08),
+            ("a wall", vec![part(Some("1"), 0.0, 4.0), part(Some("1"), 4.1, 6.1)], vec![], own.area_m2),
+            (
+                "the rest is of no room",
+                vec![part(Some("1"), 0.0, 4.0), part(None, 4.1, 6.1)],
+                vec![],
+                own.area_m2,
+            ),
+            ("little is of no room", vec![part(Some("1"), 0.0, 5.3), part(None, 5.4, 6.1)], vec![], 15.9),
+        ] {
+            let mut plan = template.clone();
+            plan.map_from_plan = Pose2::IDENTITY;
+            (plan.rooms, plan.openings) = (parts, openings);
+            let mut rooms = [own.clone()];
+            take_outlines(&mut rooms, &plan);
+            assert!((rooms[0].area_m2 - area_m2).abs() < 1e-9, "{name}: {rooms:?}");
+            assert!(rooms[0].contains(&Point2::from(rooms[0].label_at_m)), "{name}: {rooms:?}");
+        }
     }
 }

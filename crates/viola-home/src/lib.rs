@@ -38,8 +38,8 @@ pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
 pub use contribution::{ClipContribution, ClipScan, ScanCamera, camera_poses, views_bytes};
 pub use corrections::{
-    Corrected, ObjectCorrection, ObjectField, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen,
-    assign_rooms, correct_objects, correct_rooms, stated,
+    Corrected, CorrectedRooms, ObjectCorrection, ObjectField, RoomCorrection, RoomDivision, RoomField,
+    RoomMerge, RoomSplit, Seen, assign_rooms, correct_objects, correct_rooms, stated,
 };
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};

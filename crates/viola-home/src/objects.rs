@@ -13,12 +13,14 @@ mod hidden;
 mod join;
 mod kind;
 mod kitchen;
+mod nesting;
 mod patch;
 mod place;
 mod split;
 
 pub use fit::{UprightBox, fit_box};
 pub use kind::is_furniture;
+pub use nesting::{Nesting, nesting, surrounds};
 pub use place::room_of;
 
 use super::map_point::MapPoint;

@@ -7,6 +7,7 @@
 mod cells;
 mod cut;
 mod direction;
+mod divide;
 mod dxf;
 mod evidence;
 mod faces;
@@ -26,11 +27,14 @@ mod raster;
 mod recess;
 mod shape;
 mod spaces;
+mod standing;
 mod straighten;
 mod symbols;
 mod thin;
 mod uprights;
+mod whole;
 
+use super::corrections::RoomDivision;
 use super::map_point::MapPoint;
 use super::objects::Object;
 use super::rooms::Room;
@@ -52,7 +56,7 @@ pub use page::svg::{plan_png, plan_svg};
 
 /// Returns the plan of a home. `points` is its fused map; it may be empty.
 pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
-    plan_of_corrected(&Ground::new(lidar, points), points, rooms, rooms, objects)
+    plan_of_corrected(&Ground::new(lidar, points), points, rooms, &Revised { rooms, objects, divisions: &[] })
 }
 
 /// The part of a plan that does not depend on rooms and objects.
@@ -70,27 +74,36 @@ impl Ground {
     }
 }
 
-/// Returns the plan of a home whose rooms people may have merged. `found` are the rooms before that.
+/// Rooms and objects with the corrections of people.
+pub(super) struct Revised<'a> {
+    pub rooms: &'a [Room],
+    pub objects: &'a [Object],
+    /// Lines by which people divided rooms.
+    pub divisions: &'a [RoomDivision],
+}
+
+/// Returns the plan of a home whose rooms people may have merged or divided. `found` are the rooms before that.
 pub(super) fn plan_of_corrected(
     ground: &Ground,
     points: &[MapPoint],
     found: &[Room],
-    rooms: &[Room],
-    objects: &[Object],
+    revised: &Revised,
 ) -> Plan {
     let Ground { space, map_from_plan } = ground;
     let map_from_plan = *map_from_plan;
-    let evidence = Evidence::new(map_from_plan, space, points, rooms);
+    let given = revised.rooms;
+    let roots = divide::roots(given, revised.divisions);
+    let evidence = Evidence::new(map_from_plan, space, points, given, &roots, revised.objects);
     let mut faces = faces::faces(&evidence);
     thin::separate(&mut faces, &evidence);
     let mut oblique = oblique::faces(&evidence, &faces);
     thin::pair(&mut oblique);
     let faces = oblique::without_steps(faces, &oblique);
-    let mut cells = Cells::new(&evidence, &faces, &oblique, rooms);
+    let mut cells = Cells::new(&evidence, &faces, &oblique, given);
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
-    let merges = Merges::new(found, rooms);
-    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, rooms, &merges);
+    let merges = Merges::new(found, given, &roots);
+    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, given, &merges);
     let mut outlines = shape::outlines(&cells, &spaces);
     let sides = straighten::straighten(&mut outlines, &oblique);
     let mut walls = shape::walls(&cells, &spaces, &outlines);
@@ -103,10 +116,10 @@ pub(super) fn plan_of_corrected(
         wall.id = format!("wall-{number}");
         wall.filmed_fraction = filmed::fraction(wall, &openings, &evidence);
     }
-    let unfilmed_masonry = masonry::unfilmed(&masonry, &walls);
+    let unfilmed_masonry = masonry::unfilmed(&masonry, &filmed::parts(&walls, &openings, &evidence));
     let owned = outlines.into_iter().zip(&spaces.owners);
-    let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
-    let furniture = furnish::furniture(objects, points, &rooms, &evidence.plan_from_map);
+    let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, given)).collect();
+    let furniture = furnish::furniture(revised.objects, points, &rooms, &evidence.plan_from_map);
     let mut plan = Plan {
         level: LevelName::MAIN,
         home_name: None,
@@ -119,6 +132,7 @@ pub(super) fn plan_of_corrected(
         furniture,
     };
     fixtures::add(&mut plan, points);
+    divide::divide(&mut plan, given, &roots, revised.divisions);
     plan
 }
 

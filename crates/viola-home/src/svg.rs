@@ -24,25 +24,58 @@ pub fn parse(svg: &str) -> Tree {
     Tree::from_str(svg, &options).expect("our own SVG parses")
 }
 
+/// A line of text in the fonts of the binary.
+struct Line {
+    /// Width as a multiple of the letters' size. A letter that the fonts lack has the width of their box for it.
+    width: f64,
+    /// Number of letters that the fonts lack.
+    lacking: usize,
+}
+
+impl Line {
+    fn of(words: &str, is_bold: bool) -> Line {
+        const SIZE: f32 = 100.0;
+        let weight = if is_bold { 700 } else { 400 };
+        let svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\" font-family=\"{FONT_FAMILY}\">\
+             <text font-size=\"{SIZE}\" font-weight=\"{weight}\">{}</text></svg>",
+            escape(words)
+        );
+        let mut line = Line { width: 0.0, lacking: 0 };
+        line.add(parse(&svg).root());
+        line.width /= f64::from(SIZE);
+        line
+    }
+
+    fn add(&mut self, group: &Group) {
+        for node in group.children() {
+            match node {
+                Node::Group(group) => self.add(group),
+                Node::Text(text) => {
+                    let glyphs = text.layouted().iter().flat_map(|span| &span.positioned_glyphs);
+                    // Glyph 0 is the box of a missing letter.
+                    self.lacking += glyphs.filter(|glyph| glyph.id == GlyphId(0)).count();
+                    // The box of a text is that of its letters' advances.
+                    self.width += f64::from(text.bounding_box().width());
+                }
+                Node::Path(_) | Node::Image(_) => {}
+            }
+        }
+    }
+}
+
 /// Returns whether the fonts in the binary have all letters of a text. They have those of Latin, Greek and Cyrillic.
 pub fn has_letters(words: &str) -> bool {
-    fn is_whole(group: &Group) -> bool {
-        group.children().iter().all(|node| match node {
-            Node::Group(group) => is_whole(group),
-            Node::Text(text) => {
-                let mut glyphs = text.layouted().iter().flat_map(|span| &span.positioned_glyphs);
-                // Glyph 0 is the box of a missing letter.
-                glyphs.all(|glyph| glyph.id != GlyphId(0))
-            }
-            Node::Path(_) | Node::Image(_) => true,
-        })
-    }
-    let svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1\" height=\"1\" font-family=\"{FONT_FAMILY}\">\
-         <text>{}</text></svg>",
-        escape(words)
-    );
-    is_whole(parse(&svg).root())
+    Line::of(words, false).lacking == 0
+}
+
+/// Returns the width of a line of text as a multiple of its letters' size. Browsers draw the letters that the fonts in the binary
+/// lack with other fonts; those of Chinese and Japanese are as wide as high.
+pub fn text_width(words: &str, is_bold: bool) -> f64 {
+    /// Width of the box of a missing letter.
+    const BOX: f64 = 0.6;
+    let line = Line::of(words, is_bold);
+    line.width + (1.0 - BOX) * line.lacking as f64
 }
 
 /// Returns a text without the letters that the fonts in the binary lack, and without the characters that join pictographs.
@@ -91,6 +124,25 @@ pub fn hex([red, green, blue]: [u8; 3]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sums of the advances in the tables `hmtx` of Noto Sans.
+    #[test]
+    fn a_text_has_the_width_of_its_letters() {
+        for (words, is_bold, width) in [
+            ("Wohnzimmer", false, 6.347),
+            ("Wohnzimmer", true, 6.702),
+            ("WOHNZIMMER", true, 7.415),
+            ("K\u{fc}che", true, 3.083),
+            ("\u{421}\u{43f}\u{430}\u{43b}\u{44c}\u{43d}\u{44f}", true, 4.407),
+            ("map axes", false, 4.504),
+            ("\u{53a8}\u{623f}", false, 2.0),
+            ("", true, 0.0),
+        ] {
+            let measured = text_width(words, is_bold);
+            // Pairs of letters are set closer.
+            assert!((measured - width).abs() < 0.02 * width + 0.01, "{words}: {measured}");
+        }
+    }
 
     #[test]
     fn letters_that_the_fonts_lack_are_known() {

@@ -11,6 +11,7 @@ on_every_back_end!(
     corrections_that_cannot_be,
     a_room_is_corrected,
     a_room_grows_by_one_merge_after_another,
+    rooms_are_corrected_by_the_cells_of_the_lidar_map,
     a_room_is_divided_by_one_line,
     two_people_do_not_overwrite_each_other,
     a_home_has_so_many_corrections,
@@ -54,6 +55,16 @@ async fn merge(storage: &Storage, seconds: i64) -> MergeClaim {
 }
 
 async fn merge_to(storage: &Storage, seconds: i64, rooms: Vec<MapRoom>) -> MergeClaim {
+    merge_of_cells(storage, seconds, rooms, Vec::new()).await
+}
+
+/// Ends the merge with a scene whose rooms have other outlines by the cells of the LiDAR map.
+async fn merge_of_cells(
+    storage: &Storage,
+    seconds: i64,
+    rooms: Vec<MapRoom>,
+    rooms_of_cells: Vec<Room>,
+) -> MergeClaim {
     let claim = due(storage, seconds).await.expect("the home is due");
     let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
     new.objects = vec![chair("chair-1", 1.0), chair("chair-2", 3.0)];
@@ -61,7 +72,11 @@ async fn merge_to(storage: &Storage, seconds: i64, rooms: Vec<MapRoom>) -> Merge
         rooms,
         objects: new.objects.clone(),
         coverage: Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() },
-        history: Some(MapHistory { corrections: claim.corrections.version, ..MapHistory::default() }),
+        history: Some(MapHistory {
+            corrections: claim.corrections.version,
+            rooms_of_cells,
+            ..MapHistory::default()
+        }),
     };
     new.files = vec![(LevelName::MAIN, map_file::SCENE, serde_json::to_vec(&scene).unwrap())];
     new.has_object_changes = true;
@@ -199,6 +214,26 @@ async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
     let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(401)).await.unwrap();
     let merge = state.kept.unwrap().correction.merge.unwrap();
     assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.2, 1.5]], 2));
+}
+
+/// The plan draws less of the rooms than the LiDAR map has of them.
+async fn rooms_are_corrected_by_the_cells_of_the_lidar_map(storage: Storage) {
+    let home = furnished(&storage).await;
+    let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
+    storage.correct::<RoomCorrection>(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
+    let mut drawn = room("1", 0.0);
+    drawn.corrected = vec![RoomField::MergeWith];
+    let mut both = drawn.room.clone();
+    both.polygon_m = vec![[0.0, 0.0], [8.1, 0.0], [8.1, 3.0], [0.0, 3.0]];
+    let mut next = room("4", 8.2).room;
+    next.label_at_m = [10.0, 1.0];
+    merge_of_cells(&storage, 400, vec![drawn, room("4", 8.2)], vec![both, next]).await;
+    let line = RoomChange { split_by: Some(Some([[5.0, 0.0], [5.0, 1.0]])), ..RoomChange::default() };
+    let state = storage.correct::<RoomCorrection>(&home, "1", &line, |_| true, at(401)).await.unwrap();
+    assert_eq!(state.kept.unwrap().correction.split.unwrap().from_m, [5.0, 0.0]);
+    let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(402)).await.unwrap();
+    let merge = state.kept.unwrap().correction.merge.unwrap();
+    assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.0, 1.0]], 3));
 }
 
 async fn a_room_is_divided_by_one_line(storage: Storage) {

@@ -42,7 +42,7 @@ impl Correction for RoomCorrection {
             name: None,
             merge: None,
             split: None,
-            at_m: room.room.label_at_m,
+            at_m: scene.room_of_cells(room).label_at_m,
         });
         let mut correction = kept.or(fresh).ok_or(CorrectionError::NoMap)?;
         if let Some(name) = &change.name {
@@ -68,7 +68,7 @@ impl Correction for RoomCorrection {
         {
             let alone =
                 RoomCorrection { name: None, merge: None, split: Some(split.clone()), at_m: correction.at_m };
-            let mut parts = vec![room.room.clone()];
+            let mut parts = vec![scene.room_of_cells(room).clone()];
             correct_rooms(&mut parts, &[(String::new(), alone)]);
             if parts.len() < 2 {
                 let detail = "split_by does not divide the room into two parts of at least 0.5 m2".to_owned();
@@ -109,16 +109,17 @@ fn places_of(
     let own =
         state.shown.as_ref().ok_or_else(|| impossible("the room is a part of another one now".to_owned()))?;
     let mut with_m = Vec::new();
-    let mut whole = own.room.clone();
+    let mut whole = scene.room_of_cells(own).clone();
     for id in others {
         let other = scene.rooms.iter().find(|room| room.room.id == *id && *id != own.room.id);
         let other = other
             .ok_or_else(|| impossible(format!("merge_with has '{id}', which is no other room of the map")))?;
-        let both = viola_home::merged(&whole, &other.room);
+        let other = scene.room_of_cells(other);
+        let both = viola_home::merged(&whole, other);
         whole = both.ok_or_else(|| {
             impossible(format!("room '{id}' does not meet room '{}' at a wall", own.room.id))
         })?;
-        with_m.push(other.room.label_at_m);
+        with_m.push(other.label_at_m);
     }
     Ok(with_m)
 }

@@ -62,6 +62,10 @@ pub struct MapHistory {
     /// Objects of earlier revisions that are not found, and that no clip showed to be gone.
     #[serde(default)]
     pub missing: Vec<MapObject>,
+    /// The corrected rooms by the cells of the LiDAR map, before they have the outlines of the plan: corrections divide and join
+    /// these. Empty in revisions of earlier versions.
+    #[serde(default)]
+    pub rooms_of_cells: Vec<Room>,
 }
 
 impl MapScene {
@@ -72,6 +76,13 @@ impl MapScene {
         let missing =
             missing.map(|object| MovedObject { is_found: false, ..object.in_frame(other_from_own) });
         self.objects.iter().map(|object| object.in_frame(other_from_own)).chain(missing).collect()
+    }
+
+    /// Returns a room as corrections see it.
+    pub fn room_of_cells<'a>(&'a self, room: &'a MapRoom) -> &'a Room {
+        let of_cells = self.history.as_ref().map(|history| history.rooms_of_cells.as_slice());
+        let same = of_cells.unwrap_or_default().iter().find(|one| one.id == room.room.id);
+        same.unwrap_or(&room.room)
     }
 
     /// Returns the text of all that a mesh has of the objects. Meshes of the same tiles differ only if this text does.

@@ -143,7 +143,7 @@ fn rooms_with(corrections: &[(&str, RoomCorrection)]) -> Vec<(String, Option<Str
     let corrections: Vec<(String, RoomCorrection)> =
         corrections.iter().map(|(key, one)| ((*key).to_owned(), one.clone())).collect();
     let mut rooms = flat();
-    let corrected = correct_rooms(&mut rooms, &corrections);
+    let corrected = correct_rooms(&mut rooms, &corrections).by_id;
     let fields = |id: &str| corrected.get(id).map(|one| one.fields.clone()).unwrap_or_default();
     rooms
         .into_iter()
@@ -246,5 +246,27 @@ fn a_correction_holds_while_furniture_stands_on_its_point() {
         correct_rooms(&mut rooms, &[(key.to_owned(), correction.clone())]);
         let names: Vec<Option<&str>> = rooms.iter().map(|room| room.name.as_deref()).collect();
         assert_eq!(names, want, "{key} {east_m}");
+    }
+}
+
+#[test]
+fn a_line_divides_the_rooms_that_are_on_its_sides_after_all_corrections() {
+    let line = RoomSplit { from_m: [3.0, 0.0], to_m: [3.5, 3.0], order: 1 };
+    let divided = RoomCorrection { split: Some(line), ..at(1.0) };
+    let with_part = Some(RoomMerge { with_m: vec![[3.7, 1.5]], order: 2 });
+    let joined = RoomCorrection { merge: with_part.clone(), ..at(6.0) };
+    let again = RoomCorrection { merge: with_part, ..divided.clone() };
+    for (corrections, want) in [
+        (vec![("1", divided.clone())], vec![["1", "1-b"]]),
+        (vec![("1", divided), ("2", joined)], vec![["1", "2"]]),
+        (vec![("1", again)], vec![]),
+    ] {
+        let corrections: Vec<(String, RoomCorrection)> =
+            corrections.into_iter().map(|(key, one)| (key.to_owned(), one)).collect();
+        let divisions = correct_rooms(&mut flat(), &corrections).divisions;
+        let rooms: Vec<[&str; 2]> =
+            divisions.iter().map(|division| [0, 1].map(|side| division.rooms[side].as_str())).collect();
+        assert_eq!(rooms, want, "{corrections:?}");
+        assert!(divisions.iter().all(|one| [one.from_m, one.to_m] == [[3.0, 0.0], [3.5, 3.0]]));
     }
 }

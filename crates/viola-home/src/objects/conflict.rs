@@ -3,16 +3,12 @@
 use super::Found;
 use super::fit::UprightBox;
 use super::kind::confusable;
+use super::nesting::{MAX_SHARED_FRACTION, Nesting, nesting, surrounds};
 use crate::map_point::MapPoint;
-use std::collections::BTreeSet;
 use viola_geometry::taxonomy::Class;
 
-/// Largest overlap of two objects that stand on the floor, as a fraction of the smaller footprint.
-const MAX_SHARED_FRACTION: f64 = 0.2;
 /// The resolved overlap: less than the largest one, so that rounding does not matter.
 const AIM: f64 = 0.18;
-/// An object whose underside is below this stands on the floor.
-const STANDS_BELOW_M: f64 = 0.3;
 /// Fraction of an object's points that may be cut off by trimming its box.
 const MAX_CUT_FRACTION: f64 = 0.1;
 /// Minimum ratio of the footprints of an object and of one that is small beside it.
@@ -20,18 +16,9 @@ const SEVERAL: f64 = 4.0;
 /// Two objects of which one is this far inside the other in space are one object seen twice.
 const SAME_FRACTION: f64 = 0.5;
 
-/// Returns whether a box stands on the floor.
-fn stands(bounds: &UprightBox) -> bool {
-    bounds.bottom_m() < STANDS_BELOW_M
-}
-
-fn area_m2(bounds: &UprightBox) -> f64 {
-    bounds.size_m[0] * bounds.size_m[1]
-}
-
 /// Returns the shared footprint as a fraction of the smaller one.
 fn shared(a: &UprightBox, b: &UprightBox) -> f64 {
-    a.shared_m2(b) / area_m2(a).min(area_m2(b)).max(1e-9)
+    a.shared_m2(b) / a.area_m2().min(b.area_m2()).max(1e-9)
 }
 
 /// Returns the shared volume as a fraction of the smaller one.
@@ -40,23 +27,9 @@ fn shared_in_space(a: &UprightBox, b: &UprightBox) -> f64 {
     a.shared_m2(b) * height / a.volume_m3().min(b.volume_m3()).max(1e-9)
 }
 
-/// Returns whether one of two objects may be in the footprint of the other: a chair is pushed under a table, a drawer unit
-/// stands below a desk, a worktop lies on cabinets, and appliances are built into them.
+/// Returns whether one of two objects may be in the footprint of the other. Those on another one are compared in space.
 fn may_share(a: (Class, &UprightBox), b: (Class, &UprightBox)) -> bool {
-    use Class::*;
-    let within = |inner: (Class, &UprightBox), outer: (Class, &UprightBox)| match inner.0 {
-        Chair => matches!(outer.0, Table | Desk | Counter),
-        Sink => matches!(outer.0, Counter | Cabinet | Table),
-        Stove | WashingMachine | Refrigerator => matches!(outer.0, Counter | Cabinet),
-        Counter => outer.0 == Cabinet,
-        // A cabinet as large as the table is the table seen twice.
-        Cabinet | Box => {
-            let is_below = inner.1.top_m() < outer.1.top_m();
-            matches!(outer.0, Table | Desk) && is_below && 2.0 * area_m2(inner.1) <= area_m2(outer.1)
-        }
-        _ => false,
-    };
-    within(a, b) || within(b, a)
+    [nesting(a, b), nesting(b, a)].into_iter().flatten().any(|nesting| nesting != Nesting::On)
 }
 
 /// Returns whether two objects cannot both be where they are.
@@ -64,7 +37,7 @@ fn conflicts(a: (Class, &UprightBox), b: (Class, &UprightBox)) -> bool {
     if may_share(a, b) {
         return false;
     }
-    if stands(a.1) && stands(b.1) {
+    if a.1.stands() && b.1.stands() {
         return shared(a.1, b.1) > MAX_SHARED_FRACTION;
     }
     shared_in_space(a.1, b.1) > SAME_FRACTION
@@ -81,41 +54,13 @@ struct Candidate {
 impl Candidate {
     fn in_way_of(&self, bounds: &UprightBox, other: &Candidate, others: &UprightBox) -> bool {
         conflicts((self.found.object.class, bounds), (other.found.object.class, others))
-            && !self.surrounds(bounds, others)
-            && !other.surrounds(others, bounds)
-    }
-
-    /// Returns whether this is an object around a recess in which the other one stands, such as a corner sofa around a
-    /// low table: the table stands in its box, but not on its seats. `own` and `inner` are their boxes.
-    fn surrounds(&self, own: &UprightBox, inner: &UprightBox) -> bool {
-        /// Floor between a table and the seats; seats that are labelled as a table have none.
-        const AROUND_M: f64 = 0.1;
-        /// Minimum ratio of the footprints.
-        const LARGER: f64 = 2.0;
-        /// Minimum fraction of the own footprint that was measured. An object of which only the front was measured has
-        /// no points in its middle either.
-        const MEASURED: f64 = 0.4;
-        let [long_m, short_m] = [0, 1].map(|axis| inner.size_m[axis] + 2.0 * AROUND_M);
-        area_m2(own) >= LARGER * area_m2(inner)
-            && self.measured_m2(own, 0.0) >= MEASURED * area_m2(own)
-            && self.measured_m2(inner, AROUND_M) <= MAX_SHARED_FRACTION * long_m * short_m
-    }
-
-    /// Returns the area that its points cover in the footprint of a box that is grown by `by_m` on all sides.
-    fn measured_m2(&self, bounds: &UprightBox, by_m: f64) -> f64 {
-        const CELL_M: f64 = 0.1;
-        let cell = |at: &[f64; 3]| {
-            let local = bounds.local(at[0], at[1]);
-            let is_inside = (0..2).all(|axis| local[axis].abs() <= bounds.size_m[axis] / 2.0 + by_m);
-            is_inside.then(|| local.map(|m| (m / CELL_M).floor() as i32))
-        };
-        let cells: BTreeSet<[i32; 2]> = self.places.iter().filter_map(cell).collect();
-        cells.len() as f64 * CELL_M * CELL_M
+            && !surrounds(&self.places, bounds, others)
+            && !surrounds(&other.places, others, bounds)
     }
 
     /// Returns whether it is small beside another one.
     fn is_small_beside(&self, other: &Candidate) -> bool {
-        SEVERAL * area_m2(&self.bounds) <= area_m2(&other.bounds)
+        SEVERAL * self.bounds.area_m2() <= other.bounds.area_m2()
     }
 
     /// Adds the points of another one that is a part of the same object.

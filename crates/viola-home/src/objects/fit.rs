@@ -3,6 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::{Point2, wrap_angle};
 
+/// A box whose underside is below this stands on the floor.
+const STANDS_BELOW_M: f64 = 0.3;
+
 /// An upright box; its own x axis is along the longer side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UprightBox {
@@ -46,6 +49,15 @@ impl UprightBox {
 
     pub fn top_m(&self) -> f64 {
         self.centre_m[2] + self.size_m[2] / 2.0
+    }
+
+    /// Returns whether the box stands on the floor.
+    pub fn stands(&self) -> bool {
+        self.bottom_m() < STANDS_BELOW_M
+    }
+
+    pub fn area_m2(&self) -> f64 {
+        self.size_m[0] * self.size_m[1]
     }
 
     /// Returns whether a point is in the box grown by `by_m` on all sides.

@@ -28,6 +28,8 @@ const OPEN_IN_ROOM: f64 = 6000.0;
 const LEVEL_ELSEWHERE: f64 = 2500.0;
 const OPEN_ELSEWHERE: f64 = 800.0;
 const ROOM_NOT_OPEN: f64 = 1200.0;
+/// floor below standing furniture outside, which is surer than a level surface: that may be seen through a window,
+const BELOW_FURNITURE: f64 = 4000.0;
 /// and space of which nothing is known inside.
 const UNKNOWN: f64 = 200.0;
 /// Cost of a millimetre of any wall: simple outlines are likelier.
@@ -178,6 +180,9 @@ impl Cells {
                     (true, true) => if_outside += OPEN_IN_ROOM * area_m2,
                     (true, false) if evidence.is_level(&point) => if_outside += LEVEL_ELSEWHERE * area_m2,
                     (true, false) => if_outside += OPEN_ELSEWHERE * area_m2,
+                    (false, _) if evidence.is_below_furniture(&point) => {
+                        if_outside += BELOW_FURNITURE * area_m2;
+                    }
                     (false, true) => if_outside += ROOM_NOT_OPEN * area_m2,
                     (false, false) => if_inside += UNKNOWN * area_m2,
                 }

@@ -2,8 +2,10 @@
 //! floor.
 
 use super::raster::{is_level, level_cells, owners, upright_cells};
+use super::standing::{Surface, standing_cells};
 use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
+use crate::objects::Object;
 use crate::rooms::Room;
 use crate::rooms::space::Space;
 use viola_geometry::taxonomy::Class;
@@ -139,18 +141,31 @@ pub(super) struct Evidence<'a> {
     floor: Vec<bool>,
     /// Cells with wall up to the ceiling.
     wall: Vec<bool>,
+    /// Cells below standing furniture.
+    standing: Vec<bool>,
     /// Directions of the upright surface that clips saw in each cell, as bits.
     directions: Vec<u8>,
     /// Index of the room of each cell of `space`, from 1; 0 for none.
     owner: Vec<u32>,
+    /// The room that stands for each room, by these indices.
+    roots: Vec<u32>,
 }
 
 impl<'a> Evidence<'a> {
-    pub fn new(map_from_plan: Pose2, space: &'a Space, points: &[MapPoint], rooms: &[Room]) -> Evidence<'a> {
+    /// `roots` has the room that stands for each room, from index 1; see [`super::divide::roots`].
+    pub fn new(
+        map_from_plan: Pose2,
+        space: &'a Space,
+        points: &[MapPoint],
+        rooms: &[Room],
+        roots: &[u32],
+        objects: &[Object],
+    ) -> Evidence<'a> {
         let plan_from_map = map_from_plan.inverse();
         let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (level, floor) = level_cells(space, points);
         let (wall, directions) = upright_cells(space, points);
+        let standing = standing_cells(&Surface { space, level: &level, wall: &wall }, objects);
         for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at] || floor[*at]) {
             let p = plan_from_map.apply(&space.centre(at));
             for axis in 0..2 {
@@ -173,8 +188,10 @@ impl<'a> Evidence<'a> {
             level,
             floor,
             wall,
+            standing,
             directions,
             owner: owners(space, rooms),
+            roots: roots.to_vec(),
         };
         evidence.add_lidar();
         evidence.add_points(points);
@@ -309,6 +326,11 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| self.wall[at])
     }
 
+    /// Returns whether standing furniture hides the floor of a place.
+    pub fn is_below_furniture(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.standing[at])
+    }
+
     /// Returns whether clips saw upright surface of one of some directions at a place of the map's frame.
     pub fn has_upright(&self, in_map: &Point2, directions: u8) -> bool {
         self.space.index(in_map).is_some_and(|at| self.directions[at] & directions != 0)
@@ -324,8 +346,13 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| self.floor[at])
     }
 
-    /// Returns the room at a place: its index plus one; 0 for none.
+    /// Returns the room at a place: its index plus one; 0 for none. Rooms that lines of people divide are the first one of them.
     pub fn room(&self, in_plan: &Point2) -> u32 {
+        self.roots[self.divided_room(in_plan) as usize]
+    }
+
+    /// Returns the room at a place with the lines of people: its index plus one; 0 for none.
+    pub fn divided_room(&self, in_plan: &Point2) -> u32 {
         self.cell(in_plan).map_or(0, |at| self.owner[at])
     }
 }

@@ -9,6 +9,12 @@ use viola_geometry::{Point2, Vector2};
 const STEP_M: f64 = 0.05;
 /// Maximum distance of surface from a face of its wall, as for the coverage of the LiDAR map.
 const REACH_M: f64 = 0.1;
+/// Ends of other walls this near a face of a wall are at it.
+const AT_WALL_M: f64 = 0.1;
+/// Cosine of the smallest angle between walls that meet.
+const SAME_WAY: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Minimum length of a part of a wall.
+const MIN_PART_M: f64 = 0.5;
 
 /// Returns the fraction of a wall's length where clips saw upright surface at one of its faces: 0 to 1, rounded to thousandths.
 /// Doors and passages (`ways`) count only if the wall has no other length.
@@ -52,6 +58,50 @@ pub(super) fn fraction(wall: &Wall, ways: &[Opening], evidence: &Evidence) -> f6
     (filmed as f64 / steps.len() as f64 * 1e3).round() / 1e3
 }
 
+/// Returns the walls in their parts between other walls, each with its own fraction: clips of one room film its part of a facade.
+pub(super) fn parts(walls: &[Wall], ways: &[Opening], evidence: &Evidence) -> Vec<Wall> {
+    let mut parts = Vec::new();
+    for wall in walls {
+        let ends_m = ends_of_parts(wall, walls);
+        if ends_m.len() == 2 {
+            parts.push(wall.clone());
+            continue;
+        }
+        let length_m = wall.length_m();
+        let place = |along_m: f64| {
+            [0, 1].map(|axis| wall.from_m[axis] + along_m / length_m * (wall.to_m[axis] - wall.from_m[axis]))
+        };
+        for ends in ends_m.windows(2) {
+            let mut part = Wall { from_m: place(ends[0]), to_m: place(ends[1]), ..wall.clone() };
+            part.filmed_fraction = fraction(&part, ways, evidence);
+            parts.push(part);
+        }
+    }
+    parts
+}
+
+/// Returns the coordinates along a wall of its ends and of the walls that meet it between them.
+fn ends_of_parts(wall: &Wall, walls: &[Wall]) -> Vec<f64> {
+    let (from, length_m) = (Point2::from(wall.from_m), wall.length_m());
+    let direction =
+        |wall: &Wall| (Point2::from(wall.to_m) - Point2::from(wall.from_m)) / wall.length_m().max(1e-9);
+    let along = direction(wall);
+    let reach_m = wall.thickness_m / 2.0 + AT_WALL_M;
+    let across = walls.iter().filter(|other| direction(other).dot(&along).abs() <= SAME_WAY);
+    let ends = across.flat_map(|other| [other.from_m, other.to_m]).map(|end| Point2::from(end) - from);
+    let at_wall = ends.filter(|end| end.perp(&along).abs() <= reach_m).map(|end| end.dot(&along));
+    let mut places: Vec<f64> = at_wall.filter(|at_m| *at_m <= length_m - MIN_PART_M).collect();
+    places.sort_by(f64::total_cmp);
+    let mut ends_m = vec![0.0];
+    for at_m in places {
+        if at_m - ends_m[ends_m.len() - 1] >= MIN_PART_M {
+            ends_m.push(at_m);
+        }
+    }
+    ends_m.push(length_m);
+    ends_m
+}
+
 /// Returns the coordinates across a wall of the cells at its two faces.
 fn rows_m(thickness_m: f64, cell_m: f64) -> Vec<f64> {
     let cells = (REACH_M / cell_m).ceil().max(1.0) as i32;
@@ -60,4 +110,40 @@ fn rows_m(thickness_m: f64, cell_m: f64) -> Vec<f64> {
         rows_m.extend((-cells..=cells).map(|cell| face_m + f64::from(cell) / f64::from(cells) * REACH_M));
     }
     rows_m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_has_its_parts_between_other_walls() {
+        let wall = |from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64| Wall {
+            id: String::new(),
+            from_m,
+            to_m,
+            thickness_m,
+            is_measured: false,
+            filmed_fraction: 0.0,
+            rooms: Vec::new(),
+        };
+        // A facade below three rooms, its corners, two partitions, and walls that do not meet it.
+        let walls = [
+            wall([0.0, -0.1], [9.0, -0.1], 0.2),
+            wall([-0.1, 0.0], [-0.1, 3.0], 0.2),
+            wall([9.1, 3.0], [9.1, 0.0], 0.2),
+            wall([4.0, 0.0], [4.0, 3.0], 0.1),
+            wall([7.0, 3.0], [7.0, 0.05], 0.1),
+            // The side of a pillar beside a partition.
+            wall([4.3, 0.0], [4.3, 0.3], 0.1),
+            wall([2.0, 1.0], [2.0, 3.0], 0.1),
+            wall([0.0, 0.05], [3.0, 0.05], 0.1),
+        ];
+        let near = |found: Vec<f64>, want: &[f64]| {
+            assert!(found.len() == want.len(), "{found:?}");
+            assert!(found.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        };
+        near(ends_of_parts(&walls[0], &walls), &[0.0, 4.0, 7.0, 9.0]);
+        near(ends_of_parts(&walls[3], &walls), &[0.0, 3.0]);
+    }
 }

@@ -2,11 +2,13 @@
 
 mod front;
 mod leaf;
+mod opening;
 
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
 use front::fronts;
 use leaf::Leaf;
+use opening::{door, is_between_rooms, window};
 use std::cmp::Ordering;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2, Vector2};
@@ -82,7 +84,11 @@ impl Step {
     }
 
     fn shows_window(&self) -> bool {
-        self.window.count_ones() >= WINDOW_BINS || (self.curtain & PANE).count_ones() >= CURTAIN_BINS
+        self.window.count_ones() >= WINDOW_BINS || self.shows_curtain()
+    }
+
+    fn shows_curtain(&self) -> bool {
+        (self.curtain & PANE).count_ones() >= CURTAIN_BINS
     }
 
     fn shows_frame(&self) -> bool {
@@ -110,14 +116,17 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
         let steps = steps(wall, room_side(wall, &plan.rooms), labelled.iter());
         let doors = runs(&steps, Step::shows_door, Step::shows_pier, CLOSED_DOOR_M);
         let doors = doors.into_iter().filter(|run| !is_before_window(&steps[run[0]..=run[1]]));
-        found.extend(doors.map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
+        found.extend(doors.map(|run| door(wall, run, &labelled)));
     }
     // A window of a wall between rooms is a mirror or a picture, as a rule.
     for front in fronts(&plan.walls).iter().filter(|front| front.line.length_m() >= FRONT_M) {
         let steps = steps(&front.line, None, labelled.iter().chain(&piers));
-        let on_line =
-            windows(&steps).into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
-        found.extend(on_line.filter_map(|opening| front.on_wall(opening)));
+        let on_line = windows(&steps).into_iter().filter_map(|run| {
+            let is_curtained = is_most(&steps[run[0]..=run[1]], Step::shows_curtain);
+            window(&front.line, run, is_curtained, &labelled)
+        });
+        let on_wall = on_line.filter_map(|opening| front.on_wall(opening));
+        found.extend(on_wall.filter(|opening| !is_between_rooms(opening, &plan.rooms)));
     }
     for mut opening in found {
         if !plan.openings.iter().any(|other| meet(other, &opening)) {
@@ -245,8 +254,12 @@ fn steps<'a>(wall: &Wall, room_side: Option<f64>, labelled: impl Iterator<Item =
 
 /// Returns whether a door is the open leaf of another one, which stands before a window.
 fn is_before_window(door: &[Step]) -> bool {
-    let framed = door.iter().filter(|step| step.window.count_ones() >= WINDOW_BINS).count();
-    framed as f64 >= FRAMED * door.len() as f64
+    is_most(door, |step| step.window.count_ones() >= WINDOW_BINS)
+}
+
+/// Returns whether at least half of some steps show something.
+fn is_most(steps: &[Step], shows: impl Fn(&Step) -> bool) -> bool {
+    steps.iter().filter(|step| shows(step)).count() as f64 >= FRAMED * steps.len() as f64
 }
 
 /// Returns the windows of a wall: first and last step.
@@ -256,9 +269,8 @@ fn windows(steps: &[Step]) -> Vec<[usize; 2]> {
     let frames = runs(steps, Step::shows_frame, Step::shows_pier, WINDOW_M);
     let mut found: Vec<[usize; 2]> = Vec::new();
     for run in runs(steps, Step::shows_window, Step::shows_pier, WINDOW_M) {
-        let framed = steps[run[0]..=run[1]].iter().filter(|step| step.shows_frame()).count();
         let by_frame: Vec<[usize; 2]> = frames.iter().copied().filter(|frame| meet(frame, &run)).collect();
-        if by_frame.is_empty() || (framed as f64) < FRAMED * (run[1] - run[0] + 1) as f64 {
+        if by_frame.is_empty() || !is_most(&steps[run[0]..=run[1]], Step::shows_frame) {
             found.push(run);
         } else {
             found.extend(by_frame);
@@ -304,34 +316,6 @@ fn runs(
         is_seen && (width_m[0]..width_m[1]).contains(&(length as f64 * STEP_M))
     };
     runs.into_iter().filter(is_opening).map(|(run, _)| run).collect()
-}
-
-fn opening(wall: &Wall, run: [usize; 2], kind: OpeningKind, labelled: &[Labelled]) -> Opening {
-    let class = if kind == OpeningKind::Window { Class::Window } else { Class::Door };
-    let span_m = [run[0] as f64 * STEP_M, ((run[1] + 1) as f64 * STEP_M).min(wall.length_m())];
-    let mut heights: Vec<f64> = labelled
-        .iter()
-        .filter(|point| {
-            let [along, across] = within(wall.from_m, wall.to_m, &point.at);
-            point.class == class
-                && (span_m[0]..span_m[1]).contains(&along)
-                && across.abs() < wall.thickness_m + RECESS_M
-        })
-        .map(|point| point.z)
-        .collect();
-    heights.sort_by(f64::total_cmp);
-    let quantile = |part: f64| heights.get((part * heights.len() as f64) as usize).copied();
-    let is_window = kind == OpeningKind::Window;
-    Opening {
-        id: String::new(),
-        kind,
-        from_m: place(wall, span_m[0], 0.0),
-        to_m: place(wall, span_m[1], 0.0),
-        thickness_m: wall.thickness_m,
-        sill_m: if is_window { quantile(0.03) } else { None },
-        head_m: quantile(0.97),
-        swing: None,
-    }
 }
 
 /// Returns whether two openings meet.

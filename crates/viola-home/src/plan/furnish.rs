@@ -1,9 +1,9 @@
-//! Furniture of the plan: objects along its axes, within their rooms. None is over another, except parts of
-//! other pieces and chairs below tables.
+//! Furniture of the plan: objects along its axes, within their rooms. None is over another, except where objects may share their
+//! place.
 
 use super::model::{Furniture, PlanRoom};
 use crate::map_point::MapPoint;
-use crate::objects::{Object, is_furniture};
+use crate::objects::{Nesting, Object, is_furniture, nesting, surrounds};
 use crate::rooms::outline::{contains, distance_m};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
@@ -26,41 +26,38 @@ const HUNG_M: f64 = 0.9;
 const BACKREST: f64 = 2.0 / 3.0;
 /// Minimum points of a seat above that height, and below it.
 const MIN_POINTS: usize = 15;
+/// Minimum displacement of the backrest from the middle, as a fraction of the side: stools have none.
+const MIN_DISPLACEMENT: f64 = 0.15;
 /// Points of an object lie at most this far outside its box.
 const POINT_OFF_M: f64 = 0.02;
+/// A part of another piece is drawn this far within its edges.
+const RIM_M: f64 = 0.02;
 
 /// Returns whether a class has a symbol. Lamps stand on other pieces or hang.
 fn is_drawn(class: Class) -> bool {
     class == Class::Plant || (is_furniture(class) && class != Class::Lamp)
 }
 
-/// Returns whether a class is drawn as a part of another.
-fn is_set_in(class: Class, host: Class) -> bool {
-    use Class::*;
-    match class {
-        Sink | Stove => matches!(host, Counter | Cabinet | Desk | Table),
-        Television => matches!(host, Cabinet | Shelf | Table | Desk | Counter),
-        _ => false,
-    }
+/// Returns how one object may be in the footprint of another one.
+fn nested(inner: &Object, outer: &Object) -> Option<Nesting> {
+    nesting((inner.class, &inner.bounds()), (outer.class, &outer.bounds()))
 }
 
-/// Returns whether a piece may stand below the top of another.
-fn is_under(class: Class, other: Class) -> bool {
-    class == Class::Chair && matches!(other, Class::Table | Class::Desk)
+/// Returns whether an object is drawn within the edges of another one. An appliance that stands on the floor has its own place.
+fn is_part(inner: &Object, outer: &Object) -> bool {
+    !inner.bounds().stands() && matches!(nested(inner, outer), Some(Nesting::BuiltIn | Nesting::On))
 }
 
 fn is_hung(object: &Object) -> bool {
     object.bounds().bottom_m() > HUNG_M
 }
 
-/// Returns the place of an object's confidence in the order, from 0. A part comes no earlier than its host,
-/// which would else give way to it.
+/// Returns the place of an object's confidence in the order, from 0. A part comes no earlier than its host, whose edges
+/// bound it.
 fn band(object: &Object, objects: &[Object]) -> usize {
     let of = |object: &Object| CONFIDENCE_BANDS.iter().filter(|least| object.confidence < **least).count();
     let is_host = |host: &&Object| {
-        is_set_in(object.class, host.class)
-            && !is_hung(host)
-            && object.bounds().shared_m2(&host.bounds()) > 0.0
+        is_part(object, host) && !is_hung(host) && object.bounds().shared_m2(&host.bounds()) > 0.0
     };
     objects.iter().filter(is_host).map(of).fold(of(object), usize::max)
 }
@@ -84,6 +81,45 @@ impl Bounds {
     fn meets(&self, other: &Bounds) -> bool {
         (0..2).all(|axis| self.overlap(other, axis) > 1e-6)
     }
+
+    /// Returns whether these bounds, a part of the original ones, have enough of their area.
+    fn is_rest_of(&self, original: &Bounds) -> bool {
+        let area = |bounds: &Bounds| bounds.size(0).max(0.0) * bounds.size(1).max(0.0);
+        area(self) >= (1.0 - CUT) * area(original)
+    }
+}
+
+/// An object that is drawn.
+struct Placed<'a> {
+    object: &'a Object,
+    piece: Furniture,
+    bounds: Bounds,
+}
+
+/// Points of all chairs and sofas.
+struct Seats<'a> {
+    points: Vec<&'a MapPoint>,
+}
+
+impl Seats<'_> {
+    /// Returns the places of the points of an object.
+    fn of(&self, object: &Object) -> Vec<[f64; 3]> {
+        let bounds = object.bounds();
+        let own = self.points.iter().filter(|seat| seat.point.label.class == object.class);
+        let at = own.map(|seat| seat.point.position_m.map(f64::from));
+        at.filter(|at| bounds.holds(at, POINT_OFF_M)).collect()
+    }
+
+    /// Returns whether an object stands in the recess of a corner sofa.
+    fn surround(&self, inner: &Object, sofa: &Object) -> bool {
+        let (own, within) = (sofa.bounds(), inner.bounds());
+        sofa.class == Class::Sofa && own.shared_m2(&within) > 0.0 && surrounds(&self.of(sofa), &own, &within)
+    }
+
+    /// Returns whether two objects may be drawn over each other.
+    fn may_overlap(&self, a: &Object, b: &Object) -> bool {
+        nested(a, b).is_some() || nested(b, a).is_some() || self.surround(a, b) || self.surround(b, a)
+    }
 }
 
 /// Returns the pieces to draw, in that order. Standing pieces are placed before hung ones, then surer ones before
@@ -95,7 +131,7 @@ pub(super) fn furniture(
     plan_from_map: &Pose2,
 ) -> Vec<Furniture> {
     let is_seat = |point: &&MapPoint| matches!(point.point.label.class, Class::Chair | Class::Sofa);
-    let seats: Vec<&MapPoint> = points.iter().filter(is_seat).collect();
+    let seats = Seats { points: points.iter().filter(is_seat).collect() };
     let drawn = objects.iter().filter(|object| is_drawn(object.class));
     let mut order: Vec<((bool, usize), &Object)> =
         drawn.map(|object| ((is_hung(object), band(object, objects)), object)).collect();
@@ -103,26 +139,47 @@ pub(super) fn furniture(
     order.sort_by(|(stage, a), (other, b)| {
         stage.cmp(other).then(area(b).total_cmp(&area(a))).then(a.id.cmp(&b.id))
     });
-    let mut placed: Vec<(Furniture, Bounds)> = Vec::new();
+    let mut placed: Vec<Placed> = Vec::new();
     for (_, object) in order {
         let piece = piece(object, &seats, rooms, plan_from_map);
-        if let Some(next) = piece.and_then(|piece| fit(piece, rooms, &placed)) {
+        if let Some(next) = piece.and_then(|piece| fit(object, piece, rooms, &placed, &seats)) {
             placed.push(next);
         }
     }
-    let mut pieces: Vec<Furniture> = placed.into_iter().map(|(piece, _)| piece).collect();
-    // The filled tops of tables cover the chairs below them.
-    pieces.sort_by_key(|piece| piece.class != Class::Chair);
-    pieces
+    let layers: Vec<u8> = placed.iter().map(|piece| layer(piece, &placed, &seats)).collect();
+    let mut pieces: Vec<(u8, Furniture)> =
+        layers.into_iter().zip(placed.into_iter().map(|p| p.piece)).collect();
+    pieces.sort_by_key(|(layer, _)| *layer);
+    let drawn = |(layer, piece): (u8, Furniture)| Furniture { is_set_in: layer > STANDING, ..piece };
+    pieces.into_iter().map(drawn).collect()
+}
+
+/// Layers of the drawing, from below: chairs and what is below the filled top of another piece, other standing pieces, worktops
+/// on them, and parts.
+const BELOW: u8 = 0;
+const STANDING: u8 = 1;
+const TOP: u8 = 2;
+const PART: u8 = 3;
+
+/// Returns the layer of a piece.
+fn layer(piece: &Placed, placed: &[Placed], seats: &Seats) -> u8 {
+    let others = placed.iter().filter(|other| other.bounds.meets(&piece.bounds));
+    let layer = |other: &Placed| match nested(piece.object, other.object) {
+        Some(Nesting::Below) => BELOW,
+        Some(Nesting::Top) => TOP,
+        Some(Nesting::BuiltIn | Nesting::On) => PART,
+        None if other.object.id != piece.object.id && seats.surround(piece.object, other.object) => PART,
+        None => STANDING,
+    };
+    let layers: Vec<u8> = others.map(layer).collect();
+    if piece.object.class == Class::Chair || layers.contains(&BELOW) {
+        return BELOW;
+    }
+    layers.into_iter().max().unwrap_or(STANDING)
 }
 
 /// Returns an object's piece in the plan's frame.
-fn piece(
-    object: &Object,
-    seats: &[&MapPoint],
-    rooms: &[PlanRoom],
-    plan_from_map: &Pose2,
-) -> Option<Furniture> {
+fn piece(object: &Object, seats: &Seats, rooms: &[PlanRoom], plan_from_map: &Pose2) -> Option<Furniture> {
     let at = plan_from_map.apply(&Point2::new(object.centre_m[0], object.centre_m[1]));
     if rooms.is_empty() {
         return None;
@@ -145,21 +202,22 @@ fn piece(
 }
 
 /// Returns the side of a seat's backrest, in quarter turns of the object's own frame from -y: the side to which
-/// the highest points are displaced. None without enough points; `seats` are those of all chairs and sofas.
-fn seen_back(object: &Object, seats: &[&MapPoint]) -> Option<u8> {
+/// the highest points are displaced. None without enough points, and for a stool.
+fn seen_back(object: &Object, seats: &Seats) -> Option<u8> {
     let bounds = object.bounds();
     let backrest_m = BACKREST * bounds.top_m();
-    let own = seats.iter().filter(|seat| seat.point.label.class == object.class);
-    let at = own.map(|seat| seat.point.position_m.map(f64::from));
     let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) =
-        at.filter(|at| bounds.holds(at, POINT_OFF_M)).partition(|at| at[2] > backrest_m);
+        seats.of(object).into_iter().partition(|at| at[2] > backrest_m);
     if high.len().min(low.len()) < MIN_POINTS {
         return None;
     }
     let local = high.iter().map(|[x, y, _]| bounds.local(*x, *y));
     let sum = local.fold([0.0; 2], |sum, at| [sum[0] + at[0], sum[1] + at[1]]);
     // A displacement counts relative to its side, as seats are seldom square.
-    let [x, y] = [0, 1].map(|axis| sum[axis] / bounds.size_m[axis]);
+    let [x, y] = [0, 1].map(|axis| sum[axis] / high.len() as f64 / bounds.size_m[axis]);
+    if x.abs().max(y.abs()) < MIN_DISPLACEMENT {
+        return None;
+    }
     Some(match (x.abs() > y.abs(), x > 0.0, y > 0.0) {
         (true, true, _) => 1,
         (true, false, _) => 3,
@@ -179,12 +237,15 @@ fn bounds(piece: &Furniture) -> Bounds {
     }
 }
 
-/// Moves and cuts a piece until it is in a room and over no other; none if that is not the same piece any more.
-fn fit(
+/// Moves and cuts a piece until it is in a room and over no other, except those with which it may share its place; none if that
+/// is not the same piece any more.
+fn fit<'a>(
+    object: &'a Object,
     mut piece: Furniture,
     rooms: &[PlanRoom],
-    placed: &[(Furniture, Bounds)],
-) -> Option<(Furniture, Bounds)> {
+    placed: &[Placed],
+    seats: &Seats,
+) -> Option<Placed<'a>> {
     let original = bounds(&piece);
     let centre = Point2::from(piece.centre_m);
     let away = |room: &PlanRoom| {
@@ -192,24 +253,25 @@ fn fit(
     };
     let room = rooms.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     let mut now = into_room(original, room)?;
-    if let Some((_, host)) =
-        placed.iter().find(|(host, at)| is_set_in(piece.class, host.class) && at.meets(&now))
-    {
-        piece.is_set_in = true;
-        for axis in 0..2 {
-            now.low[axis] = now.low[axis].max(host.low[axis] + 0.02);
-            now.high[axis] = now.high[axis].min(host.high[axis] - 0.02);
+    let is_host = |other: &&Placed| is_part(object, other.object) && other.bounds.meets(&now);
+    if let Some(host) = placed.iter().find(is_host).map(|host| host.bounds) {
+        let within = Bounds {
+            low: [0, 1].map(|axis| now.low[axis].max(host.low[axis] + RIM_M)),
+            high: [0, 1].map(|axis| now.high[axis].min(host.high[axis] - RIM_M)),
+        };
+        // A television may be wider than its cabinet.
+        if within.is_rest_of(&original) {
+            now = within;
         }
     }
-    let meets = |now: &Bounds, piece: &Furniture| {
-        placed.iter().find(|(other, at)| {
-            let is_part = piece.is_set_in && is_set_in(piece.class, other.class);
-            let is_below = is_under(piece.class, other.class) || is_under(other.class, piece.class);
-            at.meets(now) && !is_part && !is_below
-        })
-    };
+    let others: Vec<&Bounds> = placed
+        .iter()
+        .filter(|other| !seats.may_overlap(object, other.object))
+        .map(|other| &other.bounds)
+        .collect();
+    let meets = |now: &Bounds| others.iter().find(|other| other.meets(now)).copied();
     for _ in 0..4 {
-        let Some((_, other)) = meets(&now, &piece) else { break };
+        let Some(other) = meets(&now) else { break };
         // The side with the least overlap gives way: chairs are moved, other pieces cut.
         let axis = usize::from(now.overlap(other, 1) < now.overlap(other, 0));
         let by = now.overlap(other, axis) + 0.01;
@@ -227,8 +289,7 @@ fn fit(
         let moved = (now.low[axis] + now.high[axis] - original.low[axis] - original.high[axis]).abs() / 2.0;
         moved <= MOVE_M && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
     });
-    let kept = now.size(0) * now.size(1) / (original.size(0) * original.size(1)).max(1e-9);
-    if !is_same || kept < 1.0 - CUT || meets(&now, &piece).is_some() {
+    if !is_same || !now.is_rest_of(&original) || meets(&now).is_some() {
         return None;
     }
     let is_turned = piece.yaw_rad != 0.0;
@@ -243,7 +304,7 @@ fn fit(
     if !is_turned && piece.class != Class::Chair {
         piece.back = back(&piece, room);
     }
-    Some((piece, now))
+    Some(Placed { object, piece, bounds: now })
 }
 
 /// Moves a box out of the walls of a room: away from the corners of the room that it reaches over.

@@ -16,7 +16,12 @@ const FRAME: &str = "metres in the LiDAR map's own frame, x right and y up; not 
 pub fn plan_geojson(plan: &Plan) -> Value {
     let mut features = Vec::new();
     for (number, room) in (1..).zip(&plan.rooms) {
-        let id = room.id.clone().unwrap_or_else(|| format!("plan-{number}"));
+        // A room in several parts has several features.
+        let id = match &room.id {
+            Some(id) if plan.is_further_part(number - 1) => format!("{id}/{number}"),
+            Some(id) => id.clone(),
+            None => format!("plan-{number}"),
+        };
         let properties = json!({
             "kind": "room",
             "name": room.name,
@@ -78,7 +83,12 @@ pub fn plan_geojson(plan: &Plan) -> Value {
 pub fn plan_json(plan: &Plan) -> Value {
     let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(|p| in_map(plan, *p)).collect::<Vec<_>>();
     let walls = plan.walls.iter().map(|wall| {
-        let rooms: Vec<_> = wall.rooms.iter().filter_map(|at| plan.rooms.get(*at)?.id.clone()).collect();
+        let mut rooms: Vec<&String> = Vec::new();
+        for id in wall.rooms.iter().filter_map(|at| plan.rooms.get(*at)?.id.as_ref()) {
+            if !rooms.contains(&id) {
+                rooms.push(id);
+            }
+        }
         json!({
             "id": wall.id,
             "from_m": in_map(plan, wall.from_m),

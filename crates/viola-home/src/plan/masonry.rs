@@ -61,11 +61,16 @@ pub(super) fn without(masonry: &[Outline], part: &[Outline]) -> Vec<Outline> {
     if part.is_empty() { masonry.to_vec() } else { pieces(&area(masonry).difference(&area(part))) }
 }
 
+/// Returns the area that outlines have together.
+pub(super) fn united(outlines: &[Outline]) -> Vec<Outline> {
+    pieces(&unary_union(&outlines.iter().map(polygon).collect::<Vec<_>>()))
+}
+
 fn area(outlines: &[Outline]) -> MultiPolygon {
     MultiPolygon(outlines.iter().map(polygon).collect())
 }
 
-fn pieces(area: &MultiPolygon) -> Vec<Outline> {
+pub(super) fn pieces(area: &MultiPolygon) -> Vec<Outline> {
     area.0.iter().filter(|piece| piece.unsigned_area() >= MIN_AREA_M2).map(outline).collect()
 }
 
@@ -110,7 +115,7 @@ fn line_string(corners: &[[f64; 2]]) -> LineString {
     LineString(corners.iter().map(|[x, y]| Coord { x: *x, y: *y }).collect())
 }
 
-fn polygon(outline: &Outline) -> Polygon {
+pub(super) fn polygon(outline: &Outline) -> Polygon {
     Polygon::new(line_string(&outline.ring_m), outline.holes_m.iter().map(|hole| line_string(hole)).collect())
 }
 

@@ -1,8 +1,9 @@
-//! Rooms that people made of several: no doorway divides them.
+//! Gaps within one room, which divide nothing: people merged the rooms beside them, or they are in a room of the robot's
+//! software.
 
 use super::evidence::Evidence;
 use super::gaps::Gap;
-use crate::rooms::Room;
+use crate::rooms::{Room, RoomSource};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::{Point2, Vector2};
 
@@ -10,30 +11,58 @@ use viola_geometry::{Point2, Vector2};
 const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
 const BESIDE_M: [f64; 5] = [0.05, 0.1, 0.2, 0.3, 0.4];
 
-/// Numbers from 1 of the rooms that people made of several.
-pub(super) struct Merges(BTreeSet<u32>);
+/// Numbers from 1 of the rooms that no gap divides.
+pub(super) struct Merges {
+    /// People made them of several.
+    by_people: BTreeSet<u32>,
+    of_robot: BTreeSet<u32>,
+}
 
 impl Merges {
-    /// `found` are the rooms before people corrected them.
-    pub fn new(found: &[Room], rooms: &[Room]) -> Merges {
-        // A merged room holds the labels of all its parts, any other one its own.
-        let parts =
-            |room: &Room| found.iter().filter(|part| room.contains(&Point2::from(part.label_at_m))).count();
-        Merges((1..).zip(rooms).filter(|(_, room)| parts(room) > 1).map(|(number, _)| number).collect())
+    /// `found` are the rooms before people corrected them; `roots` are those of [`super::divide::roots`].
+    pub fn new(found: &[Room], rooms: &[Room], roots: &[u32]) -> Merges {
+        // A merged room and its parts hold the labels of all rooms of which it was made, any other one its own.
+        let mut labels: BTreeMap<u32, usize> = BTreeMap::new();
+        for part in found {
+            let label = Point2::from(part.label_at_m);
+            if let Some(at) = rooms.iter().position(|room| room.contains(&label)) {
+                *labels.entry(roots[at + 1]).or_default() += 1;
+            }
+        }
+        let is_merged = |number: &u32| labels.get(&roots[*number as usize]).is_some_and(|count| *count > 1);
+        let numbered = (1u32..).zip(rooms);
+        let of_robot = numbered.filter(|(_, room)| room.source == RoomSource::LidarMap);
+        Merges {
+            by_people: (1..=rooms.len() as u32).filter(is_merged).collect(),
+            of_robot: of_robot.map(|(number, _)| number).collect(),
+        }
     }
 
-    /// Returns whether a gap is within a merged room.
+    /// Returns whether a gap is within one of the rooms.
     pub fn hold(&self, gap: &Gap, evidence: &Evidence) -> bool {
-        let [room, other] = [-1.0, 1.0].map(|sign| {
-            let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
-            for room in beside(gap, sign).iter().map(|place| evidence.room(place)).filter(|room| *room != 0) {
-                *counts.entry(room).or_default() += 1;
-            }
-            let most = counts.into_iter().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)));
-            most.map(|(room, _)| room)
-        });
-        room == other && room.is_some_and(|room| self.0.contains(&room))
+        let room = room_around(gap, evidence);
+        room.is_some_and(|room| self.by_people.contains(&room) || self.of_robot.contains(&room))
     }
+
+    /// Returns whether a gap within one of the rooms is a doorway: wall was seen above it, or it divided the rooms that
+    /// people merged.
+    pub fn is_doorway(&self, gap: &Gap, evidence: &Evidence) -> bool {
+        gap.has_lintel || room_around(gap, evidence).is_some_and(|room| self.by_people.contains(&room))
+    }
+}
+
+/// Returns the room that is on both sides of a gap.
+fn room_around(gap: &Gap, evidence: &Evidence) -> Option<u32> {
+    let [room, other] = [-1.0, 1.0].map(|sign| {
+        let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+        let places = beside(gap, sign);
+        for room in places.iter().map(|place| evidence.divided_room(place)).filter(|room| *room != 0) {
+            *counts.entry(room).or_default() += 1;
+        }
+        let most = counts.into_iter().max_by(|a, b| a.1.cmp(&b.1).then(b.0.cmp(&a.0)));
+        most.map(|(room, _)| room)
+    });
+    room.filter(|_| room == other)
 }
 
 /// Returns places on one side of a gap.

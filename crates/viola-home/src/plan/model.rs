@@ -81,7 +81,7 @@ pub struct Swing {
 /// A room: a polygon along the faces of its walls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanRoom {
-    /// Id of the map's room; none for a room that the map does not know.
+    /// Id of the map's room, of which it may be a part; none for a room that the map does not know.
     pub id: Option<String>,
     pub name: Option<String>,
     pub outline: Outline,
@@ -101,7 +101,7 @@ pub struct Furniture {
     pub yaw_rad: f64,
     /// Direction of its back, in quarter turns of its own frame from -y; none if neither a wall nor its points tell it.
     pub back: Option<u8>,
-    /// True for a part of another piece, as a sink in a counter.
+    /// True for a piece that is drawn over another one, such as a sink in a counter.
     pub is_set_in: bool,
 }
 
@@ -161,6 +161,12 @@ impl Plan {
             title += &format!(": {name}");
         }
         title
+    }
+
+    /// Returns whether a room is a part of one of which a part comes before it.
+    pub(super) fn is_further_part(&self, at: usize) -> bool {
+        let id = &self.rooms[at].id;
+        id.is_some() && self.rooms[..at].iter().any(|before| before.id == *id)
     }
 
     /// Returns the box of all walls and rooms.

@@ -10,6 +10,7 @@ pub(super) mod svg;
 pub(super) mod title;
 
 use super::model::Plan;
+use crate::svg::text_width;
 use viola_geometry::Point2;
 
 /// Scales of drawings, 1 to this.
@@ -147,9 +148,9 @@ pub(super) fn shortened(words: &str, longest: usize) -> String {
     format!("{}\u{2026}", start.trim_end())
 }
 
-/// Returns the width of a text in letters of `size_mm`, as estimated for the font in the binary.
-pub(super) fn text_width_mm(words: &str, size_mm: f64) -> f64 {
-    words.chars().map(|c| if c.is_ascii() { 0.56 } else { 0.85 }).sum::<f64>() * size_mm
+/// Returns the width of a text in letters of `size_mm`.
+pub(super) fn text_width_mm(words: &str, size_mm: f64, is_bold: bool) -> f64 {
+    text_width(words, is_bold) * size_mm
 }
 
 /// Returns a length in metres with two decimals.

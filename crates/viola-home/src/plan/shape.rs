@@ -22,7 +22,9 @@ pub(super) fn outlines(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
     let lines = [&cells.lines[0][..], &cells.lines[1][..]];
     (1..=spaces.owners.len() as u32)
         .map(|room| {
-            let mask: Vec<bool> = spaces.of_cell.iter().map(|of| *of == room).collect();
+            // A doorway within the room is a part of it.
+            let cells = spaces.of_cell.iter().zip(&spaces.joins);
+            let mask: Vec<bool> = cells.map(|(of, joins)| *of == room || *joins == room).collect();
             let mut outlines = traced(lines, mask);
             outlines.sort_by(|a, b| b.outer_area_m2().total_cmp(&a.outer_area_m2()));
             outlines.into_iter().next().unwrap_or(Outline { ring_m: Vec::new(), holes_m: Vec::new() })
@@ -134,6 +136,11 @@ fn is_drawn(
     let mut place = [step; 2];
     place[axis] = if up { line - 1 } else { line };
     let room = spaces.of_cell[cells.index(place)];
+    place[axis] = if up { line } else { line - 1 };
+    // Openings do not interrupt walls, and neither do doorways within a room.
+    if room != 0 && spaces.joins[cells.index(place)] == room {
+        return true;
+    }
     let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
     let Some(outline) = (room as usize).checked_sub(1).and_then(|room| outlines.get(room)) else {
         return false;

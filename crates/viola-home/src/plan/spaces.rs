@@ -7,12 +7,13 @@ use super::gaps::{Gap, gaps};
 use super::merges::Merges;
 use super::oblique::Oblique;
 use super::passages::{MIN_PART_M2, Passage, passages};
-use crate::corrections::is_divided;
 use crate::rooms::{Room, RoomSource};
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
 const MIN_AREA_M2: f64 = 1.0;
+/// Minimum fraction of a piece that belongs to a given room, for the piece to be a part of it beside the main one.
+const OWNED: f64 = 0.5;
 /// Spaces on both sides of a wide opening are at least this large; smaller ones are alcoves.
 const WIDE_AREA_M2: f64 = 4.0;
 /// Two rooms may be joined by more than one passage.
@@ -22,14 +23,16 @@ const ROUNDS: usize = 3;
 pub(super) struct Spaces {
     /// Room of each cell, from 1; 0 outside and in gaps.
     pub of_cell: Vec<u32>,
-    /// The given room of each room, by its number from 1; 0 for none.
+    /// The given room of each room, by its number from 1; 0 for none. A given room may have several parts.
     pub owners: Vec<u32>,
+    /// Room of each cell in a doorway within one room, from 1; else 0.
+    pub joins: Vec<u32>,
     pub gaps: Vec<Gap>,
 }
 
 impl Spaces {
-    /// Rooms of the robot's software divide pieces without a wall between them, as do those that a person divided; other
-    /// computed ones only at narrow passages. No doorway divides a room that people merged.
+    /// Rooms of the robot's software divide pieces without a wall between them, computed ones only at narrow passages. No
+    /// doorway divides one of the robot's rooms, or a room that people merged.
     pub fn new(
         cells: &mut Cells,
         evidence: &Evidence,
@@ -39,10 +42,6 @@ impl Spaces {
         merges: &Merges,
     ) -> Spaces {
         let known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
-        let is_kept_apart = |owner: u32| {
-            let room = (owner as usize).checked_sub(1).and_then(|at| rooms.get(at));
-            known || room.is_some_and(|room| is_divided(&room.id, rooms))
-        };
         let closed_in = |cells: &Cells| {
             let gaps = gaps(cells, evidence, faces, oblique);
             closed(cells, evidence, gaps, merges)
@@ -62,40 +61,56 @@ impl Spaces {
             pieces = self::pieces(cells, &closed);
         }
         let cells = &*cells;
-        // A gap that divides no rooms is open again; then others may divide some, or none. Several gaps may be in one doorway.
-        loop {
-            let area_m2 = areas(cells, &pieces);
-            let side = |gap: &Gap, up: bool| {
-                let beside = gap.beside[usize::from(up)].iter().map(|at| pieces[*at]);
-                beside
-                    .filter(|piece| *piece != 0)
-                    .max_by(|a, b| area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a)))
-            };
-            let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
-                (Some(a), Some(b)) => {
-                    let may_be_small = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
-                    let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
-                    a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
-                }
-                _ => false,
-            };
-            let idle = (0..closed.len()).filter(|at| !divides(&closed[*at]));
-            let widest =
-                idle.max_by(|a, b| closed[*a].width_m().total_cmp(&closed[*b].width_m()).then(a.cmp(b)));
-            let Some(widest) = widest else { break };
-            closed.remove(widest);
-            pieces = self::pieces(cells, &closed);
+        open_idle(cells, &mut closed);
+        let (mut inner, mut dividing): (Vec<Gap>, Vec<Gap>) =
+            closed.into_iter().partition(|gap| merges.hold(gap, evidence));
+        inner.extend(open_idle(cells, &mut dividing));
+        inner.retain(|gap| merges.is_doorway(gap, evidence));
+        let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known);
+        let mut joins = vec![0; of_cell.len()];
+        for at in inner.iter().flat_map(|gap| &gap.cells) {
+            joins[*at] = joins[*at].max(std::mem::take(&mut of_cell[*at]));
         }
-        let (of_cell, owners) = by_owner(cells, &pieces, is_kept_apart);
-        Spaces { of_cell, owners, gaps: closed }
+        dividing.extend(inner);
+        Spaces { of_cell, owners, joins, gaps: dividing }
     }
 }
 
-/// Returns those of all gaps, the narrowest first, that may divide rooms, without those in the cells of narrower ones.
+/// Removes the gaps that divide no rooms, and returns them. The widest one is open first; then others may divide some, or
+/// none. Several gaps may be in one doorway.
+fn open_idle(cells: &Cells, closed: &mut Vec<Gap>) -> Vec<Gap> {
+    let mut opened = Vec::new();
+    loop {
+        let pieces = pieces(cells, closed);
+        let area_m2 = areas(cells, &pieces);
+        let side = |gap: &Gap, up: bool| {
+            let beside = gap.beside[usize::from(up)].iter().map(|at| pieces[*at]);
+            beside
+                .filter(|piece| *piece != 0)
+                .max_by(|a, b| area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a)))
+        };
+        let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
+            (Some(a), Some(b)) => {
+                let may_be_small = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
+                let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
+                a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
+            }
+            _ => false,
+        };
+        let idle = (0..closed.len()).filter(|at| !divides(&closed[*at]));
+        let widest = idle.max_by(|a, b| closed[*a].width_m().total_cmp(&closed[*b].width_m()).then(a.cmp(b)));
+        let Some(widest) = widest else { return opened };
+        opened.push(closed.remove(widest));
+    }
+}
+
+/// Returns those of all gaps, the narrowest first, that may divide rooms or are doorways, without those in the cells of
+/// narrower ones.
 fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -> Vec<Gap> {
     let mut closed: Vec<Gap> = Vec::new();
     let mut taken = vec![false; cells.inside.len()];
-    for gap in gaps.into_iter().filter(|gap| !merges.hold(gap, evidence)) {
+    let is_nothing = |gap: &Gap| merges.hold(gap, evidence) && !merges.is_doorway(gap, evidence);
+    for gap in gaps.into_iter().filter(|gap| !is_nothing(gap)) {
         let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
         if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {
             gap.cells.iter().for_each(|at| taken[*at] = true);
@@ -159,8 +174,8 @@ fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
     areas
 }
 
-/// Divides pieces with several given rooms of which one `divides`, drops small ones, and numbers the rest by descending area.
-fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Vec<u32>, Vec<u32>) {
+/// Divides pieces with several given rooms if these `divide`, drops small ones, and numbers the rest by descending area.
+fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>) {
     // Area of each given room in each piece.
     let mut areas_m2: Vec<BTreeMap<u32, f64>> =
         vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
@@ -173,7 +188,7 @@ fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Ve
     for (piece, areas_m2) in areas_m2.iter().enumerate().skip(1) {
         let mut parts: Vec<u32> =
             areas_m2.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
-        if !parts.iter().any(|owner| divides(*owner)) {
+        if !divide || parts.is_empty() {
             parts.clear();
             let most = areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
             parts.extend(most.or(Some(0)));
@@ -189,9 +204,18 @@ fn by_owner(cells: &Cells, pieces: &[u32], divides: impl Fn(u32) -> bool) -> (Ve
     let mut number = vec![0; area_m2.len()];
     (1..).zip(&order).for_each(|(next, region)| number[*region] = next);
     let of_cell = region.iter().map(|region| number[*region as usize]).collect();
-    // The largest of several parts of a given room has its name.
-    let mut named = std::collections::BTreeSet::new();
-    let owner = |region: &usize| if named.insert(owner_of[*region]) { owner_of[*region] } else { 0 };
+    let mut owned_m2 = vec![0.0; area_m2.len()];
+    for (at, region) in region.iter().enumerate() {
+        let own = cells.owners[at].iter().filter(|(owner, _)| *owner == owner_of[*region as usize]);
+        owned_m2[*region as usize] += own.map(|(_, area)| area).sum::<f64>();
+    }
+    // A piece into which a room reaches a little is not a part of it.
+    let owner = |region: &usize| {
+        let parts = order.iter().filter(|part| owner_of[**part] == owner_of[*region]);
+        let most_m2 = parts.map(|part| owned_m2[*part]).fold(0.0, f64::max);
+        let is_part = owned_m2[*region] >= most_m2 || owned_m2[*region] >= OWNED * area_m2[*region];
+        if is_part { owner_of[*region] } else { 0 }
+    };
     (of_cell, order.iter().map(owner).collect())
 }
 
@@ -265,14 +289,14 @@ mod tests {
         for (at, (_, owner)) in cells.iter().enumerate() {
             all.owners[at] = vec![(*owner, all.area_m2(at))];
         }
-        by_owner(&all, &vec![1; count], |_| true)
+        by_owner(&all, &vec![1; count], true)
     }
 
     #[test]
     fn a_room_that_another_divides_keeps_both_parts() {
         // Room 2 lies between the parts of room 1.
         let (of_cell, owners) = divided(&[(3.0, 1), (5.0, 2), (9.0, 1)]);
-        assert_eq!((of_cell, owners), (vec![2, 3, 1], vec![1, 0, 2]));
+        assert_eq!((of_cell, owners), (vec![2, 3, 1], vec![1, 1, 2]));
         // A part that is too small for a room belongs to the room beside it.
         let (of_cell, owners) = divided(&[(3.0, 1), (5.0, 2), (5.5, 1)]);
         assert_eq!((of_cell, owners), (vec![1, 2, 2], vec![1, 2]));

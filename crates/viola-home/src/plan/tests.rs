@@ -1,13 +1,13 @@
 //! Plans of two rooms of bare LiDAR points.
 
+mod corrected;
 mod filmed;
+mod furniture;
 mod gaps;
 mod oblique;
 mod pages;
 
 use super::*;
-use crate::corrections::{RoomCorrection, RoomMerge, RoomSplit};
-use crate::points::ClipNumbers;
 use crate::rooms::RoomSource;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
@@ -184,37 +184,6 @@ fn the_robots_rooms_divide_an_open_plan() {
     assert!(
         !plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0])
     );
-}
-
-#[test]
-fn a_person_divides_a_computed_room() {
-    let lidar = flat(0.0);
-    let mut rooms = crate::rooms(&lidar, &[]);
-    assert!(rooms.iter().all(|room| room.source == RoomSource::Computed));
-    let split = RoomSplit { from_m: [2.0, 0.0], to_m: [2.0, 1.0], order: 1 };
-    let correction = RoomCorrection { name: None, merge: None, split: Some(split), at_m: [1.0, 1.0] };
-    crate::correct_rooms(&mut rooms, &[("1".to_owned(), correction)]);
-    let plan = plan(&lidar, &[], &rooms, &[]);
-    let mut ids: Vec<_> = plan.rooms.iter().filter_map(|room| room.id.as_deref()).collect();
-    ids.sort_unstable();
-    assert_eq!(ids, ["1", "1-b", "2"]);
-}
-
-#[test]
-fn a_room_that_people_merged_is_one_in_spite_of_its_doorway() {
-    let lidar = flat(0.0);
-    let merge = RoomMerge { with_m: vec![[5.5, 1.5]], order: 1 };
-    let correction = RoomCorrection { name: None, merge: Some(merge), split: None, at_m: [2.0, 1.5] };
-    let merged = crate::describe_revised(&lidar, &[], &ClipNumbers::new(std::iter::empty()), |rooms, _| {
-        crate::correct_rooms(rooms, &[("1".to_owned(), correction)]);
-    });
-    assert_eq!(merged.rooms.len(), 1);
-    let plan = merged.plan;
-    assert_eq!((plan.rooms.len(), plan.openings.len()), (1, 0), "{:?} {:?}", plan.rooms, plan.openings);
-    assert_eq!(plan.rooms[0].id.as_deref(), Some("1"));
-    assert!((plan.rooms[0].area_m2 - 21.1).abs() < 0.8, "{}", plan.rooms[0].area_m2);
-    // The wall beside the doorway stays.
-    assert!(!plan.rooms[0].contains([4.05, 0.5]) && plan.rooms[0].contains([4.05, 1.4]));
 }
 
 #[test]

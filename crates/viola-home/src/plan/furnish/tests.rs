@@ -69,6 +69,20 @@ fn a_chair_has_its_back_at_its_high_points() {
 }
 
 #[test]
+fn a_stool_has_no_back() {
+    let stool = object(Class::Chair, 0.8, [2.0, 2.0], [0.4, 0.38, 0.65]);
+    let mut points = seat_points(&stool, 0.0);
+    points.truncate(points.len() / 2);
+    let mut top = points.clone();
+    top.iter_mut().for_each(|point| point.point.position_m[2] = 0.65);
+    points.extend_from_slice(&top);
+    // More points at one edge: a twelfth of all.
+    points.extend_from_slice(&top[..11]);
+    let pieces = drawn(&[stool], &points);
+    assert!(pieces.len() == 1 && pieces[0].back.is_none() && strokes(&pieces[0]).len() == 1, "{pieces:?}");
+}
+
+#[test]
 fn a_sofa_without_a_wall_has_its_back_at_its_high_points() {
     for (y, back) in [(2.0, 2), (0.5, 0)] {
         let sofa = object(Class::Sofa, 0.8, [2.0, y], [1.8, 0.9, 0.9]);
@@ -113,6 +127,93 @@ fn surer_and_standing_pieces_keep_their_place() {
             let off = [0, 1].map(|axis| (piece.centre_m[axis] - object.centre_m[axis]).abs());
             assert!(off.iter().all(|off| *off < 1e-6), "{piece:?}");
             assert_eq!(piece.is_set_in, piece.class == Class::Sink);
+        }
+    }
+}
+
+/// The same pairs as in `objects/nesting.rs`: what the list of objects allows is drawn, whole and in its place.
+#[test]
+fn pieces_share_their_place_as_objects_do() {
+    use Class::*;
+    let at = |class, x: f64, y: f64, size_m| object(class, 0.8, [x, y], size_m);
+    let raised = |class, bottom_m: f64, size_m: [f64; 3]| {
+        let mut raised = at(class, 2.0, 2.0, size_m);
+        raised.centre_m[2] += bottom_m;
+        raised
+    };
+    let (counter, cabinet) = ([2.0, 0.6, 0.9], [2.4, 0.6, 0.86]);
+    for (name, objects, want) in [
+        (
+            "a washing machine in a counter",
+            [at(Counter, 2.0, 2.0, counter), at(WashingMachine, 2.5, 2.0, [0.6, 0.6, 0.85])],
+            [(Counter, false), (WashingMachine, true)],
+        ),
+        (
+            "a refrigerator at the end of cabinets",
+            [at(Cabinet, 2.0, 2.0, cabinet), at(Refrigerator, 3.1, 2.0, [0.6, 0.6, 1.8])],
+            [(Cabinet, false), (Refrigerator, true)],
+        ),
+        (
+            "drawers below a desk",
+            [at(Desk, 2.0, 2.0, [1.4, 0.7, 0.8]), at(Cabinet, 2.4, 2.0, [0.4, 0.6, 0.6])],
+            [(Cabinet, false), (Desk, false)],
+        ),
+        (
+            "a chair below a counter",
+            [at(Counter, 2.0, 2.0, counter), at(Chair, 2.0, 2.2, [0.45, 0.45, 0.8])],
+            [(Chair, false), (Counter, false)],
+        ),
+        (
+            "a worktop on cabinets",
+            [at(Cabinet, 2.0, 2.0, cabinet), raised(Counter, 0.86, [2.4, 0.6, 0.04])],
+            [(Cabinet, false), (Counter, true)],
+        ),
+        (
+            "a television that is wider than its cabinet",
+            [at(Cabinet, 2.0, 2.0, [0.8, 0.4, 0.5]), raised(Television, 1.0, [1.6, 0.12, 0.6])],
+            [(Cabinet, false), (Television, true)],
+        ),
+    ] {
+        assert_drawn_whole(name, &objects, &[], want);
+    }
+}
+
+/// The recess of the sofa is 1.6 m by 1.6 m.
+#[test]
+fn a_table_stands_in_the_recess_of_a_corner_sofa() {
+    let sofa = object(Class::Sofa, 0.6, [2.0, 2.0], [2.4, 2.4, 0.8]);
+    let table = object(Class::Table, 0.9, [2.4, 2.4], [0.8, 0.6, 0.4]);
+    const STEPS: usize = 24;
+    let part = |i: usize| (i as f64 + 0.5) / STEPS as f64 - 0.5;
+    let places = (0..STEPS * STEPS).map(|i| [part(i % STEPS), part(i / STEPS)]);
+    let is_seat = |[x, y]: &[f64; 2]| 2.4 * x < -0.4 || 2.4 * y < -0.4;
+    let seat = |[x, y]: [f64; 2]| {
+        let point = CloudPoint {
+            position_m: [2.0 + 2.4 * x, 2.0 + 2.4 * y, 0.4].map(|c| c as f32),
+            normal: [0.0, 0.0, 1.0],
+            color: Class::Sofa.color(),
+            label: Label::new(Class::Sofa, 0.9, 3),
+            weight: 100,
+        };
+        MapPoint { point, clip: 0 }
+    };
+    let points: Vec<MapPoint> = places.filter(is_seat).map(seat).collect();
+    let objects = [sofa, table];
+    let want = [(Class::Sofa, false), (Class::Table, true)];
+    assert_drawn_whole("a table in a recess", &objects, &points, want);
+    // Without the points of its seats, no recess is known.
+    assert_eq!(drawn(&objects, &[]).len(), 1);
+}
+
+fn assert_drawn_whole(name: &str, objects: &[Object], points: &[MapPoint], want: [(Class, bool); 2]) {
+    let pieces = drawn(objects, points);
+    let found: Vec<(Class, bool)> = pieces.iter().map(|piece| (piece.class, piece.is_set_in)).collect();
+    assert_eq!(found, want, "{name}");
+    for piece in pieces {
+        let object = objects.iter().find(|object| object.id == piece.id).unwrap();
+        for axis in 0..2 {
+            assert!((piece.centre_m[axis] - object.centre_m[axis]).abs() < 1e-6, "{name}: {piece:?}");
+            assert!((piece.size_m[axis] - object.size_m[axis]).abs() < 1e-6, "{name}: {piece:?}");
         }
     }
 }

@@ -90,7 +90,7 @@ fn crossings(ring: &[[f64; 2]], axis: usize, along: f64) -> Vec<f64> {
 /// Draws a dimension line above the drawing (axis 0) or left of it (axis 1).
 fn dimension(page: &Page, axis: usize, [from, to]: [f64; 2], off_mm: f64, out: &mut String) {
     let words = metres(to - from);
-    let fits = text_width_mm(&words, TEXT_MM) < page.mm(to - from) - 0.5;
+    let fits = text_width_mm(&words, TEXT_MM, false) < page.mm(to - from) - 0.5;
     let [[left, top], _] = page.drawing_mm;
     let tick = TICK_MM;
     if axis == 0 {

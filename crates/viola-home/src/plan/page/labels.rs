@@ -65,6 +65,10 @@ fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {
     lines
 }
 
+fn width_mm(line: &Line) -> f64 {
+    text_width_mm(&line.words, line.size_mm, line.is_name)
+}
+
 fn height_mm(lines: &[Line]) -> f64 {
     lines.iter().map(|line| 1.3 * line.size_mm).sum()
 }
@@ -75,11 +79,8 @@ fn placed(room: &PlanRoom, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
     for shrink in SHRINK {
         let mut lines = lines(room, shrink);
         while !lines.is_empty() {
-            let half_m = [
-                lines.iter().map(|line| text_width_mm(&line.words, line.size_mm)).fold(0.0, f64::max) / 2.0,
-                height_mm(&lines) / 2.0,
-            ]
-            .map(|mm| page.metres(mm));
+            let half_m = [lines.iter().map(width_mm).fold(0.0, f64::max) / 2.0, height_mm(&lines) / 2.0]
+                .map(|mm| page.metres(mm));
             if let Some(at) = best_place(room, half_m, plan) {
                 return (lines, at);
             }

@@ -6,13 +6,16 @@ use crate::svg::escape;
 use std::fmt::Write;
 
 const LEFT_MM: f64 = 10.0;
-/// Size of the title's letters. Bold ones are wider than others.
+/// Size of the title's letters, and the width of the narrowest ones as a fraction of it.
 const TITLE_LETTERS_MM: f64 = 4.4;
-const BOLD: f64 = 1.1;
-/// Width of the axes at the right edge of the page.
-const AXES_MM: f64 = 33.0;
-/// Longest scale bar.
+const NARROWEST: f64 = 0.25;
+/// Size of the letters at the scale bar.
+const BAR_LETTERS_MM: f64 = 2.4;
+/// Width of the axes and their caption at the right edge of the page, with the space before them.
+const AXES_MM: f64 = 36.0;
+/// Longest scale bar, and where it begins on wide pages, as a fraction of their width.
 const BAR_MM: f64 = 50.0;
+const BAR_BEGINS: f64 = 0.45;
 
 pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     let top = page.height_mm - TITLE_MM;
@@ -22,7 +25,7 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
         "<path d=\"M{LEFT_MM} {top:.2}H{right:.2}\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\"/>"
     );
     let area_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
-    let rooms = plan.rooms.len();
+    let rooms = (0..plan.rooms.len()).filter(|at| !plan.is_further_part(*at)).count();
     let plural = if rooms == 1 { "" } else { "s" };
     let heading = escape(&heading(&plan.title(), page.width_mm - LEFT_MM - AXES_MM));
     text(out, [LEFT_MM, top + 6.5], TITLE_LETTERS_MM, INK, "start", true, &heading);
@@ -33,7 +36,7 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     if !plan.unfilmed_masonry.is_empty() {
         legend([LEFT_MM, top + 20.1], out);
     }
-    bar(page, [page.width_mm * 0.45, top + 9.0], out);
+    bar(page, top + 9.0, out);
     axes(plan, [right - 12.0, top + 12.5], out);
 }
 
@@ -49,8 +52,8 @@ fn legend([x, y]: [f64; 2], out: &mut String) {
 
 /// Returns the part of a title for which there is room.
 fn heading(title: &str, width_mm: f64) -> String {
-    let fits = |words: &String| BOLD * text_width_mm(words, TITLE_LETTERS_MM) <= width_mm;
-    let letters = title.chars().count();
+    let fits = |words: &String| text_width_mm(words, TITLE_LETTERS_MM, true) <= width_mm;
+    let letters = title.chars().count().min((width_mm / (NARROWEST * TITLE_LETTERS_MM)) as usize);
     (1..=letters).rev().map(|longest| shortened(title, longest)).find(fits).unwrap_or_default()
 }
 
@@ -63,11 +66,14 @@ fn text(out: &mut String, at: [f64; 2], size: f64, ink: &str, anchor: &str, is_b
     );
 }
 
-/// A bar of round metres in four parts.
-fn bar(page: &Page, [x, y]: [f64; 2], out: &mut String) {
+/// A bar of round metres in four parts, left of the axes.
+fn bar(page: &Page, y: f64, out: &mut String) {
     let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
     let length_m = round.into_iter().rfind(|m| page.mm(*m) <= BAR_MM).unwrap_or(0.5);
     let part = page.mm(length_m) / 4.0;
+    let last = format!("{length_m} m");
+    let beyond_mm = text_width_mm(&last, BAR_LETTERS_MM, false) / 2.0;
+    let x = (BAR_BEGINS * page.width_mm).min(page.width_mm - AXES_MM - beyond_mm - 4.0 * part);
     for i in 0..4 {
         let fill = if i % 2 == 0 { INK } else { "#ffffff" };
         let _ = writeln!(
@@ -76,9 +82,9 @@ fn bar(page: &Page, [x, y]: [f64; 2], out: &mut String) {
             x + f64::from(i) * part
         );
     }
-    for (i, metres) in [(0.0, 0.0), (2.0, length_m / 2.0), (4.0, length_m)] {
-        let words = if i == 4.0 { format!("{metres} m") } else { metres.to_string() };
-        text(out, [x + i * part, y + 4.4], 2.4, QUIET, "middle", false, &words);
+    let half = (length_m / 2.0).to_string();
+    for (i, words) in [(0.0, "0"), (2.0, half.as_str()), (4.0, last.as_str())] {
+        text(out, [x + i * part, y + 4.4], BAR_LETTERS_MM, QUIET, "middle", false, words);
     }
 }
 
@@ -109,6 +115,6 @@ fn axes(plan: &Plan, [x, y]: [f64; 2], out: &mut String) {
             words,
         );
     }
-    let width = text_width_mm(caption, 2.2);
+    let width = text_width_mm(caption, 2.2, false);
     text(out, [x - width / 2.0 - 2.0, y + 1.0], 2.2, QUIET, "middle", false, caption);
 }

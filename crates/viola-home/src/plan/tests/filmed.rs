@@ -95,6 +95,23 @@ fn walls_that_are_in_the_lidar_map_only_look_different() {
     }
 }
 
+/// Clips filmed the left room only: more than half of the long walls.
+#[test]
+fn a_facade_is_drawn_by_its_rooms() {
+    let left = [
+        sheet(Class::Wall, [0.0, 0.0], [4.0, 0.0], [0.0, 1.0, 0.0]),
+        sheet(Class::Wall, [0.0, 3.0], [4.0, 3.0], [0.0, -1.0, 0.0]),
+        sheet(Class::Wall, [0.0, 0.0], [0.0, 3.0], [1.0, 0.0, 0.0]),
+        sheet(Class::Wall, [4.0, 0.0], [4.0, 1.0], [-1.0, 0.0, 0.0]),
+        sheet(Class::Wall, [4.0, 1.8], [4.0, 3.0], [-1.0, 0.0, 0.0]),
+    ];
+    let plan = plan_of(&left.concat());
+    // Both long walls beside the right room, and the right wall with its corners.
+    let unfilmed_m2: f64 = plan.unfilmed_masonry.iter().map(Outline::area_m2).sum();
+    let want_m2 = 0.2 * (2.0 * 3.05 + 3.0 + 2.0 * 0.2);
+    assert!((unfilmed_m2 - want_m2).abs() < 0.2, "{unfilmed_m2} {want_m2}");
+}
+
 #[test]
 fn a_home_without_clips_is_drawn_in_one_colour() {
     let plan = plan_of(&[]);

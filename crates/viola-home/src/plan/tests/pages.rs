@@ -101,6 +101,43 @@ fn a_page_fits_on_a_sheet_at_a_usual_scale() {
     }
 }
 
+/// Returns the number of an attribute of the text with some words.
+fn of_text(svg: &str, attribute: &str, words: &str) -> f64 {
+    let line = svg.lines().find(|line| line.contains(&format!(">{words}</text>"))).unwrap();
+    let (_, value) = line.split_once(&format!(" {attribute}=\"")).unwrap();
+    value.split('"').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn the_scale_bar_ends_before_the_caption_of_the_axes() {
+    // The narrowest pages, with bars of 50 mm.
+    for (size_m, scale, last) in
+        [([1.0, 1.0], 20, "1 m"), ([5.0, 20.0], 100, "5 m"), ([5.0, 60.0], 200, "10 m")]
+    {
+        let svg = plan_svg(&box_of(size_m));
+        assert!(svg.contains(" width=\"150.0mm\"") && svg.contains(&format!(">Scale 1:{scale},")), "{last}");
+        let half_mm =
+            |words: &str| of_text(&svg, "font-size", words) * crate::svg::text_width(words, false) / 2.0;
+        let bar_mm = of_text(&svg, "x", last) + half_mm(last);
+        let caption_mm = of_text(&svg, "x", "map axes") - half_mm("map axes");
+        assert!(bar_mm + 1.0 < caption_mm, "{bar_mm} {caption_mm}");
+        // The line with the scale is about 40 mm long.
+        assert!(of_text(&svg, "x", last) - 50.0 > 55.0, "{last}");
+    }
+}
+
+#[test]
+fn a_bold_name_fits_into_its_room() {
+    // Its letters are 7.415 times as wide as high, and the room is 22 mm wide on the page.
+    let ring_m = vec![[0.0, 0.0], [0.44, 0.0], [0.44, 3.0], [0.0, 3.0]];
+    let mut narrow = room(Outline { ring_m, holes_m: Vec::new() }, 0, &[]);
+    narrow.name = Some("WOHNZIMMER".to_owned());
+    let svg = plan_svg(&Plan { rooms: vec![narrow], ..box_of([1.0, 3.0]) });
+    assert!(svg.contains(">Scale 1:20,"));
+    let size_mm = of_text(&svg, "font-size", "WOHNZIMMER");
+    assert!(size_mm * 7.415 <= 22.0 && size_mm > 2.5, "{size_mm}");
+}
+
 #[test]
 fn a_picture_has_its_resolution() {
     let plan = box_of([4.0, 3.0]);

@@ -1,0 +1,79 @@
+//! Plans with standing furniture.
+
+use super::super::*;
+use super::lidar_of;
+use crate::rooms::tests::flat;
+use std::f64::consts::FRAC_PI_2;
+use viola_geometry::taxonomy::Class;
+use viola_reconstruct::{CloudPoint, Label};
+
+/// Returns the points of a cabinet's surface above a line: 2.5 cm apart along it, up to 2 m.
+fn front(from_m: [f64; 2], to_m: [f64; 2], normal: [f32; 3]) -> Vec<MapPoint> {
+    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]);
+    let count = (length_m / 0.025).round() as usize;
+    let point = |i: usize, j: usize| {
+        let part = (i as f64 + 0.5) / count as f64;
+        let [x, y] = [0, 1].map(|axis| (from_m[axis] + part * (to_m[axis] - from_m[axis])) as f32);
+        let point = CloudPoint {
+            position_m: [x, y, 0.1 + 0.1 * j as f32],
+            normal,
+            color: Class::Cabinet.color(),
+            label: Label::new(Class::Cabinet, 0.9, 3),
+            weight: 100,
+        };
+        MapPoint { point, clip: 0 }
+    };
+    (0..count).flat_map(|i| (0..20).map(move |j| [i, j])).map(|[i, j]| point(i, j)).collect()
+}
+
+/// Returns a cabinet along y.
+fn cabinet([x, y]: [f64; 2], size_m: [f64; 3], confidence: f64) -> Object {
+    Object {
+        id: "cabinet-1".to_owned(),
+        class: Class::Cabinet,
+        confidence,
+        centre_m: [x, y, size_m[2] / 2.0],
+        size_m,
+        yaw_rad: FRAC_PI_2,
+        room: None,
+        points: 100,
+        clips: vec![0],
+        samples: Vec::new(),
+    }
+}
+
+/// The robot and the clips saw the front and the side of a wardrobe in a corner, and nobody the walls behind it.
+#[test]
+fn a_wardrobe_is_no_wall() {
+    let outer = [[0.6, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 1.5], [0.6, 1.5]];
+    let walls: Vec<[[f64; 2]; 2]> = (0..6).map(|i| [outer[i], outer[(i + 1) % 6]]).collect();
+    let lidar = lidar_of(&walls);
+    let mut points = front([0.6, 0.0], [0.6, 1.5], [1.0, 0.0, 0.0]);
+    points.extend(front([0.6, 1.5], [0.0, 1.5], [0.0, 1.0, 0.0]));
+    for (confidence, area_m2) in [(0.7, 12.0), (0.4, 11.1)] {
+        let objects = [cabinet([0.3, 0.75], [1.5, 0.6, 2.0], confidence)];
+        let plan = plan(&lidar, &points, &crate::rooms(&lidar, &points), &objects);
+        let found_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
+        assert!((found_m2 - area_m2).abs() < 0.3, "{confidence}: {found_m2}");
+        let is_drawn = plan
+            .furniture
+            .iter()
+            .any(|piece| [0, 1].iter().all(|axis| (piece.centre_m[*axis] - [0.3, 0.75][*axis]).abs() < 0.1));
+        assert_eq!(is_drawn, confidence > 0.5, "{:?}", plan.furniture);
+    }
+}
+
+/// The box of a cabinet reaches 6 cm into the wall of 10 cm behind it, or through it.
+#[test]
+fn a_cabinet_opens_no_wall() {
+    let lidar = flat(0.0);
+    let rooms = crate::rooms(&lidar, &[]);
+    let bare = plan(&lidar, &[], &rooms, &[]);
+    assert_eq!(bare.rooms.len(), 2);
+    for reach_m in [0.06, 0.16] {
+        let deep_m = 0.4 + reach_m;
+        let objects = [cabinet([4.0 + reach_m - deep_m / 2.0, 0.5], [0.9, deep_m, 2.0], 0.9)];
+        let plan = plan(&lidar, &[], &rooms, &objects);
+        assert!(plan.rooms == bare.rooms && plan.masonry == bare.masonry, "{reach_m}: {:?}", plan.rooms);
+    }
+}
