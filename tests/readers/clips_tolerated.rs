@@ -224,6 +224,84 @@ fn a_last_row_that_was_cut_off_is_left_out() {
 }
 
 #[test]
+fn a_row_that_was_cut_off_does_not_cost_the_intrinsics_of_the_others() {
+    let mut files = writers::stray("", &Recording::small(3));
+    edit_lines(&mut files, "odometry.csv", |number, line| {
+        let behind = if number == 0 { "fx, fy, cx, cy" } else { "57.25, 57.5, 31.25, 23.5" };
+        Some(format!("{line}, {behind}"))
+    });
+    let whole = content(&mut files, "odometry.csv").clone();
+    // The line end is missing, then digits of cy, and then all but the pose.
+    let cut_to_pose = whole.len() - ", 57.25, 57.5, 31.25, 23.5\n".len();
+    for (end, with_pose) in [
+        (whole.len() - 1, 3),
+        (whole.len() - 2, 2),
+        (whole.len() - 3, 2),
+        (whole.len() - 4, 2),
+        (cut_to_pose, 2),
+    ] {
+        set(&mut files, "odometry.csv", &whole[..end]);
+        let clip = open(&files).unwrap();
+        let told = String::from_utf8_lossy(&whole[end - 8..end]);
+        assert!(clip.info().intrinsics.contains("for each frame"), "{told}: {}", clip.info().intrinsics);
+        assert_eq!(clip.info().frames_with_pose, with_pose, "{told}");
+        if with_pose == 2 {
+            check_note(&clip, "was cut off");
+        }
+    }
+}
+
+/// Returns a recording of six frames whose pictures have other numbers, and whose poses are counted from 1.
+fn counted_redwood(number_of: impl Fn(u32) -> u32) -> Files {
+    let mut files = writers::redwood("", &Recording::small(6));
+    for (name, _) in &mut files {
+        let renamed = ["color/", "depth/"].into_iter().find_map(|folder| {
+            let (number, ending) = name.strip_prefix(folder)?.split_once('.')?;
+            Some(format!("{folder}{:06}.{ending}", number_of(number.parse().ok()?)))
+        });
+        if let Some(renamed) = renamed {
+            *name = renamed;
+        }
+    }
+    files
+}
+
+#[test]
+fn poses_of_redwood_without_the_last_ones_are_not_given_to_other_pictures() {
+    let log = "scene/trajectory.log";
+    let from = |first: u32| move |number: u32| first + number;
+    // The last pose was cut off: it counts.
+    for files in [counted_redwood(from(3)), counted_redwood(|number| 5 * number)] {
+        let mut frames = open(&files).unwrap().frames().to_vec();
+        frames.last_mut().unwrap().world_from_camera = None;
+        let mut files = files;
+        let bytes = content(&mut files, log);
+        bytes.truncate(bytes.len() - 30);
+        let clip = open(&files).unwrap();
+        assert_eq!(clip.frames(), frames);
+        check_note(&clip, "was cut off");
+    }
+    // The last two are missing, with five lines each, or one and a half.
+    for kept in [20, 22] {
+        let cut = |mut files: Files| {
+            edit_lines(&mut files, log, |number, line| (number < kept).then(|| line.to_string()));
+            open(&files)
+        };
+        // These numbers cannot be those of frames 1 to 4.
+        let clip = cut(counted_redwood(from(100))).unwrap();
+        let has_pose: Vec<bool> = clip.frames().iter().map(|f| f.world_from_camera.is_some()).collect();
+        assert_eq!(has_pose, [true, true, true, true, false, false]);
+        check_note(&clip, "has 4 poses for 6 pictures");
+        for files in [counted_redwood(from(3)), counted_redwood(|number| 5 * number)] {
+            check_error(cut(files.clone()).err().unwrap(), "bad_metadata", "unknown which pose is whose");
+            if kept == 22 {
+                check_error(cut(files).err().unwrap(), "bad_metadata", "was cut off");
+            }
+        }
+    }
+}
+
+#[test]
 fn pictures_of_redwood_keep_their_poses_without_the_others() {
     let files = writers::redwood("", &Recording::small(6));
     let whole = open(&files).unwrap();

@@ -25,6 +25,7 @@ mod maps_cli;
 mod maps_real;
 mod maps_refused;
 mod maps_robots;
+mod maps_ros;
 mod maps_written;
 mod memory;
 mod mutations;

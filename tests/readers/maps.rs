@@ -267,6 +267,7 @@ fn csv_points_with_any_header_and_separator() {
     let swapped = |p: &Point2| vec![9.0, p.y, p.x];
     let level = |p: &Point2| vec![p.x, p.y, 0.125, 200.0];
     let thousands = |p: &Point2| vec![1000.0 * p.x, 1000.0 * p.y];
+    let timed = |p: &Point2| vec![9.0, p.x, p.y];
     let commas = lines(";", &plain).replace('.', ",");
     let quoted = lines("\" \"", &plain).replace('.', ",").replace('\n', "\"\n\"");
     for (what, csv) in [
@@ -287,6 +288,14 @@ fn csv_points_with_any_header_and_separator() {
         ("units between tabs", format!("x [m]\ty [m]\n{}", lines("\t", &plain))),
         ("positions", format!("intensity,pos_y,pos_x\n{}", lines(",", &swapped))),
         ("millimetres", format!("x_mm,y [mm]\n{}", lines(",", &thousands))),
+        ("blanks in brackets", format!("x [ mm ] y [ mm ]\n{}", lines(" ", &thousands))),
+        ("blanks between tabs", format!("Time (s)\tPosition X\tPosition Y\n{}", lines("\t", &timed))),
+        ("one name with a blank", format!("Scan Id\tx\ty\n{}", lines("\t", &timed))),
+        ("tabs above blanks", format!("x\ty\n{}", lines("  ", &plain))),
+        ("separators at the ends", format!("x,y\n{},", lines(",", &plain).replace('\n', ",\n"))),
+        ("NumPy", format!("# drawn\n# time x y\n{}", lines(" ", &timed))),
+        ("NumPy, with units", format!("# x [mm], y [mm]\n{}", lines(",", &thousands))),
+        ("another comment", format!("# x and y of the walls\n{}", lines(" ", &plain))),
     ] {
         let map = LidarMap::read(csv.as_bytes()).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!(map.info.format, "csv_points", "{what}");

@@ -157,6 +157,12 @@ fn points_that_cannot_be_used_are_refused_by_name() {
     check_refused("columns of other names", b"lat;lon [deg]\n48.1;11.5\n", "bad_points");
     let told = LidarMap::read(b"lat;lon [deg]\n48.1;11.5\n").unwrap_err().to_string();
     assert!(told.contains("line 1: the columns are lat, lon [deg]"), "{told}");
+    // Between blanks it is unknown where a name ends.
+    let names = b"Time (s) Position X Position Y\n0.5 1 2\n";
+    check_refused("names of two words", names, "bad_points");
+    let told = LidarMap::read(names).unwrap_err().to_string();
+    assert!(told.contains("line 1: it has 5 names") && told.contains("line 2 has 3 values"), "{told}");
+    check_refused("a value without a name", b"x,y\n0,1,2\n", "bad_points");
     check_refused("a hundred kilometres", b"x,y\n0,0\n99999,99999\n", "map_too_large");
     check_refused("millimetres", b"x,y\n0,0\n8200,4100\n", "map_too_large");
     assert!(LidarMap::read(b"x,y\n-90000,0\n-89750,250\n").is_ok(), "where the map lies does not matter");

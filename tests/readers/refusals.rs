@@ -76,16 +76,21 @@ fn cameras_of_nerfstudio_that_are_no_pinholes_are_refused() {
             }
         }
     }
-    check(nerfstudio, set("/is_fisheye", json!(true)), "bad_intrinsics", "is_fisheye of all frames");
+    for is_fisheye in [json!(true), json!(1)] {
+        check(nerfstudio, set("/is_fisheye", is_fisheye), "bad_intrinsics", "is_fisheye of all frames");
+    }
+    check(nerfstudio, set("/is_fisheye", json!("no")), "bad_metadata", "must be true, false, 0 or 1");
     let opened = |pointer: &'static str, value: Value| {
         Clip::open(as_folder(&changed(nerfstudio, set(pointer, value))).path())
             .unwrap_or_else(|error| panic!("{pointer}: {error}"))
     };
-    for model in ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"] {
+    for model in ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "pinhole", "OpenCV"] {
         opened("/camera_model", json!(model));
     }
     opened("/camera_model", Value::Null);
-    opened("/is_fisheye", json!(false));
+    for is_fisheye in [json!(false), json!(0), Value::Null] {
+        opened("/is_fisheye", is_fisheye);
+    }
     // A lens of all frames, of one frame, and one that bends less than a pixel.
     for (pointer, value, is_told) in
         [("/k1", 0.2, true), ("/frames/2/p2", -0.03, true), ("/frames/2/k1", 0.01, false)]

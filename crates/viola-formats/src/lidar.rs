@@ -24,7 +24,7 @@ pub use valetudo::json_of as valetudo_json;
 pub use write::{RosFiles, Written};
 
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use viola_geometry::{Grid, Point2, Pose2};
 
 /// Maximum size of one map file, in bytes.
@@ -124,7 +124,7 @@ impl LidarMap {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let bytes = read_file(path, &name)?;
         if ros::is_yaml(&name) {
-            return ros::read(&bytes, &name, None, |image| read_file(&path.with_file_name(image), image));
+            return ros::read(&bytes, &name, None, |image| read_image(&path.with_file_name(image), image));
         }
         LidarMap::read(&bytes)
     }
@@ -156,6 +156,25 @@ impl LidarMap {
             _ => points::read_csv(text),
         }
     }
+}
+
+/// Reads a file, or else one beside it whose name differs only in the case of its letters.
+fn read_image(path: &Path, name: &str) -> Result<Vec<u8>, LidarError> {
+    match read_file(path, name) {
+        Err(error) if ros::is_absent(&error) => match in_any_case(path) {
+            Some(other) => read_file(&other, name),
+            None => Err(error),
+        },
+        read => read,
+    }
+}
+
+/// Returns the first file beside a path whose name differs from the path's only in the case of its letters.
+fn in_any_case(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let files = folder.read_dir().ok()?.filter_map(|entry| Some(entry.ok()?.path()));
+    files.filter(|file| file.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name))).min()
 }
 
 fn read_file(path: &Path, name: &str) -> Result<Vec<u8>, LidarError> {

@@ -6,11 +6,18 @@ use crate::writers::as_folder;
 use nalgebra::{Rotation3, Vector3};
 use viola_formats::clip::Clip;
 
-/// Checks the poses and pixels of a bag, and that its notes have these words.
+/// Checks the poses and pixels of a bag that gives the up direction, and that its notes have these words.
 fn check(messages: &[Message], recording: &Recording, words: &[&str]) {
+    check_with_up(messages, recording, true, words);
+}
+
+fn check_with_up(messages: &[Message], recording: &Recording, knows_up: bool, words: &[&str]) {
     let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
-    exports::check(folder.path(), "ros2_bag", true, recording);
-    let clip = Clip::open(folder.path()).unwrap();
+    exports::check(folder.path(), "ros2_bag", knows_up, recording);
+    check_notes(&Clip::open(folder.path()).unwrap(), words);
+}
+
+fn check_notes(clip: &Clip, words: &[&str]) {
     let notes = &clip.info().notes;
     for words in words {
         assert!(notes.iter().any(|note| note.contains(*words)), "{words}: {notes:?}");
@@ -58,8 +65,15 @@ fn poses_in_the_map_are_preferred_to_odometry_if_most_pictures_have_them() {
     let odometry = in_odom(Recording::small(5));
     let tree = "poses are from /tf (from map to camera_depth_optical_frame)";
     check(&drifting(&odometry, 5), &Recording::small(5), &[tree]);
+    // With few corrections the odometry alone has poses for all: in the tree, or else as a topic.
     let few = "/tf (from map to camera_depth_optical_frame) was not used: it has poses for 1 of 5";
-    check(&drifting(&odometry, 1), &odometry, &["poses are from /odom,", few]);
+    let below = "poses are from /tf (from odom to camera_depth_optical_frame)";
+    let mut messages = drifting(&odometry, 1);
+    check(&messages, &odometry, &[below, few]);
+    let start_s = odometry.frames[0].time_s;
+    messages.retain(|(time_s, topic, ..)| *topic != "/tf" || *time_s < start_s + 0.05);
+    let few_below = "/tf (from odom to camera_depth_optical_frame) was not used: it has poses for 1 of 5";
+    check(&messages, &odometry, &["poses are from /odom,", few, few_below]);
 }
 
 /// Joints of a robot's head move the camera in the tree, whose root is the robot.
@@ -84,4 +98,83 @@ fn a_tree_that_ends_at_the_robot_does_not_replace_odometry() {
         }
         check(&messages, &recording, &["poses are from /odom,"]);
     }
+}
+
+fn odometry_of(child: &str, time_s: f64, pose: &Matrix4<f64>) -> Message {
+    let cdr = Cdr::new().header(time_s, "odom").text(child).pose(pose).f64s(&[0.0; 36 + 6 + 36]);
+    (time_s, "/odom", ODOMETRY, cdr.0)
+}
+
+fn pose_of(time_s: f64, pose: &Matrix4<f64>) -> Message {
+    (time_s, "/robot/pose", POSE, pose_stamped(time_s, pose))
+}
+
+/// Returns the recording of a robot with a head that turns in its own tree. `told` gives the poses of the tree's root.
+fn with_head(
+    recording: &Recording,
+    root: &str,
+    told: impl Fn(f64, &Matrix4<f64>) -> Message,
+) -> Vec<Message> {
+    let mut messages = messages(recording, PosesBy::Odometry);
+    messages.retain(|(_, topic, ..)| !matches!(*topic, "/tf_static" | "/odom"));
+    let start_s = recording.frames[0].time_s;
+    let fixed = transform(start_s, "head", "camera_depth_optical_frame", &link_from_optical());
+    messages.push((start_s, "/tf_static", TRANSFORMS, fixed));
+    for (index, frame) in recording.frames.iter().enumerate() {
+        let turn = Rotation3::from_euler_angles(0.0, 0.0, 0.3 * (index as f64).sin());
+        let root_from_head = base_from_link() * turn.to_homogeneous();
+        let camera_from_root = (root_from_head * link_from_optical()).try_inverse().unwrap();
+        let world_from_root = frame.world_from_camera * camera_from_root;
+        for time_s in [frame.time_s - 0.02, frame.time_s + 0.03] {
+            messages.push((time_s, "/tf", TRANSFORMS, transform(time_s, root, "head", &root_from_head)));
+            messages.push(told(time_s, &world_from_root));
+        }
+    }
+    messages
+}
+
+/// A root that was not called base_link was once taken as the world.
+#[test]
+fn a_robots_own_tree_moves_the_camera_on_the_robot_that_a_topic_moves() {
+    let recording = Recording::small(5);
+    for (root, knows_up) in [("base", false), ("body", false), ("torso", false), ("base_link", true)] {
+        let messages = with_head(&recording, root, pose_of);
+        check_with_up(&messages, &recording, knows_up, &["poses are from /robot/pose,"]);
+    }
+    for (child, knows_up, note) in [
+        ("", false, "depth is from"),
+        ("base", false, "depth is from"),
+        ("base_footprint", true, "does not connect camera_depth_optical_frame with base_footprint"),
+        ("imu", false, "does not connect camera_depth_optical_frame with imu"),
+    ] {
+        let messages = with_head(&recording, "base", |time_s, pose| odometry_of(child, time_s, pose));
+        check_with_up(&messages, &recording, knows_up, &["poses are from /odom,", note]);
+    }
+}
+
+#[test]
+fn a_robots_own_tree_does_not_replace_the_few_poses_of_odometry() {
+    let recording = Recording::small(5);
+    let mut messages =
+        with_head(&recording, "base_link", |time_s, pose| odometry_of("base_link", time_s, pose));
+    let end_s = recording.frames[2].time_s - 0.05;
+    messages.retain(|(time_s, topic, ..)| *topic != "/odom" || *time_s < end_s);
+    let open = |messages: &[Message]| {
+        let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
+        Clip::open(folder.path()).unwrap()
+    };
+    let clip = open(&messages);
+    assert_eq!(clip.info().frames_with_pose, 2);
+    check_notes(&clip, &["poses are from /odom,"]);
+    // Another topic has all poses.
+    let stamped = with_head(&recording, "base_link", pose_of);
+    let mut both = messages.clone();
+    both.extend(stamped.into_iter().filter(|(_, topic, ..)| *topic == "/robot/pose"));
+    let few = "/odom was not used: it has poses for 2 of 5 depth pictures";
+    check(&both, &recording, &["poses are from /robot/pose,", few]);
+    // A robot that only turns its head needs no topic.
+    messages.retain(|(_, topic, ..)| *topic != "/odom");
+    let clip = open(&messages);
+    assert_eq!(clip.info().frames_with_pose, 5);
+    check_notes(&clip, &["base_link was taken as the world", "stands still"]);
 }

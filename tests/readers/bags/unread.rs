@@ -37,30 +37,33 @@ fn check(messages: &[Message], topic: &str, odd: &[u8], reason: &str) {
         // The other picture of the frame is in no frame either.
         assert_eq!((info.frames, info.skipped_incomplete), (5 - count, 2 * count), "{topic}, {reason}");
         let told = format!("{count} of 5 pictures of {topic} cannot be read, and were left out");
-        let is_told = |note: &String| note.contains(&told) && note.contains(reason);
-        assert!(info.notes.iter().any(is_told), "{told}, {reason}: {:?}", info.notes);
+        assert!(has_note(&clip, &told, reason), "{told}, {reason}: {:?}", info.notes);
         check_poses(&clip, &Recording::small(5 - count as u32), topic);
     }
-    for naming in [format!("3 of 5 pictures of {topic} cannot be read"), reason.to_string()] {
-        check_error(
-            spoiled(3).err().unwrap_or_else(|| panic!("{naming}: not refused")),
-            "bad_metadata",
-            &naming,
-        );
-    }
+    // Depth is needed, and colour is not.
+    let most = format!("3 of 5 pictures of {topic} cannot be read");
     let none = format!("no picture of {topic} can be read");
-    match spoiled(5) {
-        Err(error) => {
-            assert!(topic.contains("depth") && error.to_string().contains(&none), "{topic}: {error}");
-            check_error(error, "bad_metadata", reason);
-        }
-        Ok(clip) => {
-            let info = clip.info();
-            assert_eq!((info.frames, info.color_width, topic.contains("depth")), (5, 0, false), "{topic}");
-            let is_told = |note: &String| note.contains(&none) && note.contains(reason);
-            assert!(info.notes.iter().any(is_told), "{none}, {reason}: {:?}", info.notes);
+    for (count, told) in [(3, most), (5, none)] {
+        match spoiled(count) {
+            Err(error) => {
+                assert!(topic.contains("depth") && error.to_string().contains(&told), "{topic}: {error}");
+                check_error(error, "bad_metadata", reason);
+            }
+            Ok(clip) => {
+                let info = clip.info();
+                let found = (info.frames, info.color_width, topic.contains("depth"));
+                assert_eq!(found, (5, 0, false), "{topic}");
+                assert!(has_note(&clip, &told, reason), "{told}, {reason}: {:?}", info.notes);
+                check_poses(&clip, &Recording::small(5), topic);
+            }
         }
     }
+}
+
+/// Returns whether a clip has a note with the words and the reason, without advice for pictures that are files.
+fn has_note(clip: &Clip, words: &str, reason: &str) -> bool {
+    let is_such = |note: &String| note.contains(words) && note.contains(reason) && !note.contains("or copy");
+    clip.info().notes.iter().any(is_such)
 }
 
 #[test]
@@ -102,5 +105,34 @@ fn a_picture_of_the_other_kind_costs_its_frame_alone() {
         assert_eq!((info.frames, info.skipped_incomplete), (4, 2), "{topic}");
         let is_told = |note: &String| note.contains("the topic's first picture");
         assert!(info.notes.iter().any(is_told), "{topic}: {:?}", info.notes);
+    }
+}
+
+/// A topic of colour with JPEG pictures, in a frame of the tree.
+fn jpegs(recording: &Recording, frame: &str) -> Vec<Message> {
+    let jpeg = |recorded: &Recorded| {
+        let cdr = Cdr::new().header(recorded.time_s, frame).text("bgr8; jpeg compressed bgr8");
+        (recorded.time_s, "/other/rgb/compressed", COMPRESSED, cdr.bytes(&recorded.jpeg).0)
+    };
+    recording.frames.iter().map(jpeg).collect()
+}
+
+#[test]
+fn colour_that_cannot_be_read_is_replaced_by_another_topic_of_its_frame() {
+    let recording = Recording::small(5);
+    let odd = bare("yuv422_yuy2", 64, 32 * 24 * 2);
+    let spoiled = spoil(messages(&recording, PosesBy::Odometry), COLOR, 3, &odd);
+    for (frame, color_width) in [("camera_depth_optical_frame", 64), ("rear_optical_frame", 0)] {
+        let clip = open(&[&spoiled[..], &jpegs(&recording, frame)].concat()).unwrap();
+        assert_eq!((clip.info().frames, clip.info().color_width), (5, color_width), "{frame}");
+        let told = format!("3 of 5 pictures of {COLOR} cannot be read, and the topic was not used");
+        assert!(has_note(&clip, &told, "yuv422_yuy2"), "{frame}: {:?}", clip.info().notes);
+        check_poses(&clip, &recording, frame);
+    }
+    // Without poses there is nothing but colour to find them by.
+    let mut without = spoiled;
+    without.retain(|(_, topic, ..)| *topic != "/odom");
+    for naming in [format!("3 of 5 pictures of {COLOR} cannot be read"), "needs poses".to_string()] {
+        check_error(open(&without).err().unwrap(), "bad_metadata", &naming);
     }
 }

@@ -19,7 +19,11 @@ const COARSE_CELL_M: f64 = 0.2;
 const MIN_YAW_RAD: f64 = 1e-6;
 
 /// Words in the names of the masks of costmap filters, which lie beside a map.
-const MASK_WORDS: [&str; 5] = ["mask", "keepout", "speed", "filter", "semantic"];
+const MASK_WORDS: [&str; 3] = ["mask", "keepout", "speed"];
+/// Words in the names of masks, and of maps without one of the words above.
+const POSSIBLE_MASK_WORDS: [&str; 2] = ["filter", "semantic"];
+/// Maximum number of yaml files that are read to find the map's.
+const MAX_YAMLS: usize = 100;
 /// Maximum number of names in an error.
 const MAX_LISTED: usize = 10;
 
@@ -29,32 +33,67 @@ pub(super) fn is_yaml(name: &str) -> bool {
     name.ends_with(".yaml") || name.ends_with(".yml")
 }
 
-/// Returns whether a file is a mask by its name, whatever its folder's.
-fn is_mask(path: &str) -> bool {
-    let name = path.rsplit('/').next().unwrap_or_default().to_ascii_lowercase();
-    MASK_WORDS.iter().any(|word| name.contains(word))
+/// How likely a file is a mask, by its name.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Mask {
+    No,
+    Possible,
+    Yes,
 }
 
-/// Returns the yaml file of the map: the only one, or the only one that is no mask's.
-fn yaml_of_map<'a>(yamls: &[&'a str]) -> Result<&'a str, LidarError> {
-    let maps: Vec<&str> = yamls.iter().copied().filter(|name| !is_mask(name)).collect();
-    match (yamls, maps.as_slice()) {
-        (&[], _) => Err(LidarError::UnknownFormat),
-        (&[only], _) | (_, &[only]) => Ok(only),
-        (all, maps) => {
-            let several = if maps.is_empty() { all } else { maps };
-            let names: Vec<String> =
-                several.iter().take(MAX_LISTED).map(|name| format!("{name:.80}")).collect();
-            let more = if several.len() > MAX_LISTED { ", ..." } else { "" };
-            let reason = format!(
-                "it is one of {} in the archive that may be the map's ({}{more}); send one map",
-                several.len(),
-                names.join(", ")
-            );
-            let name = names.into_iter().next().unwrap_or_default();
-            Err(LidarError::BadYaml { name, reason })
+impl Mask {
+    /// Judges the name of a file, whatever its folder's.
+    fn of(path: &str) -> Mask {
+        let name = path.rsplit('/').next().unwrap_or_default().to_ascii_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        if has(&MASK_WORDS) {
+            Mask::Yes
+        } else if has(&POSSIBLE_MASK_WORDS) {
+            Mask::Possible
+        } else {
+            Mask::No
         }
     }
+}
+
+/// Returns the yaml file of the map: the only one, or the only one that is least likely a mask's.
+fn yaml_of_map<'a>(yamls: &[&'a str]) -> Result<&'a str, LidarError> {
+    let Some(least) = yamls.iter().map(|name| Mask::of(name)).min() else {
+        return Err(LidarError::UnknownFormat);
+    };
+    let maps: Vec<&str> = yamls.iter().copied().filter(|name| Mask::of(name) == least).collect();
+    if let &[only] = maps.as_slice() {
+        return Ok(only);
+    }
+    let names: Vec<String> = maps.iter().take(MAX_LISTED).map(|name| format!("{name:.80}")).collect();
+    let more = if maps.len() > MAX_LISTED { ", ..." } else { "" };
+    let reason = format!(
+        "it is one of {} in the archive that may be the map's ({}{more}); send one map",
+        maps.len(),
+        names.join(", ")
+    );
+    let name = names.into_iter().next().unwrap_or_default();
+    Err(LidarError::BadYaml { name, reason })
+}
+
+/// Returns the yaml files of maps and masks, without those of other programs; all of them if there are none.
+fn yamls_of_maps(zip: &Zip) -> Result<Vec<&str>, LidarError> {
+    let all: Vec<&str> = zip.names().iter().map(String::as_str).filter(|name| is_yaml(name)).collect();
+    if all.len() == 1 || all.len() > MAX_YAMLS {
+        return Ok(all);
+    }
+    let mut own = Vec::new();
+    for name in &all {
+        let yaml = match zip.read(name, MAX_YAML_BYTES) {
+            // The description of a map is short.
+            Err(ContainerError::FileTooLarge { .. }) => continue,
+            yaml => yaml?,
+        };
+        if Description::is_in(&yaml) {
+            own.push(*name);
+        }
+    }
+    Ok(if own.is_empty() { all } else { own })
 }
 
 /// Reads a zip with the yaml file of one map and the image that it names, or with one file of any other map.
@@ -69,19 +108,19 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         }
         return LidarMap::read(&bytes);
     }
-    let yamls: Vec<&str> = zip.names().iter().map(String::as_str).filter(|name| is_yaml(name)).collect();
+    let yamls = yamls_of_maps(&zip)?;
     let name = yaml_of_map(&yamls)?;
     let has_masks = yamls.len() > 1;
     let folder = name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
     let files = zip.names().iter().filter_map(|path| path.strip_prefix(folder.as_str()));
-    let mut images = files.filter(|file| is_image(file) && !(has_masks && is_mask(file)));
+    let mut images = files.filter(|file| is_image(file) && !(has_masks && Mask::of(file) > Mask::of(name)));
     let only_image = images.next().filter(|_| images.next().is_none());
     let mut map = read(&zip.read(name, MAX_YAML_BYTES)?, name, only_image, |image| {
         let path = format!("{folder}{image}");
-        if !zip.contains(&path) {
-            return Err(LidarError::MissingImage { yaml: name.to_string(), image: image.to_string() });
-        }
-        Ok(zip.read(&path, MAX_FILE_BYTES)?)
+        let in_any_case = || zip.names().iter().find(|name| name.eq_ignore_ascii_case(&path));
+        let place = zip.names().iter().find(|name| **name == path).or_else(in_any_case);
+        let absent = || LidarError::MissingImage { yaml: name.to_string(), image: image.to_string() };
+        Ok(zip.read(place.ok_or_else(absent)?, MAX_FILE_BYTES)?)
     })?;
     if has_masks {
         map.info.notes.push(format!("{} yaml files of masks were ignored", yamls.len() - 1));
@@ -182,7 +221,8 @@ fn find_image<'a>(
     Ok((read_image(only)?, only))
 }
 
-fn is_absent(error: &LidarError) -> bool {
+/// Returns whether the error of reading an image is its absence.
+pub(super) fn is_absent(error: &LidarError) -> bool {
     match error {
         LidarError::MissingImage { .. } => true,
         LidarError::Unreadable { source, .. } => source.kind() == std::io::ErrorKind::NotFound,

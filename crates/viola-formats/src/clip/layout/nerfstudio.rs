@@ -10,7 +10,9 @@ use super::{
 };
 use crate::clip::files::find_file;
 use crate::container::Container;
-use serde::Deserialize;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
+use serde_json::Value;
 use viola_geometry::{Pose3, Vector3};
 
 const FILE: &str = "transforms.json";
@@ -43,7 +45,8 @@ struct Transforms {
 struct Camera {
     camera_model: Option<String>,
     /// The mark of a fisheye in files of instant-ngp, which have no `camera_model`.
-    is_fisheye: Option<bool>,
+    #[serde(default, deserialize_with = "switch")]
+    is_fisheye: bool,
     k1: Option<f64>,
     k2: Option<f64>,
     p1: Option<f64>,
@@ -70,6 +73,19 @@ struct FrameEntry {
     camera: Camera,
 }
 
+/// Deserializes true or false, which instant-ngp also takes as 1 or 0; `null` is false.
+fn switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
+    match Value::deserialize(deserializer)? {
+        Value::Null => Ok(false),
+        Value::Bool(is_on) => Ok(is_on),
+        Value::Number(number) => Ok(number.as_f64() != Some(0.0)),
+        other => {
+            let found = other.to_string();
+            Err(D::Error::custom(format!("is_fisheye is {found:.40}, and must be true, false, 0 or 1")))
+        }
+    }
+}
+
 impl Camera {
     /// Returns the numbers, with missing ones from `or`; `None` if too few are given. `name` is the file's.
     fn numbers(&self, or: &Camera, name: &str) -> Result<Option<Numbers>, ClipError> {
@@ -91,10 +107,10 @@ impl Camera {
     /// Refuses a camera whose pictures are not those of a pinhole. `name` is the file's, `of` says whose camera it is.
     fn check_model(&self, name: &str, of: &str) -> Result<(), ClipError> {
         let field = match &self.camera_model {
-            Some(model) if !PERSPECTIVE_MODELS.contains(&model.as_str()) => {
+            Some(model) if !PERSPECTIVE_MODELS.iter().any(|known| known.eq_ignore_ascii_case(model)) => {
                 format!("camera_model {model:.40}")
             }
-            _ if self.is_fisheye == Some(true) => "is_fisheye".to_string(),
+            _ if self.is_fisheye => "is_fisheye".to_string(),
             _ => return Ok(()),
         };
         let reason = format!(

@@ -43,8 +43,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     if let Some(other) = files.iter().find(|name| !is_split && name != &first || !name.starts_with(folder)) {
         return Err(ClipError::SeveralClips { first: first.to_string(), second: other.to_string() });
     }
-    let Some(mut bag) = Bag::read(container, &files)? else { return Ok(None) };
-    let mut layout = layout(&mut bag, first)?;
+    let Some(bag) = Bag::read(container, &files)? else { return Ok(None) };
+    let mut layout = layout(&bag, first)?;
     let has_log = |name: &&&String| container.contains(&format!("{name}-wal"));
     layout.notes.extend(files.iter().filter(has_log).map(|name| {
         format!("{name}-wal was not read: it has what the recorder wrote last; stop the recorder first")
@@ -52,79 +52,86 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     Ok(Some(Layout { region: Some(bag.spool.finish()?), ..layout }))
 }
 
-fn layout(bag: &mut Bag, name: &str) -> Result<Layout, ClipError> {
-    for images in bag.images.values_mut() {
-        images.pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    }
+fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
+    let bad = |reason: String| ClipError::BadMetadata { name: name.to_string(), reason };
     let Some((depth_topic, depth)) = depth_topic(bag) else {
         let wanted =
             "it has no topic with depth: sensor_msgs/msg/Image of 16UC1 or 32FC1, or compressedDepth";
         let unread = unread_topic(bag, |_| true).map_or(String::new(), |words| format!("; {words}"));
-        return Err(ClipError::BadMetadata { name: name.to_string(), reason: format!("{wanted}{unread}") });
+        return Err(bad(format!("{wanted}{unread}")));
     };
-    let color = color_topic(bag, depth_topic, depth);
-    let (cameras, is_distorted) = cameras(bag, depth_topic, depth, color)?;
+    let Color { best, chosen, passed_over } = color(bag, depth_topic, depth);
+    let (cameras, is_distorted) = cameras(bag, depth_topic, depth, chosen.or(best))?;
     let depth_times_s = times(&depth.pictures);
-    let color_times_s = color.map_or(Vec::new(), |(_, color)| times(&color.pictures));
-    let pairs: Vec<(Option<usize>, usize)> = if color.is_some() {
+    let color_times_s = chosen.map_or(Vec::new(), |(_, color)| times(&color.pictures));
+    let pairs: Vec<(Option<usize>, usize)> = if chosen.is_some() {
         let pairs = associate(&color_times_s, &depth_times_s, MAX_GAP_S);
         pairs.into_iter().map(|(color, depth)| (Some(color), depth)).collect()
     } else {
         (0..depth_times_s.len()).map(|depth| (None, depth)).collect()
     };
     let of_frames_s: Vec<f64> = pairs.iter().map(|(_, depth)| depth_times_s[*depth]).collect();
-    let color_words = color.map_or("none".to_string(), |(topic, _)| topic.clone());
+    let color_words = chosen.map_or("none".to_string(), |(topic, _)| topic.clone());
     let mut notes = vec![format!("depth is from {depth_topic}, colour from {color_words}")];
     if is_distorted {
         notes.push("the lens distortion in camera_info was not applied".to_string());
     }
-    let unread = left_out(bag, name, [Some((depth_topic, depth)), color], &mut notes)?;
-    if color.is_none() {
+    let mut unread = 0;
+    for (topic, images) in [Some((depth_topic, depth)), chosen].into_iter().flatten() {
+        let Some(lost) = lost(bag, topic, images) else { continue };
+        let Lost { count, words, reason, .. } = &lost;
+        if lost.is_most {
+            let advice = "record the topic again, or leave it out";
+            return Err(bad(format!("{words}; the first one: {reason}; {advice}")));
+        }
+        notes.push(format!("{words}, and were left out; the first one: {reason}"));
+        unread += count;
+    }
+    let path = path::find(bag, &depth.frame, &of_frames_s);
+    for Lost { words, reason, .. } in passed_over {
+        if chosen.is_none() && path.count() == 0 {
+            let advice = "record the topic again: without colour a clip needs poses, and this one has none";
+            return Err(bad(format!("{words}; the first one: {reason}; {advice}")));
+        }
+        notes.push(format!("{words}, and the topic was not used; the first one: {reason}"));
+    }
+    if best.is_none() {
         let is_color = |topic: &str| !topic.contains("depth") && !is_infrared(topic);
         notes.extend(unread_topic(bag, is_color));
     }
-    let counts = (color_times_s.len(), depth_times_s.len());
-    let camera = depth.frame.clone();
-    let path = path::find(bag, &camera, &of_frames_s);
     notes.push(format!("poses are from {}, interpolated to the depth pictures", path.from));
     notes.extend(path.notes);
-    // The topics again: the poses of the bag were sorted meanwhile.
-    let sources = sources(bag, &pairs, path.poses);
+    let sources = sources(depth, chosen, &pairs, path.poses);
     Ok(Layout {
         pose_files: "/tf, /odom or /pose",
         depth_unit: "millimetres of 16 bits, or metres as 32-bit floats",
         gravity: if path.z_is_up { "world z is up (REP 105)" } else { "unknown" }.to_string(),
         up_in_world: path.z_is_up.then(Vector3::z),
-        color_pictures: counts.0,
-        depth_pictures: counts.1,
-        incomplete: incomplete(counts.0, counts.1, pairs.len()) + unread,
+        color_pictures: color_times_s.len(),
+        depth_pictures: depth_times_s.len(),
+        incomplete: incomplete(color_times_s.len(), depth_times_s.len(), pairs.len()) + unread,
         intrinsics: "camera_info".to_string(),
         notes,
         ..Layout::new("ros2_bag", cameras, sources)
     })
 }
 
-/// Returns the number of pictures of the chosen topics that cannot be read, and adds notes about them. Refuses a topic if
-/// most of its pictures are such.
-fn left_out(
-    bag: &Bag,
-    name: &str,
-    topics: [Option<(&String, &Images)>; 2],
-    notes: &mut Vec<String>,
-) -> Result<usize, ClipError> {
-    let mut left_out = 0;
-    for (topic, images) in topics.into_iter().flatten() {
-        let Some(Unread { count, reason }) = bag.unread.get(topic) else { continue };
-        let all = count + images.pictures.len();
-        let told = format!("{count} of {all} pictures of {topic} cannot be read");
-        if 2 * count > all {
-            let reason = format!("{told}; the first one: {reason}; record the topic again, or leave it out");
-            return Err(ClipError::BadMetadata { name: name.to_string(), reason });
-        }
-        notes.push(format!("{told}, and were left out; the first one: {reason}"));
-        left_out += count;
-    }
-    Ok(left_out)
+/// Pictures of a topic that cannot be read.
+struct Lost<'a> {
+    count: usize,
+    /// True if they are more than half of the topic's.
+    is_most: bool,
+    words: String,
+    /// The reason of the first one.
+    reason: &'a str,
+}
+
+/// Returns the pictures of a topic that cannot be read; `None` if all can.
+fn lost<'a>(bag: &'a Bag, topic: &str, images: &Images) -> Option<Lost<'a>> {
+    let Unread { count, reason } = bag.unread.get(topic)?;
+    let all = count + images.pictures.len();
+    let words = format!("{count} of {all} pictures of {topic} cannot be read");
+    Some(Lost { count: *count, is_most: 2 * count > all, words, reason })
 }
 
 /// Describes the wanted topic without a picture that can be read, of several the one with depth in its name, then the one
@@ -138,12 +145,11 @@ fn unread_topic(bag: &Bag, is_wanted: impl Fn(&str) -> bool) -> Option<String> {
 
 /// Returns the frames in the order of time.
 fn sources(
-    bag: &Bag,
+    depth: &Images,
+    color: Option<(&String, &Images)>,
     pairs: &[(Option<usize>, usize)],
     poses: Vec<Option<viola_geometry::Pose3>>,
 ) -> Vec<Source> {
-    let Some((depth_topic, depth)) = depth_topic(bag) else { return Vec::new() };
-    let color = color_topic(bag, depth_topic, depth);
     let source = |((number, &(color_index, depth_index)), world_from_camera): (
         (usize, &(Option<usize>, usize)),
         _,
@@ -196,15 +202,40 @@ fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
     })
 }
 
-/// Returns the topic with colour: of several, one of the depth's frame, or else one that is called so.
-fn color_topic<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Option<(&'a String, &'a Images)> {
+/// The topics with colour.
+#[derive(Default)]
+struct Color<'a> {
+    /// The preferred one.
+    best: Option<(&'a String, &'a Images)>,
+    /// The one that is used.
+    chosen: Option<(&'a String, &'a Images)>,
+    /// Those that would be preferred to the one that is used, if most of their pictures could be read.
+    passed_over: Vec<Lost<'a>>,
+}
+
+/// Returns the topics with colour: the preferred one has the depth's frame, or else is called so. If most of its pictures
+/// cannot be read, another one of the same frame is used, or none.
+fn color<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Color<'a> {
     let is_called = |topic: &str| topic.contains("color") || topic.contains("rgb");
     let shared = |topic: &str| topic.chars().zip(depth_topic.chars()).take_while(|(a, b)| a == b).count();
-    let color = bag.images.iter().filter(|(topic, images)| !images.is_depth && !is_infrared(topic));
-    color.max_by_key(|(topic, images)| {
+    let mut topics: Vec<(&String, &Images)> =
+        bag.images.iter().filter(|(topic, images)| !images.is_depth && !is_infrared(topic)).collect();
+    topics.sort_by_key(|(topic, images)| {
         let has_frame = images.frame == depth.frame;
-        (has_frame, is_called(topic), shared(topic), images.pictures.len(), Reverse(topic.as_str()))
-    })
+        Reverse((has_frame, is_called(topic), shared(topic), images.pictures.len(), Reverse(topic.as_str())))
+    });
+    let Some(&best) = topics.first() else { return Color::default() };
+    let mut color = Color { best: Some(best), ..Color::default() };
+    for (topic, images) in topics.into_iter().filter(|(_, images)| images.frame == best.1.frame) {
+        match lost(bag, topic, images).filter(|lost| lost.is_most) {
+            Some(lost) => color.passed_over.push(lost),
+            None => {
+                color.chosen = Some((topic, images));
+                break;
+            }
+        }
+    }
+    color
 }
 
 /// Returns the intrinsics of both cameras, and whether their lenses distort.

@@ -95,7 +95,7 @@ pub(super) fn read_intrinsics(
 pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
     let text = without_mark(std::str::from_utf8(bytes).ok()?);
     let mut values = Vec::with_capacity(count);
-    for word in text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty()) {
+    for word in words(text) {
         if values.len() == count {
             return None;
         }
@@ -106,8 +106,26 @@ pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
 
 /// Parses a line of numbers separated by blanks or commas; `None` if it holds anything else.
 pub(super) fn all_numbers(line: &str) -> Option<Vec<f64>> {
-    let words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
-    words.map(|word| word.parse().ok()).collect()
+    words(line).map(|word| word.parse().ok()).collect()
+}
+
+/// Splits a text at blanks and commas.
+fn words(text: &str) -> impl DoubleEndedIterator<Item = &str> {
+    text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty())
+}
+
+/// Returns whether a row of numbers has fewer of them than the row above, or ends with fewer digits.
+fn is_shorter(row: &str, above: &str) -> bool {
+    let last = |row| words(row).next_back().filter(|word| word.parse::<f64>().is_ok());
+    let (Some(number), Some(number_above)) = (last(row), last(above)) else { return false };
+    words(row).count() < words(above).count() || precision(number) < precision(number_above)
+}
+
+/// Returns whether a number has an exponent and a point, and its digits behind the point, or all of them without one.
+fn precision(number: &str) -> (bool, bool, usize) {
+    let (digits, exponent) = number.split_once(['e', 'E']).map_or((number, None), |(a, b)| (a, Some(b)));
+    let (digits, has_point) = digits.split_once('.').map_or((digits, false), |(_, behind)| (behind, true));
+    (exponent.is_some(), has_point, digits.trim_start_matches(['-', '+']).len())
 }
 
 /// Returns a text without the byte order mark that Windows' editors write in front.
@@ -144,25 +162,41 @@ impl Table {
     }
 
     /// Reads the rows by `read`, whose error is the fault of a row. Such a row is refused, unless it was cut off.
+    ///
+    /// The rest of a row that was cut off may be a row as well, with a part of a number at its end. It is left out if it is
+    /// shorter than the row above; the last row of a file that only lacks its last line end is not.
     pub fn read_rows(
         &self,
         notes: &mut Vec<String>,
         mut read: impl FnMut(&str) -> Result<(), &'static str>,
     ) -> Result<(), ClipError> {
+        let unended = self.unended_line();
+        let mut above = "";
         for (line, text) in self.rows() {
-            if let Err(reason) = read(text) {
+            if unended == Some(line) && is_shorter(text, above) {
+                notes.push(format!(
+                    "line {line} of {} has no line end and is shorter than the line above: it was cut off, and was left \
+                     out",
+                    self.name
+                ));
+            } else if let Err(reason) = read(text) {
                 notes.push(self.cut_off(line, reason)?);
             }
+            above = text;
         }
         Ok(())
     }
 
+    /// Returns the number of the last line if it has no line end.
+    fn unended_line(&self) -> Option<usize> {
+        (!self.text.ends_with(['\n', '\r'])).then(|| self.text.lines().count())
+    }
+
     /// Returns a note about a bad row that was cut off, and refuses any other bad row.
     ///
-    /// A recorder that ends while it writes leaves a last line without a line end. A complete row may lack its
-    /// line end as well, so only a row that cannot be read is left out.
+    /// A recorder that ends while it writes leaves a last line without a line end.
     pub fn cut_off(&self, line: usize, reason: &str) -> Result<String, ClipError> {
-        if self.text.ends_with('\n') || line != self.text.lines().count() {
+        if self.unended_line() != Some(line) {
             return Err(ClipError::BadIndex { name: self.name.clone(), line, reason: reason.to_string() });
         }
         Ok(self.left_out(line))
@@ -177,4 +211,35 @@ impl Table {
 /// Parses exactly `N` numbers; `None` for any other row.
 pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
     numbers(row.as_bytes(), N)?.try_into().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_shorter;
+
+    #[test]
+    fn rows_that_end_too_early_are_told_by_the_row_above() {
+        for (row, above, expected) in [
+            ("3, 0.242785", "2, 0.226478", false),
+            ("3, 0.2427", "2, 0.226478", true),
+            ("3, -0.22647811", "2, 0.226478", false),
+            ("3", "2, 0.226478", true),
+            // The principal point, as a fraction or in whole pixels.
+            ("1 585.0 24", "1 585.0 245.0", true),
+            ("1 585.0 245.", "1 585.0 245.0", true),
+            ("1 585 24", "1 585 245", true),
+            ("1 585 -24", "1 585 245", true),
+            ("1 585 245", "1 585 245", false),
+            // Exponents have one digit or more.
+            ("1 2.5e0", "1 2.5e-1", false),
+            ("1 2.5", "1 2.5e-1", true),
+            ("1 2.55e-10", "1 2.5", false),
+            // Names, of columns and of files.
+            ("1 0.5", "x qw", false),
+            ("1.5 rgb/1.p", "1.25 rgb/1.25.png", false),
+            ("1 0.5", "", false),
+        ] {
+            assert_eq!(is_shorter(row, above), expected, "{row} below {above}");
+        }
+    }
 }

@@ -13,10 +13,20 @@ const MAX_LISTED: usize = 20;
 const HEIGHT_RANGE_M: RangeInclusive<f64> = 1.2..=20.0;
 
 /// The columns of a table.
+#[derive(Clone, Copy)]
 struct Table {
+    /// `None` stands for blanks and tabs.
+    separator: Option<char>,
     columns: Columns,
     /// Units of x, y and z in a metre.
     units_per_m: [f64; 3],
+}
+
+/// A line with the names of the columns, of which one is x and one is y.
+struct Header {
+    names: Vec<String>,
+    /// Its separator is that of the names.
+    table: Table,
 }
 
 /// A value of a line.
@@ -45,59 +55,75 @@ impl Field<'_> {
 /// header, x and y are the first two columns, in metres, and the third is z if it can be heights.
 pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let text = std::str::from_utf8(bytes).map_err(|_| LidarError::UnknownFormat)?;
-    let mut lines = text.lines().enumerate().filter(|(_, line)| {
-        let line = line.trim();
-        !line.is_empty() && !line.starts_with('#')
-    });
+    let is_comment = |line: &str| line.trim_start().starts_with('#');
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !is_comment(line));
     let Some((first_index, first)) = lines.next() else { return Err(LidarError::UnknownFormat) };
     // CloudCompare writes two slashes in front of the columns' names.
     let first = first.trim_start().trim_start_matches("//");
-    let separator = separator(first);
-    let first_fields = fields(first, separator);
+    let second = lines.clone().next();
     let (mut points, mut notes) = (Points::default(), Vec::new());
-    let table = match Table::of_header(&first_fields, separator) {
-        Some(table) => table,
-        None if first_fields.len() >= 2 && first_fields.iter().take(2).all(Field::is_number) => {
+    let table = if let Some(header) = Header::parse(first) {
+        header.table_above(first_index, second)?
+    } else {
+        // NumPy writes the names behind the sign of a comment.
+        let comment = text.lines().take(first_index).enumerate().filter(|(_, line)| is_comment(line)).last();
+        let table = if let Some((index, table)) = comment.and_then(|line| Table::of_comment(line, first)) {
+            notes.push(format!("line {}, a comment, was read as the names of the columns", index + 1));
+            table
+        } else {
             let others = lines.clone().map(|(_, line)| line);
-            let has_z = are_heights(std::iter::once(first).chain(others), separator);
-            let columns = Columns { x: 0, y: 1, z: has_z.then_some(2) };
-            let table = Table { columns, units_per_m: [1.0; 3] };
-            table.add_line(&mut points, &first_fields, first_index)?;
-            if first_fields.len() > 2 {
+            let Some(table) = Table::without_header(std::iter::once(first).chain(others)) else {
+                if first.starts_with("image:") || text.contains("\nimage:") {
+                    return Err(LidarError::YamlWithoutImage);
+                }
+                return Err(without_x_and_y(first, second.map(|(_, line)| line), first_index));
+            };
+            if table.fields(first).len() > 2 {
                 notes.push("without a header, the first two columns were taken as x and y".to_string());
             }
             table
-        }
-        None if first.starts_with("image:") || text.contains("\nimage:") => {
-            return Err(LidarError::YamlWithoutImage);
-        }
-        None => {
-            let second = lines.next().map(|(_, line)| fields(line, separator)).unwrap_or_default();
-            return Err(without_x_and_y(&first_fields, &second, first_index));
-        }
+        };
+        table.add_line(&mut points, first, first_index)?;
+        table
     };
     for (index, line) in lines {
-        table.add_line(&mut points, &fields(line, separator), index)?;
+        table.add_line(&mut points, line, index)?;
     }
     points.into_map("csv_points", notes)
 }
 
 /// Returns the error for a first line that names no x and y. It is a header if only the line after it has numbers.
-fn without_x_and_y(first: &[Field], second: &[Field], index: usize) -> LidarError {
+fn without_x_and_y(first: &str, second: Option<&str>, index: usize) -> LidarError {
+    let separator = separator(first);
+    let (first, second) = (fields(first, separator), fields(second.unwrap_or_default(), separator));
     let numbers = |fields: &[Field]| fields.iter().filter(|field| field.is_number()).count();
-    if numbers(first) > 0 || numbers(second) < 2 {
+    if numbers(&first) > 0 || numbers(&second) < 2 {
         return LidarError::UnknownFormat;
     }
-    let names: Vec<String> =
-        first.iter().take(MAX_LISTED).map(|field| format!("{:.40}", field.text)).collect();
-    let names = names.join(", ");
+    let names = listed(first.iter().map(|field| field.text));
     let reason = format!("the columns are {names}; name two of them x and y (metres), or x_mm, x_cm, x [mm]");
     LidarError::BadPoints { line: index + 1, reason }
 }
 
-/// Returns the separator of a line; `None` stands for blanks and tabs.
+/// Returns the first names of a header in words.
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<String> = names.take(MAX_LISTED).map(|name| format!("{name:.40}")).collect();
+    names.join(", ")
+}
+
+/// Returns the separator of a line; `None` stands for blanks. Names may have blanks between tabs, and blanks and tabs may be
+/// beside another separator.
 fn separator(line: &str) -> Option<char> {
-    [';', ','].into_iter().find(|&separator| parts(line, separator).nth(1).is_some())
+    let line = line.trim_end();
+    let splits = |separator: &char| parts(line, *separator).nth(1).is_some();
+    let is_beside_another = |part: &str| {
+        let part = part.trim();
+        part.starts_with([';', ',']) || part.ends_with([';', ','])
+    };
+    if splits(&'\t') && !parts(line, '\t').any(is_beside_another) {
+        return Some('\t');
+    }
+    [';', ','].into_iter().find(splits)
 }
 
 /// Splits a line at a separator outside of quotation marks.
@@ -133,11 +159,13 @@ fn fields(line: &str, separator: Option<char>) -> Vec<Field<'_>> {
 
 /// Returns a header's names in small letters. Between blanks, a unit in brackets belongs to the name before it.
 fn names(header: &[Field], separator: Option<char>) -> Vec<String> {
+    let is_open = |name: &String| name.rfind(['[', '(']) > name.rfind([']', ')']);
     let mut names: Vec<String> = Vec::new();
     for field in header {
         let name = field.text.to_lowercase();
+        let is_unit = name.starts_with(['[', '(']) || names.last().is_some_and(is_open);
         match names.last_mut() {
-            Some(last) if separator.is_none() && name.starts_with(['[', '(']) => last.push_str(&name),
+            Some(last) if separator.is_none() && is_unit => last.push_str(&name),
             _ => names.push(name),
         }
     }
@@ -171,32 +199,96 @@ fn are_heights<'a>(lines: impl Iterator<Item = &'a str>, separator: Option<char>
     !are_whole && HEIGHT_RANGE_M.contains(&(high - low))
 }
 
-impl Table {
-    /// Returns the columns that a header calls x, y and z.
-    fn of_header(header: &[Field], separator: Option<char>) -> Option<Table> {
-        let names = names(header, separator);
-        let find = |axis: &str| {
-            names.iter().enumerate().find_map(|(index, name)| Some((index, units_per_m(name, axis)?)))
-        };
-        let ((x, x_per_m), (y, y_per_m)) = (find("x")?, find("y")?);
-        let (z, z_per_m) = find("z").unzip();
-        let units_per_m = [x_per_m, y_per_m, z_per_m.unwrap_or(1.0)];
-        Some(Table { columns: Columns { x, y, z }, units_per_m })
+impl Header {
+    /// Parses the names of a header, of which one is x and one is y.
+    fn parse(line: &str) -> Option<Header> {
+        // Tabs stand for blanks if the names are none with them.
+        let separators = [separator(line), separator(line).filter(|separator| *separator != '\t')];
+        separators.into_iter().find_map(|separator| {
+            let names = names(&fields(line, separator), separator);
+            let find = |axis: &str| {
+                names.iter().enumerate().find_map(|(index, name)| Some((index, units_per_m(name, axis)?)))
+            };
+            let ((x, x_per_m), (y, y_per_m)) = (find("x")?, find("y")?);
+            let (z, z_per_m) = find("z").unzip();
+            let units_per_m = [x_per_m, y_per_m, z_per_m.unwrap_or(1.0)];
+            Some(Header { table: Table { separator, columns: Columns { x, y, z }, units_per_m }, names })
+        })
     }
 
-    fn add_line(&self, points: &mut Points, fields: &[Field], index: usize) -> Result<(), LidarError> {
+    /// Returns the table of lines like this one, which has one value for each name; `None` if it has not.
+    fn table_of(&self, line: &str) -> Option<Table> {
+        let fits = |fields: Vec<Field>| {
+            // A separator may be at the end of the lines.
+            let last_name = self.names.iter().rposition(|name| !name.is_empty());
+            let last_value = fields.iter().rposition(|field| !field.text.is_empty());
+            self.names.len() == fields.len() || last_name == last_value
+        };
+        let separators = [self.table.separator, separator(line), None];
+        let separator = separators.into_iter().find(|&separator| fits(fields(line, separator)))?;
+        Some(Table { separator, ..self.table })
+    }
+
+    /// Returns the table of the line after the header, if there is one; `index` is the header's.
+    fn table_above(&self, index: usize, line: Option<(usize, &str)>) -> Result<Table, LidarError> {
+        let Some((index_below, line)) = line else { return Ok(self.table) };
+        self.table_of(line).ok_or_else(|| {
+            let names = listed(self.names.iter().map(String::as_str));
+            let reason = format!(
+                "it has {} names of columns ({names}), and line {} has {} values; name each column once, or separate names \
+                 and values by commas",
+                self.names.len(),
+                index_below + 1,
+                fields(line, separator(line)).len(),
+            );
+            LidarError::BadPoints { line: index + 1, reason }
+        })
+    }
+}
+
+impl Table {
+    /// Returns the table whose columns a comment names, and the comment's index, if the first line has one value for each
+    /// name, and numbers for x and y.
+    fn of_comment((index, comment): (usize, &str), first: &str) -> Option<(usize, Table)> {
+        let names = comment.trim_start().trim_start_matches('#');
+        let table = Header::parse(names.trim_start())?.table_of(first)?;
+        table.point_m(first).map(|_| (index, table))
+    }
+
+    /// Returns the table of lines without names; `None` if the first line does not begin with two numbers.
+    fn without_header<'a>(lines: impl Iterator<Item = &'a str> + Clone) -> Option<Table> {
+        let first = lines.clone().next()?;
+        let separator = separator(first).filter(|separator| *separator != '\t');
+        let columns = Columns { x: 0, y: 1, z: None };
+        let table = Table { separator, columns, units_per_m: [1.0; 3] };
+        table.point_m(first)?;
+        let has_z = are_heights(lines, separator);
+        Some(Table { columns: Columns { z: has_z.then_some(2), ..columns }, ..table })
+    }
+
+    fn fields<'a>(&self, line: &'a str) -> Vec<Field<'a>> {
+        fields(line, self.separator)
+    }
+
+    /// Returns x, y and z of a line in metres, NaN for an absent z; `None` without numbers for x and y.
+    fn point_m(&self, line: &str) -> Option<[f64; 3]> {
         let Columns { x, y, z } = self.columns;
         let [x_per_m, y_per_m, z_per_m] = self.units_per_m;
+        let fields = self.fields(line);
         let number = |column: usize| fields.get(column).and_then(Field::number);
-        let (Some(x_value), Some(y_value)) = (number(x), number(y)) else {
+        let z_value = z.and_then(number).unwrap_or(f64::NAN);
+        Some([number(x)? / x_per_m, number(y)? / y_per_m, z_value / z_per_m])
+    }
+
+    fn add_line(&self, points: &mut Points, line: &str, index: usize) -> Result<(), LidarError> {
+        let Some([x_m, y_m, z_m]) = self.point_m(line) else {
             let reason = "expected a number for x and for y".to_string();
             return Err(LidarError::BadPoints { line: index + 1, reason });
         };
-        let z_value = z.and_then(number).unwrap_or(f64::NAN);
         points.add(&self.columns, |column| match column {
-            _ if column == x => x_value / x_per_m,
-            _ if column == y => y_value / y_per_m,
-            _ => z_value / z_per_m,
+            _ if column == self.columns.x => x_m,
+            _ if column == self.columns.y => y_m,
+            _ => z_m,
         })
     }
 }

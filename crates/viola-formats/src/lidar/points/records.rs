@@ -8,6 +8,7 @@ use crate::lidar::{LidarError, LidarMap};
 const MAX_HEIGHT_SPREAD_M: f64 = 0.25;
 
 /// Indices of a record's coordinates.
+#[derive(Clone, Copy)]
 pub(super) struct Columns {
     pub x: usize,
     pub y: usize,

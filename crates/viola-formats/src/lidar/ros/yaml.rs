@@ -4,7 +4,7 @@
 //! words for true and false than YAML 1.2.
 
 use serde::Deserialize;
-use serde::de::{Deserializer, Error, Unexpected, Visitor};
+use serde::de::{Deserializer, Error, IgnoredAny, Unexpected, Visitor};
 use std::fmt;
 use viola_geometry::Pose2;
 
@@ -23,6 +23,13 @@ pub(super) struct Description {
     pub free_thresh: f64,
     #[serde(default)]
     pub mode: Mode,
+}
+
+/// The members that tell the yaml file of a map or a mask from those of other programs.
+#[derive(Deserialize)]
+struct Members {
+    image: Option<IgnoredAny>,
+    resolution: Option<IgnoredAny>,
 }
 
 #[derive(Deserialize, Default, Clone, Copy, PartialEq)]
@@ -91,11 +98,27 @@ fn switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> 
     deserializer.deserialize_str(Text::<bool> { parse, expected: "0, 1, true or false" })
 }
 
+/// Returns a text without its byte order mark. The reader of YAML counts it as a column, so that the first line would be
+/// indented.
+fn without_mark(yaml: &[u8]) -> &[u8] {
+    yaml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(yaml)
+}
+
 impl Description {
     pub fn parse(yaml: &[u8]) -> Result<Description, String> {
-        // The reader of YAML counts a byte order mark as a column, so the first line would be indented.
-        let yaml = yaml.strip_prefix(b"\xef\xbb\xbf").unwrap_or(yaml);
-        serde_yaml_ng::from_slice(yaml).map_err(|error| error.to_string())
+        serde_yaml_ng::from_slice(without_mark(yaml)).map_err(|error| error.to_string())
+    }
+
+    /// Returns whether a yaml file is that of a map or a mask, and not another program's. A damaged one has at least one of
+    /// the two members: a mask beside a damaged map must not be taken for it.
+    pub fn is_in(yaml: &[u8]) -> bool {
+        let yaml = without_mark(yaml);
+        match serde_yaml_ng::from_slice::<Members>(yaml) {
+            Ok(members) => members.image.is_some() || members.resolution.is_some(),
+            Err(_) => yaml
+                .split(|byte| *byte == b'\n')
+                .any(|line| line.starts_with(b"image:") || line.starts_with(b"resolution:")),
+        }
     }
 
     /// Checks the numbers and returns the pose of the image's lower-left corner in the map.
@@ -162,6 +185,23 @@ mod tests {
                 ("map.pgm", 0.05, [-1.0, 2.0, 0.0])
             );
             assert_eq!((read.occupied_thresh, read.free_thresh, read.negate), (0.65, 0.196, false), "{yaml}");
+        }
+    }
+
+    #[test]
+    fn files_of_other_programs_are_told() {
+        for (yaml, is_told) in [
+            (GOOD, true),
+            ("\u{feff}resolution: 0.05\n", true),
+            ("image: map.pgm\norigin: [\n", true),
+            ("{resolution: 0.05, image: map.pgm}", true),
+            ("amcl:\n  ros__parameters:\n    resolution: 0.05\n", false),
+            ("- image\n", false),
+            ("rooms: [\n", false),
+            ("image:\n", false),
+            ("", false),
+        ] {
+            assert_eq!(Description::is_in(yaml.as_bytes()), is_told, "{yaml}");
         }
     }
 

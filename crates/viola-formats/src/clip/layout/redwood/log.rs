@@ -11,6 +11,10 @@ use viola_geometry::Pose3;
 type Numbered = (u32, Option<Pose3>);
 pub(super) type Poses = BTreeMap<u32, Option<Pose3>>;
 
+/// Minimum fraction of the poses that are a picture's, if there are fewer of them than pictures. If every second picture was
+/// kept, and the poses are counted, half of them find another one's picture.
+const MIN_FOUND: f64 = 0.75;
+
 /// A trajectory.
 pub(super) struct Log<'a> {
     name: &'a str,
@@ -65,10 +69,12 @@ impl<'a> Log<'a> {
         let Log { name, poses, note } = self;
         let frames: Vec<u32> = poses.keys().copied().collect();
         let pictures: Vec<u32> = pictures.iter().copied().collect();
-        let Some(numbers) = pictures_of(&frames, &pictures) else {
+        let Some(numbers) = pictures_of(&frames, &pictures, note.is_some()) else {
+            let cut_off = note.map_or(String::new(), |note| format!("; {note}"));
             let reason = format!(
                 "it has {} poses, of the frames {}, for {} pictures, with the numbers {}, and it is unknown which pose \
-                 is whose; add the missing pictures, or keep one pose for each picture and number the poses from 1",
+                 is whose; add the missing pictures or poses, or keep one pose for each picture and number the poses \
+                 from 1{cut_off}",
                 frames.len(),
                 ends(&frames),
                 pictures.len(),
@@ -81,8 +87,10 @@ impl<'a> Log<'a> {
                 "poses are those of {name}; frame {frame} was taken for the picture with the number {number}"
             )
         });
+        let few = (frames.len() < pictures.len())
+            .then(|| format!("{name} has {} poses for {} pictures", frames.len(), pictures.len()));
         let poses = numbers.into_iter().zip(poses.into_values()).collect();
-        Ok((poses, note.into_iter().chain(pair).collect()))
+        Ok((poses, note.into_iter().chain(pair).chain(few).collect()))
     }
 }
 
@@ -105,16 +113,20 @@ fn read_pose<'a>(
     Ok(Some((head[2] as u32, pose_from_rows(&matrix))))
 }
 
-/// Returns the number of each frame's picture, or `None` if it is unknown. Both lists ascend, and frames count from 1.
+/// Returns the number of each frame's picture, or `None` if it is unknown. Both lists ascend, and frames count from 1;
+/// `is_cut` is true if another pose was cut off behind the last one.
 ///
 /// Open3D writes a pose for each picture in the order of their names, and counts the poses. Redwood's frames have their
 /// own numbers, which poses keep if others are missing. Their pictures count from 0 (indoor scenes, Open3D) or from 1
 /// (scans). If the pictures begin later, the first ones were removed, and the last one is the last frame's.
-fn pictures_of(frames: &[u32], pictures: &[u32]) -> Option<Vec<u32>> {
+fn pictures_of(frames: &[u32], pictures: &[u32], is_cut: bool) -> Option<Vec<u32>> {
     let (last_frame, first, last) = (*frames.last()?, *pictures.first()?, *pictures.last()?);
     let are_counted = last_frame as usize == frames.len();
-    if are_counted && frames.len() == pictures.len() {
-        return Some(pictures.to_vec());
+    let is_whole = frames.len() == pictures.len() || is_cut && frames.len() + 1 == pictures.len();
+    let is_few = frames.len() < pictures.len();
+    // Frames before the first picture are no pictures' numbers.
+    if are_counted && (is_whole || is_few && last_frame < first) {
+        return Some(pictures[..frames.len()].to_vec());
     }
     let ends_from_0 = last.checked_add(1) == Some(last_frame);
     let first_number = match first {
@@ -125,7 +137,11 @@ fn pictures_of(frames: &[u32], pictures: &[u32]) -> Option<Vec<u32>> {
         2.. if last == last_frame => 1,
         _ => return None,
     };
-    Some(frames.iter().map(|frame| frame - 1 + first_number).collect())
+    let numbers: Vec<u32> = frames.iter().map(|frame| frame - 1 + first_number).collect();
+    // Poses that were counted after pictures were removed are few of the pictures'.
+    let found = numbers.iter().filter(|number| pictures.binary_search(number).is_ok()).count();
+    let is_doubtful = is_few && (found as f64) < MIN_FOUND * frames.len() as f64;
+    (!is_doubtful).then_some(numbers)
 }
 
 /// Returns the first and the last number of a list in words.
@@ -162,18 +178,38 @@ mod tests {
             (range(1, 100), range(0, 69), Some(0)),
             (range(1, 100), range(1, 70), Some(1)),
             (range(1, 100), third(0), Some(0)),
+            (range(1, 50), third(0), Some(0)),
             // Poses are missing at either end.
             (range(1, 70), range(0, 99), Some(0)),
             (range(31, 100), range(0, 99), Some(30)),
             (range(31, 70), range(1, 100), Some(31)),
+            (range(1, 20), range(30, 99), Some(30)),
             // Pictures are missing at both ends, or one is missing at the start or at the end.
             (range(1, 100), range(30, 79), None),
             (range(1, 100), range(1, 99), None),
+            // Poses are missing, and pictures at the start, or all but some.
+            (range(1, 69), range(30, 99), None),
+            (range(1, 30), third(0), None),
+            (range(1, 30), (0..=98).step_by(2).collect(), None),
         ] {
-            let numbers = pictures_of(&frames, &pictures);
+            let numbers = pictures_of(&frames, &pictures, false);
             let first = numbers.as_ref().and_then(|numbers| numbers.first().copied());
             assert_eq!(first, expected, "{frames:?} and {pictures:?}");
             assert_eq!(numbers.map(|numbers| numbers.len()), expected.map(|_| frames.len()));
         }
+    }
+
+    #[test]
+    fn a_pose_that_was_cut_off_counts() {
+        let range = |from: u32, to: u32| -> Vec<u32> { (from..=to).collect() };
+        let fifth: Vec<u32> = (0..=95).step_by(5).collect();
+        for (pictures, expected) in [
+            (range(5, 24), range(5, 23)),
+            (fifth.clone(), fifth[..19].to_vec()),
+            (range(0, 19), range(0, 18)),
+        ] {
+            assert_eq!(pictures_of(&range(1, 19), &pictures, true), Some(expected), "{pictures:?}");
+        }
+        assert_eq!(pictures_of(&range(1, 18), &range(5, 24), true), None);
     }
 }

@@ -19,7 +19,7 @@ const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
 const MAX_POSES: usize = 1_000_000;
 
-/// Pictures of one topic, in any order.
+/// Pictures of one topic in the order of time.
 pub(super) struct Images {
     pub frame: String,
     pub is_depth: bool,
@@ -38,7 +38,7 @@ pub(super) struct Unread {
     pub reason: String,
 }
 
-/// Poses of one topic, in any order.
+/// Poses of one topic in the order of time.
 pub(super) struct Poses {
     pub world: String,
     /// Empty if the messages do not name the moving frame.
@@ -88,8 +88,19 @@ impl Bag {
                 _ => return Ok(None),
             }
         }
-        bag.frames.sort();
+        bag.sort();
         Ok(Some(bag))
+    }
+
+    /// Sorts the pictures and the poses by time.
+    fn sort(&mut self) {
+        for images in self.images.values_mut() {
+            images.pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        }
+        for topic in self.odometry.values_mut().chain(self.poses.values_mut()) {
+            topic.poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        }
+        self.frames.sort();
     }
 
     fn add(&mut self, name: &str, topic: &str, kind: Kind, message: &[u8]) -> Result<(), ClipError> {

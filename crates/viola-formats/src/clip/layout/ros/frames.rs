@@ -66,18 +66,28 @@ impl Frames {
         self.above(frame).find(is_end).map_or(frame, |(frame, _)| frame)
     }
 
-    /// Returns the frame called `map` above a frame, or else the root, if the frame moves in it.
-    pub fn world<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
+    /// Returns the frames above a frame in which it moves, from the one called `map`, or else from the root, downwards.
+    pub fn worlds<'a>(&'a self, frame: &'a str) -> Vec<&'a str> {
         let mut moves = false;
-        let mut world = None;
+        let mut worlds = Vec::new();
         for (name, edge) in self.above(frame) {
-            world = Some(name);
+            if moves {
+                worlds.push(name);
+            }
             if name.rsplit('/').next() == Some("map") {
                 break;
             }
             moves |= edge.is_some_and(|edge| !edge.is_static);
         }
-        world.filter(|_| moves)
+        worlds.reverse();
+        worlds
+    }
+
+    /// Returns the frame of the robot that carries a camera: its mobile base, or else the last frame below a world.
+    pub fn carrier<'a>(&'a self, camera: &'a str, is_world: impl Fn(&str) -> bool) -> &'a str {
+        let names = self.above(camera).map(|(name, _)| name);
+        let own: Vec<&str> = names.take_while(|name| !is_world(name)).collect();
+        own.iter().rfind(|name| is_base(name)).or(own.last()).copied().unwrap_or(camera)
     }
 
     /// Returns whether a mobile base is among a frame and those above it: its z axis is up.

@@ -104,7 +104,7 @@ fn rows(
 ) -> Result<Rows, String> {
     let known = Encoding::of(encoding).ok_or_else(|| format!("its encoding {encoding:.40} is not read"))?;
     // Another camera of the robot, or a placeholder before its first picture.
-    picture::check_pixels("it", width, height).map_err(|error| error.to_string())?;
+    picture::check_pixels("it", width, height).map_err(reason)?;
     let rows = Rows { encoding: known, is_big_endian, width, height, stride };
     let wanted = rows
         .bytes()
@@ -113,6 +113,14 @@ fn rows(
         return Err(format!("it has {bytes} bytes instead of {wanted}"));
     }
     Ok(rows)
+}
+
+/// Returns why a picture cannot be read, without the advice for a picture that is a file.
+fn reason(error: ClipError) -> String {
+    match error {
+        ClipError::BadPicture { reason, .. } => reason,
+        error => error.to_string(),
+    }
 }
 
 /// Parses a compressed picture, as [`image`] does a bare one.
@@ -142,7 +150,7 @@ struct Packed<'a> {
 
 /// Returns a JPEG or PNG, or the reason why it cannot be read.
 fn packed_picture(bytes: &[u8]) -> Result<Packed<'_>, String> {
-    let size = picture::size_of(bytes, "it").map_err(|error| error.to_string())?;
+    let size = picture::size_of(bytes, "it").map_err(reason)?;
     Ok(Packed { is_depth: picture::is_grey16(bytes), size, coding: Coding::Picture, bytes })
 }
 
@@ -160,10 +168,10 @@ fn packed_depth<'a>(format: &str, bytes: &'a [u8]) -> Result<Packed<'a>, String>
         }
         let (size, bytes) = packed.split_at_checked(8).ok_or(cut)?;
         let side = |at: usize| size[at..].first_chunk().map_or(0, |side| u32::from_le_bytes(*side));
-        let size = picture::check_pixels("it", side(0), side(4)).map_err(|error| error.to_string())?;
+        let size = picture::check_pixels("it", side(0), side(4)).map_err(reason)?;
         return Ok(Packed { is_depth: true, size, coding: Coding::Rvl(size), bytes });
     }
-    let size = picture::size_of(packed, "it").map_err(|error| error.to_string())?;
+    let size = picture::size_of(packed, "it").map_err(reason)?;
     let inverse = Coding::InversePicture { a: parameters[1], b: parameters[2] };
     let coding = if is_inverse { inverse } else { Coding::Picture };
     Ok(Packed { is_depth: true, size, coding, bytes: packed })

@@ -3,10 +3,13 @@
 use super::bag::{Bag, Poses};
 use super::frames::{MAX_GAP_S, body_from_optical, is_base};
 use crate::clip::layout::trajectory::pose_at;
+use std::cmp::Reverse;
 use viola_geometry::Pose3;
 
 /// Worlds whose z axis is up (REP 105).
 const WORLDS: [&str; 3] = ["map", "odom", "world"];
+/// Maximum number of notes about sources that were not used.
+const MAX_NOTED: usize = 10;
 
 /// The poses of a camera at the times of its pictures.
 pub(super) struct Path {
@@ -18,42 +21,43 @@ pub(super) struct Path {
 }
 
 impl Path {
-    fn count(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.poses.iter().flatten().count()
     }
 }
 
-/// Returns the poses of the tree of frames if it has one for half of the times: a robot that knows its map corrects the
-/// odometry there. Otherwise returns the first topic with so many, or else the source with most poses.
-pub(super) fn find(bag: &mut Bag, camera: &str, times_s: &[f64]) -> Path {
-    for topic in bag.odometry.values_mut().chain(bag.poses.values_mut()) {
-        topic.poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    }
-    let bag = &*bag;
-    let is_enough = |path: &Path| 2 * path.count() >= times_s.len();
-    let tree = of_frames(bag, camera, times_s);
-    let is_in_world = bag.frames.world(camera).is_some_and(|world| !is_robot(bag, world));
-    if is_in_world && is_enough(&tree) {
-        return tree;
-    }
-    let mut best: Option<Path> = None;
-    for (topic, poses) in bag.odometry.iter().chain(&bag.poses) {
-        let path = of_topic(bag, topic, poses, camera, times_s);
-        if is_enough(&path) {
-            best = Some(path);
+/// Returns the poses of the first source that has one for half of the times, or else of the one with most poses.
+///
+/// The sources in their order: the tree of frames in `map`, as a robot that knows its map corrects the odometry there; the
+/// tree in the worlds below; odometry; poses with a header; and the tree in a root of another name, which may be the world
+/// or the robot.
+pub(super) fn find(bag: &Bag, camera: &str, times_s: &[f64]) -> Path {
+    let worlds = bag.frames.worlds(camera);
+    let topics = || bag.odometry.iter().chain(&bag.poses);
+    let named = worlds.iter().copied().filter(|world| is_world(world));
+    // In a robot's own tree only its joints move.
+    let root = worlds.first().copied().filter(|root| !is_world(root));
+    let root = root.filter(|root| !is_robot(bag, root) || topics().next().is_none());
+    let of_tree = |world: &str| of_frames(bag, world, camera, times_s);
+    let of_topics = topics().map(|(topic, poses)| of_topic(bag, topic, poses, camera, times_s));
+    let mut paths: Vec<Path> = Vec::new();
+    for path in named.map(of_tree).chain(of_topics).chain(root.into_iter().map(of_tree)) {
+        let is_enough = 2 * path.count() >= times_s.len();
+        paths.push(path);
+        if is_enough {
             break;
         }
-        if path.count() > best.as_ref().map_or(tree.count(), Path::count) {
-            best = Some(path);
-        }
     }
-    let Some(mut best) = best else { return tree };
-    if is_in_world {
-        let (count, all) = (tree.count(), times_s.len());
-        best.notes
-            .push(format!("{} was not used: it has poses for {count} of {all} depth pictures", tree.from));
-    }
-    best
+    let Some(most) = (0..paths.len()).max_by_key(|&at| (paths[at].count(), Reverse(at))) else {
+        let poses = vec![None; times_s.len()];
+        return Path { from: "/tf".to_string(), poses, z_is_up: false, notes: Vec::new() };
+    };
+    let mut path = paths.remove(most);
+    path.notes.extend(paths.iter().take(MAX_NOTED).map(|other| {
+        let (count, all) = (other.count(), times_s.len());
+        format!("{} was not used: it has poses for {count} of {all} depth pictures", other.from)
+    }));
+    path
 }
 
 /// Returns whether the root of the tree is a part of the robot: the joints of its head move the camera there, and only
@@ -64,42 +68,58 @@ fn is_robot(bag: &Bag, root: &str) -> bool {
 
 /// Returns the poses of a topic, and of the camera on the moving frame.
 fn of_topic(bag: &Bag, topic: &str, of: &Poses, camera: &str, times_s: &[f64]) -> Path {
-    // Messages without a child frame have the pose of the body that carries the camera.
-    let child = if of.child.is_empty() { bag.frames.body(camera) } else { of.child.as_str() };
-    let is_known = times_s.iter().any(|time_s| bag.frames.pose(child, camera, *time_s).is_some());
-    let is_optical = camera.contains("optical") && (of.child.is_empty() || !child.contains("optical"));
-    let is_assumed = !is_known || (child == camera && of.child.is_empty());
+    let is_in_tree =
+        |child: &str| times_s.iter().any(|time_s| bag.frames.pose(child, camera, *time_s).is_some());
+    let carrier = bag.frames.carrier(camera, |frame| is_world(frame) || frame == of.world);
+    let has_joints = bag.frames.body(camera) != bag.frames.body(carrier);
+    // A moving frame without a name is the robot; so is one in no tree if it is called so, or if joints move the camera.
+    let is_of_robot = of.child.is_empty() || ((is_base(&of.child) || has_joints) && !is_in_tree(&of.child));
+    let child = if is_of_robot { carrier } else { of.child.as_str() };
+    let is_known = is_in_tree(child);
+    let is_optical = camera.contains("optical") && (is_of_robot || !child.contains("optical"));
+    let is_assumed = !is_known || (child == camera && is_of_robot);
     let assumed = if is_optical { body_from_optical() } else { Pose3::identity() };
     let pose = |&time_s: &f64| {
         let world_from_child = pose_at(&of.poses, time_s, MAX_GAP_S)?;
         let child_from_camera = if is_assumed { assumed } else { bag.frames.pose(child, camera, time_s)? };
         Some(world_from_child * child_from_camera)
     };
-    let axes = if is_optical { "x ahead and z up" } else { "those of the camera" };
+    let told = if of.child.is_empty() { carrier } else { of.child.as_str() };
+    let note = if is_assumed {
+        let axes = if is_optical { "x ahead and z up" } else { "those of the camera" };
+        Some(format!(
+            "/tf does not connect {camera} with the poses of {topic}; their axes were taken as {axes}"
+        ))
+    } else {
+        let is_other = is_of_robot && !of.child.is_empty();
+        is_other.then(|| {
+            format!(
+                "/tf does not connect {camera} with {told}; the poses of {topic} were taken as those of {carrier}"
+            )
+        })
+    };
     Path {
         from: topic.to_string(),
         poses: times_s.iter().map(pose).collect(),
-        z_is_up: is_world(&of.world) && bag.frames.is_on_base(child),
-        notes: is_assumed
-            .then(|| {
-                format!(
-                    "/tf does not connect {camera} with the poses of {topic}; their axes were taken as {axes}"
-                )
-            })
-            .into_iter()
-            .collect(),
+        z_is_up: is_world(&of.world) && bag.frames.is_on_base(told),
+        notes: note.into_iter().collect(),
     }
 }
 
-/// Returns the poses of the camera in the map, or else in the root, of the tree of frames.
-fn of_frames(bag: &Bag, camera: &str, times_s: &[f64]) -> Path {
-    let world = bag.frames.world(camera);
-    let pose = |time_s: &f64| world.and_then(|world| bag.frames.pose(world, camera, *time_s));
+/// Returns the poses of the camera in a frame of the tree.
+fn of_frames(bag: &Bag, world: &str, camera: &str, times_s: &[f64]) -> Path {
+    let mut notes = Vec::new();
+    if !is_world(world) {
+        notes.push(format!(
+            "{world} was taken as the world; if it is a part of the robot, the poses are right only while the robot stands \
+             still"
+        ));
+    }
     Path {
-        from: world.map_or("/tf".to_string(), |world| format!("/tf (from {world} to {camera})")),
-        poses: times_s.iter().map(pose).collect(),
-        z_is_up: world.is_some_and(is_world) && bag.frames.is_on_base(camera),
-        notes: Vec::new(),
+        from: format!("/tf (from {world} to {camera})"),
+        poses: times_s.iter().map(|time_s| bag.frames.pose(world, camera, *time_s)).collect(),
+        z_is_up: is_world(world) && bag.frames.is_on_base(camera),
+        notes,
     }
 }
 
