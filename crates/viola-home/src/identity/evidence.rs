@@ -5,11 +5,23 @@
 //! there, or the detection failed.
 
 use super::super::assemble::LookedThrough;
-use super::super::objects::Object;
+use super::super::objects::{Object, UprightBox};
 use serde::{Deserialize, Serialize};
 
 /// Minimum fraction of an object's points whose place was empty. Points at walls are never seen through.
 const MIN_EMPTY: f64 = 0.4;
+/// The same if its inside was empty too. Views that pass close to a surface count for nothing, so thin and crooked
+/// things lose most of their points.
+const MIN_EMPTY_AT_SURFACE: f64 = 0.15;
+/// Minimum fraction of the inside that views looked through only while the object was not there, of all that none looked
+/// through while it was.
+const MIN_EMPTY_INSIDE: f64 = 0.5;
+/// Minimum number of places inside an object by which it is judged.
+const MIN_PLACES: usize = 12;
+/// Distance between these places, two cells of the looked-through space.
+const PLACE_M: f64 = 0.08;
+/// Distance of these places from the box's sides: the object's surface is there, and the floor and walls are beyond.
+const INSET_M: f64 = 0.06;
 /// The same of an object that is still found there, but in a slightly different place.
 const MIN_EMPTIED: f64 = 0.25;
 /// Minimum fraction of the points in an object's place that later clips see, if it is not gone.
@@ -31,15 +43,50 @@ pub fn points_of(object: &Object, looked: &LookedThrough) -> Vec<KnownPoint> {
 }
 
 /// Returns whether clips looked through an object's place before it was seen there.
-pub fn was_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
-    fraction(points, |at_m, time_ms| looked.before(at_m, time_ms))
-        .is_some_and(|fraction| fraction >= MIN_EMPTY)
+pub fn was_empty(bounds: &UprightBox, points: &[KnownPoint], looked: &LookedThrough) -> bool {
+    let at_surface = fraction(points, |at_m, time_ms| looked.before(at_m, time_ms));
+    let first_ms = points.iter().filter_map(|point| point.1).min();
+    let inside = || {
+        let first_ms = first_ms?;
+        empty_inside(bounds, |at_m| {
+            let is_seen_through = looked.after(at_m, first_ms.saturating_sub(1))?;
+            Some((!is_seen_through, looked.before(at_m, first_ms)?))
+        })
+    };
+    at_surface.is_some_and(|at_surface| is_enough(at_surface, inside))
 }
 
 /// Returns whether clips looked through an object's place after it was seen there; `None` if too little of the place
 /// changed to tell.
-pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> Option<bool> {
-    fraction(points, |at_m, time_ms| looked.after(at_m, time_ms)).map(|fraction| fraction >= MIN_EMPTY)
+pub fn is_empty(bounds: &UprightBox, points: &[KnownPoint], looked: &LookedThrough) -> Option<bool> {
+    let at_surface = fraction(points, |at_m, time_ms| looked.after(at_m, time_ms))?;
+    let last_ms = points.iter().filter_map(|point| point.1).max();
+    let inside = || {
+        let last_ms = last_ms?;
+        empty_inside(bounds, |at_m| {
+            let is_seen_through = looked.before(at_m, last_ms.saturating_add(1))?;
+            Some((!is_seen_through, looked.after(at_m, last_ms)?))
+        })
+    };
+    Some(is_enough(at_surface, inside))
+}
+
+fn is_enough(at_surface: f64, inside: impl Fn() -> Option<f64>) -> bool {
+    at_surface >= MIN_EMPTY
+        || at_surface >= MIN_EMPTY_AT_SURFACE && inside().is_some_and(|inside| inside >= MIN_EMPTY_INSIDE)
+}
+
+/// Returns the fraction of the places inside a box that were empty without the object, of those that views of it left
+/// dark; `None` if they are few. `judge` returns both of a place; none of a place that did not change.
+fn empty_inside(bounds: &UprightBox, judge: impl Fn([f32; 3]) -> Option<(bool, bool)>) -> Option<f64> {
+    let (mut dark, mut empty) = (0, 0);
+    for at_m in bounds.places_inside(PLACE_M, INSET_M) {
+        if let Some((true, is_empty)) = judge(at_m.map(|c| c as f32)) {
+            dark += 1;
+            empty += usize::from(is_empty);
+        }
+    }
+    (dark >= MIN_PLACES).then(|| empty as f64 / dark as f64)
 }
 
 /// Returns whether clips after those of an object's points see enough of `now`; a clip of unknown time may be one.

@@ -69,7 +69,11 @@ impl KnownObject {
         let found = KnownObject::found(object.id.clone(), object.class, &object.bounds());
         let points = evidence::points_of(object, looked);
         let Some(last) = last else {
-            return KnownObject { is_new: evidence::was_empty(&points, looked), points, ..found };
+            return KnownObject {
+                is_new: evidence::was_empty(&object.bounds(), &points, looked),
+                points,
+                ..found
+            };
         };
         let last_place = || KnownPlace { centre_m: last.centre_m, points: last.points.clone() };
         let from = last.moves_from.clone().unwrap_or_else(last_place);
@@ -91,7 +95,7 @@ impl KnownObject {
     /// Returns whether an object in its place is only what is left of it: its place is empty since, and no later clip
     /// sees what is found there.
     pub(super) fn is_left_over(&self, object: &Object, looked: &LookedThrough) -> bool {
-        evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone)
+        evidence::is_empty(&self.bounds(), &self.points, looked).unwrap_or(self.is_gone)
             && !evidence::is_seen_later(&self.points, &evidence::points_of(object, looked))
     }
 
@@ -109,7 +113,7 @@ impl KnownObject {
         self.missing = self.missing.saturating_add(u32::from(is_counted)).max(1);
         self.moves_from = None;
         // The clip that looked through its place may be deleted since.
-        self.is_gone = evidence::is_empty(&self.points, looked).unwrap_or(self.is_gone);
+        self.is_gone = evidence::is_empty(&self.bounds(), &self.points, looked).unwrap_or(self.is_gone);
     }
 
     pub fn bounds(&self) -> UprightBox {

@@ -244,6 +244,35 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
 }
 
 #[test]
+fn the_inside_of_an_object_tells_where_its_surface_does_not() {
+    let times = [Some(10), Some(20), Some(30)];
+    // Views look through a quarter of the points' places, and on both sides of them.
+    let around = |clip| {
+        [
+            space(1.0, 0.2, clip),
+            ([0.7, 0.7, 0.0], [0.93, 1.3, 0.9], clip),
+            ([1.07, 0.7, 0.0], [1.3, 1.3, 0.9], clip),
+        ]
+    };
+    let beside = |clip| around(clip)[1..].to_vec();
+    let cases = [
+        ("it was taken away", around(2).to_vec(), [false, true]),
+        ("it came", around(0).to_vec(), [true, false]),
+        ("it let views through while it was there", [around(1), around(2)].concat(), [false, false]),
+        ("all of its surface is still there", beside(2), [false, false]),
+        ("only its surface was looked through", vec![space(1.0, 0.2, 2)], [false, false]),
+    ];
+    for (name, empty, is_new_or_gone) in cases {
+        let looked = LookedThrough::of_boxes(&times, &empty);
+        let mut history = History::default();
+        history.identify_objects(&mut vec![seen_chair(1.0, 1)], &Stated::new(), &looked);
+        let is_new = history.objects[0].is_new;
+        history.identify_objects(&mut vec![], &Stated::new(), &looked);
+        assert_eq!([is_new, history.objects[0].is_gone], is_new_or_gone, "{name}");
+    }
+}
+
+#[test]
 fn an_object_that_was_pushed_aside_moved_and_one_that_was_seen_better_did_not() {
     let times = [Some(10), Some(20)];
     for (empty, moves) in [(vec![space(1.0, 0.8, 1)], 1), (vec![], 0)] {

@@ -68,6 +68,23 @@ impl UprightBox {
             && (point[2] - self.centre_m[2]).abs() <= self.size_m[2] / 2.0 + by_m
     }
 
+    /// Returns the points of a grid in the box, `step_m` apart and at least `inset_m` from its sides.
+    pub fn places_inside(&self, step_m: f64, inset_m: f64) -> impl Iterator<Item = [f64; 3]> {
+        let (s, c) = self.yaw_rad.sin_cos();
+        let half_m = self.size_m.map(|side| side / 2.0 - inset_m);
+        let along = move |axis: usize| {
+            let steps = (half_m[axis] / step_m).floor().min(1000.0) as i32;
+            (-steps..=steps).map(move |step| f64::from(step) * step_m).filter(move |_| half_m[axis] >= 0.0)
+        };
+        let centre_m = self.centre_m;
+        along(2).flat_map(move |z| {
+            along(1).flat_map(move |y| {
+                along(0)
+                    .map(move |x| [centre_m[0] + c * x - s * y, centre_m[1] + s * x + c * y, centre_m[2] + z])
+            })
+        })
+    }
+
     /// Returns the area of the footprints' intersection.
     pub fn shared_m2(&self, other: &UprightBox) -> f64 {
         // Clips one polygon at each side of the other (Sutherland and Hodgman, 1974).

@@ -1,11 +1,13 @@
 //! Windows and closed doors, by the labelled points in the walls, and the leaves of open doors.
 
+mod along;
 mod front;
 mod leaf;
 mod opening;
 
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
+use along::{place, within};
 use front::fronts;
 use leaf::Leaf;
 use opening::{door, is_between_rooms, window};
@@ -171,16 +173,6 @@ fn add_leaves(plan: &mut Plan, labelled: &[Labelled]) -> Vec<Leaf> {
     leaves
 }
 
-/// Returns a point of the plan by its coordinates in a wall's own frame.
-fn place(wall: &Wall, along_m: f64, across_m: f64) -> [f64; 2] {
-    let length_m = wall.length_m().max(1e-9);
-    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m);
-    [
-        wall.from_m[0] + along_m * along[0] - across_m * along[1],
-        wall.from_m[1] + along_m * along[1] + across_m * along[0],
-    ]
-}
-
 /// Returns whether a point is in one of the rooms beside a wall.
 fn is_in_its_rooms(wall: &Wall, rooms: &[PlanRoom], p: [f64; 2]) -> bool {
     wall.rooms.iter().filter_map(|room| rooms.get(*room)).any(|room| room.contains(p))
@@ -212,14 +204,6 @@ fn room_side(wall: &Wall, rooms: &[PlanRoom]) -> Option<f64> {
         Ordering::Less => Some(-1.0),
         Ordering::Equal => None,
     }
-}
-
-/// Returns coordinates of a point in a wall's own frame: along it from its first end, and across it.
-fn within(from_m: [f64; 2], to_m: [f64; 2], p: &Point2) -> [f64; 2] {
-    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]).max(1e-9);
-    let along = [(to_m[0] - from_m[0]) / length_m, (to_m[1] - from_m[1]) / length_m];
-    let off = [p.x - from_m[0], p.y - from_m[1]];
-    [off[0] * along[0] + off[1] * along[1], off[1] * along[0] - off[0] * along[1]]
 }
 
 /// Returns what the points show in each step of a wall. Doors lie deeper in an outer wall, but not before its face:

@@ -177,10 +177,9 @@ fn stretch(
     let lines = &cells.lines[axis];
     let far_m = |other: usize| if up { lines[other + 1] - lines[line] } else { lines[line] - lines[other] };
     while far_m(other) <= THICKEST_M {
-        let next = if up { other + 1 } else { other.checked_sub(1)? };
-        if next >= cells.count(axis) {
-            break;
-        }
+        // The map may end within the wall.
+        let next = if up { Some(other + 1) } else { other.checked_sub(1) };
+        let Some(next) = next.filter(|next| *next < cells.count(axis)) else { break };
         if room(next) != 0 {
             let faces_m = [lines[line], lines[next]];
             let rooms = vec![own as usize - 1, room(next) as usize - 1];
