@@ -10,6 +10,7 @@ mod demo;
 mod evaluate;
 mod health;
 mod inspect;
+mod jobs;
 mod keys;
 mod map;
 mod migrate;
@@ -92,12 +93,15 @@ enum Command {
     /// Create, list and revoke the keys of the service.
     #[command(after_help = config::HELP)]
     Keys(keys::KeysArguments),
+    /// List the clips whose jobs ended without an answer, and queue them again.
+    #[command(after_help = config::HELP)]
+    Jobs(jobs::JobsArguments),
     /// List the tenants, set the limits of one, or remove one with all its data.
     #[command(after_help = config::HELP)]
     Tenants(tenants::TenantsArguments),
     /// Show the effective configuration: each value, its source and its environment variable.
     ///
-    /// Settings file: `--config FILE` or VIOLA_CONFIG, for serve, work, migrate, keys, tenants and clean.
+    /// Settings file: `--config FILE` or VIOLA_CONFIG, for serve, work, migrate, keys, jobs, tenants and clean.
     Config(config::ConfigArguments),
     /// Create or update the database tables without serving; `serve` and `work` do it too.
     #[command(after_help = config::HELP)]
@@ -149,6 +153,7 @@ fn run(command: Command, program: &clap::Command) -> Result<ExitCode> {
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Health(arguments) => health::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
+        Command::Jobs(arguments) => jobs::run(&arguments),
         Command::Tenants(arguments) => tenants::run(&arguments),
         Command::Config(arguments) => config::run(&arguments, program),
         Command::Migrate(arguments) => migrate::run(&arguments),

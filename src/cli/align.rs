@@ -1,13 +1,13 @@
 //! `viola align`: aligns one clip to one map, without a server.
 
 use super::args::levels::{self, LevelArgument};
-use super::args::{CompletionArguments, NetworkArguments};
+use super::args::{CompletionArguments, NetworkArguments, numbers};
 use super::output;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
 use super::wrong_file::{self, Advice};
 use crate::jobs::level_maps;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ pub struct AlignArguments {
     /// Nerfstudio or COLMAP.
     #[arg(long)]
     clip: PathBuf,
-    /// Numbers of the frames to use; END is excluded. Default: all frames.
+    /// Numbers of the frames to use, for example 120..180; END is excluded. Default: all frames.
     #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
     /// Pass `unknown` if poses and depth of the clip are not in metres: the scale is found with the pose.
@@ -51,7 +51,7 @@ pub struct AlignArguments {
     #[command(flatten)]
     completion: CompletionArguments,
     /// Seed of the floor's RANSAC and of the inpainting.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Print result.json instead of the summary.
     #[arg(long)]
@@ -94,6 +94,8 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .map_err(|error| wrong_file::of_clip(&arguments.clip, error, Advice::Flags))?;
     let clip = if arguments.scale.is_some() { clip.with_unknown_scale() } else { clip };
+    let frames = arguments.frames.as_ref().map(|range| used_frames(&clip, range)).transpose();
+    let frames = frames.with_context(|| format!("clip {}", arguments.clip.display()))?;
     let maps = levels::open(&arguments.lidar, Advice::Flags)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
@@ -126,7 +128,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&aligned.alignment)?);
     } else {
-        print_answer(clip.info(), &lidar.info, &aligned.alignment, &arguments.out);
+        print_answer((clip.info(), frames), &lidar.info, &aligned.alignment, &arguments.out);
     }
     let has_pose = aligned.alignment.map_from_clip.is_some();
     Ok(if has_pose { ExitCode::SUCCESS } else { ExitCode::from(NO_POSE) })
@@ -146,9 +148,33 @@ fn refuse_to_overwrite(arguments: &AlignArguments) -> Result<()> {
     output::refuse_to_overwrite(&inputs, &outputs)
 }
 
-fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {
+/// Returns the number of the clip's frames in a range; fails if there is none.
+fn used_frames(clip: &Clip, range: &Range<u32>) -> Result<usize> {
+    let numbers = || clip.frames().iter().map(|frame| frame.number);
+    let used = numbers().filter(|number| range.contains(number)).count();
+    if used == 0 {
+        let (first, last) = (numbers().min().unwrap_or_default(), numbers().max().unwrap_or_default());
+        bail!(
+            "no frame has a number in --frames {}..{}; its frames have the numbers {first} to {last}",
+            range.start,
+            range.end
+        );
+    }
+    Ok(used)
+}
+
+/// Prints the answer. `frames` is the number of frames that `--frames` chose.
+fn print_answer(
+    (clip, frames): (&ClipInfo, Option<usize>),
+    lidar: &LidarInfo,
+    alignment: &Alignment,
+    out: &Path,
+) {
     let up = if clip.gravity == "unknown" { "up unknown" } else { &clip.gravity };
     println!("clip:   {}, {} frames, {up}", clip.layout, clip.frames);
+    if let Some(used) = frames {
+        println!("frames: {used} of {} used", clip.frames);
+    }
     if !alignment.level.is_main() {
         println!("level:  {}", alignment.level);
     }
@@ -176,7 +202,7 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
         println!("sure:   probability {probability:.3}{}", rivals(alignment));
     }
     if let (Some(scale), Some(std)) = (alignment.scale, alignment.scale_std) {
-        println!("scale:  {scale:.4} m per unit, standard deviation {std:.4}");
+        println!("scale:  {scale:.4} m per unit of depth, standard deviation {std:.4}");
     }
     if let Some(labels) = &alignment.labels {
         match labels.key_frames {

@@ -14,7 +14,7 @@ const FLAG: &str = "--config";
 const VARIABLE: &str = "VIOLA_CONFIG";
 
 /// Commands that take a configuration.
-const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "clean"];
+const CONFIGURED: [&str; 7] = ["serve", "work", "migrate", "keys", "jobs", "tenants", "clean"];
 
 /// A line for the help of each of them.
 pub const HELP: &str = "Settings: a flag, else the environment, else the file named by --config FILE or VIOLA_CONFIG. \

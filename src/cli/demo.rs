@@ -43,7 +43,7 @@ pub struct DemoArguments {
     #[arg(long, value_name = "DIR", default_value = "viola-demo")]
     data: PathBuf,
     /// Seed of the simulated home.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Frames of each clip.
     #[arg(long, default_value_t = 60, value_parser = numbers::frames)]

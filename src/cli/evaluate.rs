@@ -138,7 +138,7 @@ pub struct EvaluateArguments {
     #[arg(long)]
     out: PathBuf,
     /// Seed of the random draws: excerpts, clips in a map, samples of RANSAC.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Number of clips in parallel, each on one thread; default: the number of cores.
     #[arg(long, conflicts_with_all = ["labels", "home", "joint", "changes", "track"])]

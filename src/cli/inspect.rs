@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use viola_formats::clip::{Clip, ClipError, ClipInfo};
-use viola_formats::lidar::{LidarError, LidarInfo, LidarMap};
+use viola_formats::lidar::{LidarError, LidarMap};
 use viola_home as home;
 
 #[derive(Args)]
@@ -71,7 +71,7 @@ fn map(arguments: &InspectArguments, map: &LidarMap) -> Result<()> {
         println!("{}", serde_json::to_string_pretty(&map.info)?);
         return Ok(());
     }
-    print_map(&map.info);
+    print_map(map);
     match &arguments.picture {
         Some(picture) => println!("wrote:  {}", picture.display()),
         None => print!("\n{}", sketch::sketch(map)),
@@ -79,7 +79,8 @@ fn map(arguments: &InspectArguments, map: &LidarMap) -> Result<()> {
     Ok(())
 }
 
-fn print_map(info: &LidarInfo) {
+fn print_map(map: &LidarMap) {
+    let info = &map.info;
     let [width_m, height_m] = [0, 1].map(|axis| info.max_m[axis] - info.min_m[axis]);
     println!("map:    {}", info.format);
     println!("frame:  {}", info.frame);
@@ -97,8 +98,12 @@ fn print_map(info: &LidarInfo) {
         println!("room:   {} {name}, {:.1} m2{material}", room.id, room.area_m2);
     }
     if let Some(dock) = &info.charger {
-        let facing_deg = dock.yaw_rad.to_degrees();
-        println!("dock:   {:.2}, {:.2} m, facing {facing_deg:.0} deg", dock.x_m, dock.y_m);
+        let facing = if map.unknown_yaw.charger {
+            "direction unknown".to_owned()
+        } else {
+            format!("facing {:.0} deg", dock.yaw_rad.to_degrees())
+        };
+        println!("dock:   {:.2}, {:.2} m, {facing}", dock.x_m, dock.y_m);
     }
     let marks = info.marks_in_words();
     if !marks.is_empty() {
@@ -107,7 +112,7 @@ fn print_map(info: &LidarInfo) {
     for note in &info.notes {
         println!("note:   {note}");
     }
-    println!("refused: nothing");
+    println!("usable: yes, nothing in it was refused");
 }
 
 fn clip(arguments: &InspectArguments, clip: &Clip) -> Result<()> {
@@ -139,8 +144,15 @@ fn print_clip(info: &ClipInfo) {
     for note in &info.notes {
         println!("note:   {note}");
     }
-    println!(
-        "refused: {} frames without a pose, {} without one of their pictures",
-        info.skipped_without_pose, info.skipped_incomplete
-    );
+    println!("left out: {}", left_out(info));
+}
+
+/// Returns the numbers of the frames that are not used, in words. The frames of a clip without any pose are tracked.
+fn left_out(info: &ClipInfo) -> String {
+    let without_pose = if info.frames_with_pose > 0 { info.skipped_without_pose } else { 0 };
+    let parts =
+        [(without_pose, "without a pose"), (info.skipped_incomplete, "without one of their pictures")];
+    let parts = parts.iter().filter(|(count, _)| *count > 0);
+    let parts: Vec<String> = parts.map(|(count, words)| format!("{count} frames {words}")).collect();
+    if parts.is_empty() { "no frame".to_owned() } else { parts.join(", ") }
 }

@@ -15,7 +15,7 @@ mod robot;
 mod table;
 
 use super::args::levels::{self, LevelArgument};
-use super::args::{CompletionArguments, NetworkArguments};
+use super::args::{CompletionArguments, NetworkArguments, numbers};
 use super::output;
 use super::progress::{TerminalProgress, print_line};
 use super::video_tools::video_tools;
@@ -88,7 +88,7 @@ pub struct MapArguments {
     #[command(flatten)]
     completion: CompletionArguments,
     /// Seed of the floor's RANSAC and of the inpainting.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Print map.json instead of the table.
     #[arg(long)]
@@ -111,9 +111,10 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
-    print_line(&format!("map: fuse {} of {} clips", members.len(), clips.len()));
+    print_line(&format!("map: place and fuse the clips; {} of {} have a floor", members.len(), clips.len()));
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     let map = map.label(BTreeMap::new(), params.align.label.surface.as_deref());
+    print_line(&format!("map: {} of {} clips are in the map", map.manifest.clips.len(), clips.len()));
     print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
     let valetudo = levels::valetudo_files(&arguments.lidar)?;

@@ -21,7 +21,7 @@ pub struct SimulateArguments {
     #[arg(long, default_value = "normal")]
     set: Set,
     /// Seed of the simulated home.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Number of clips.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(..=MAX_CLIPS))]

@@ -36,7 +36,9 @@ impl Advice {
         match self {
             Advice::Flags => "a clip (give it as --clip)",
             Advice::Arguments => "a clip (give it without --lidar)",
-            Advice::Target => "a clip (choose --to stray, tum or scannet)",
+            Advice::Target => {
+                "a clip (choose --to stray, tum or scannet; `viola align` and `viola map` write its points as PLY)"
+            }
         }
     }
 }
@@ -58,12 +60,15 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
 /// Returns the error of a LiDAR map that cannot be opened; the error of a file of another kind has three lines.
 pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     let name = path.display();
-    if !matches!(error, LidarError::UnknownFormat) {
+    let is_folder = path.is_dir();
+    if !is_folder && !matches!(error, LidarError::UnknownFormat) {
         return Error::new(error).context(format!("LiDAR map {name}"));
     }
     let is_clip = Clip::open(path).is_ok();
     let kind = if is_clip { Some(advice.of_clip()) } else { kind(path, advice) };
-    anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or("an archive of other files"))
+    let other =
+        if is_folder { "a folder (name the file of the map in it)" } else { "an archive of other files" };
+    anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or(other))
 }
 
 /// Names the kind of a file in words; `None` if it is a folder, an archive or unknown.
@@ -126,6 +131,8 @@ mod tests {
             let error = of_map(&path, LidarError::UnknownFormat, Advice::Flags).to_string();
             assert!(error.lines().count() == 3 && error.contains(words), "{error}");
         }
+        let of_folder = of_map(folder.path(), LidarError::UnknownFormat, Advice::Target).to_string();
+        assert!(of_folder.contains("is a folder (name the file of the map in it), not a"), "{of_folder}");
         let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 }, Advice::Flags);
         assert!(format!("{other:#}").starts_with("LiDAR map "), "{other:#}");
         let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 }, Advice::Flags);

@@ -2,15 +2,17 @@
 //!
 //! `VIOLA_FOREIGN_READERS` is a Python with the packages of `tests/foreign/requirements.txt`; else the test is skipped.
 
+use crate::levels::small_room_csv;
 use crate::map::merged;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::json;
+use std::ffi::OsStr;
 use std::process::Command;
 use viola_testing::{room, zips};
 
 /// Each file with its path below the home.
-const FILES: [(&str, &str); 21] = [
+const FILES: [(&str, &str); 22] = [
     ("map.json", "map"),
     ("objects.json", "map/objects"),
     ("points.ply", "map/points"),
@@ -29,30 +31,36 @@ const FILES: [(&str, &str); 21] = [
     ("plan.geojson", "map/plan?format=geojson"),
     ("plan.json", "map/plan?format=json"),
     ("home.mcap", "map/recording"),
+    ("nav2.zip", "map/robot?format=nav2"),
     ("valetudo.json", "map/robot?format=valetudo"),
     ("calibration.json", "map/robot?format=calibration"),
-    ("matter.json", "map/robot?format=matter"),
+    ("matter.json", MATTER),
 ];
+/// The areas of all levels.
+const MATTER: &str = "map/robot?format=matter";
 /// Files that a reader opens, each of which it tells about in a line.
-const READ: usize = 15;
+const READ: usize = 17;
 
-#[tokio::test]
-async fn readers_of_other_programs_find_the_home_in_its_files() {
-    let Some(python) = std::env::var_os("VIOLA_FOREIGN_READERS") else {
-        let switch =
-            "set VIOLA_FOREIGN_READERS to a Python with the packages of tests/foreign/requirements.txt";
-        viola_testing::skipped("readers of other programs", switch);
-        return;
-    };
+/// Makes a home whose clip is on a level, and checks this level's files. The LiDAR map of `main` is another one if the
+/// clip is on another level.
+async fn check_level(python: &OsStr, level: &str) {
     let server = Server::start().await;
     let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    if level != "main" {
+        server.put(&format!("{home}/lidar-map"), small_room_csv()).await.ok(201);
+    }
+    server.put(&format!("{home}/lidar-maps/{level}"), room::lidar_csv()).await.ok(201);
     let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
     merged(&server, &home, &[&clip["id"]]).await;
 
     let folder = tempfile::tempdir().unwrap();
     for (name, path) in FILES {
-        let answer = server.get(&format!("{home}/{path}")).await;
+        let answer = match (path, path.contains('?')) {
+            // These are of all levels.
+            ("map" | "map/objects" | MATTER, _) => server.get(&format!("{home}/{path}")).await,
+            (_, true) => server.get(&format!("{home}/{path}&level={level}")).await,
+            (_, false) => server.get(&format!("{home}/{path}?level={level}")).await,
+        };
         assert_eq!(answer.status, 200, "{name}");
         std::fs::write(folder.path().join(name), answer.bytes).unwrap();
     }
@@ -66,11 +74,25 @@ async fn readers_of_other_programs_find_the_home_in_its_files() {
     std::fs::write(folder.path().join("truth.json"), truth.to_string()).unwrap();
 
     let check = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/check.py");
-    let output = Command::new(python).arg("-B").arg(check).arg(folder.path()).output().unwrap();
+    let mut command = Command::new(python);
+    let output = command.arg("-B").arg(check).args(["--level", level]).arg(folder.path()).output().unwrap();
     let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}\n{erred}");
+    assert!(output.status.success(), "{level}: {said}\n{erred}");
     print!("{said}");
     assert_eq!(said.lines().count(), READ, "{said}");
+}
+
+#[tokio::test]
+async fn readers_of_other_programs_find_the_home_in_its_files() {
+    let Some(python) = std::env::var_os("VIOLA_FOREIGN_READERS") else {
+        let switch =
+            "set VIOLA_FOREIGN_READERS to a Python with the packages of tests/foreign/requirements.txt";
+        viola_testing::skipped("readers of other programs", switch);
+        return;
+    };
+    for level in ["main", "upper"] {
+        check_level(&python, level).await;
+    }
 }
 
 #[tokio::test]

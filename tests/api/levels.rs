@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use viola_testing::{eventually, room, zips};
 
 /// Returns points along the walls of a room of 3 x 2 m, which is not that of the clips.
-fn small_room_csv() -> String {
+pub fn small_room_csv() -> String {
     let mut text = String::from("x,y\n");
     for step in 0..150 {
         let x = 0.02 * f64::from(step);

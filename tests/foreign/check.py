@@ -1,12 +1,12 @@
 """Opens the files of a home by the readers of other programs, and compares them with the truth.
 
-    check.py FOLDER [FILE ...]
+    check.py [--level LEVEL] FOLDER [FILE ...]
 
-Prints a line for each file, and fails with the first difference. `tests/api/foreign.rs` and `tests/method/map.rs` make
+The files are those of one level of the home, by default of `main`. Prints a line for each file, and fails with the first difference. `tests/api/foreign.rs` and `tests/method/map.rs` make
 the folder; the packages are in `requirements.txt`.
 """
 
-import sys
+import argparse
 
 import plans
 import points
@@ -27,7 +27,9 @@ FILES = {
     "plan.dxf": plans.dxf,
     "plan.pdf": plans.pdf,
     "plan.png": plans.png,
+    "plan.geojson": plans.geojson,
     "home.mcap": recording.mcap,
+    "nav2.zip": robots.nav2,
     "valetudo.json": robots.valetudo,
     "calibration.json": robots.calibration,
     "matter.json": robots.matter,
@@ -35,9 +37,14 @@ FILES = {
 
 
 def main():
-    truth = Truth(sys.argv[1])
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--level", default="main")
+    parser.add_argument("folder")
+    parser.add_argument("files", nargs="*")
+    arguments = parser.parse_args()
+    truth = Truth(arguments.folder, arguments.level)
     truth.is_the_room(truth.xyz)
-    for name in sys.argv[2:] or FILES:
+    for name in arguments.files or FILES:
         print(f"{name}: {FILES[name](truth)}", flush=True)
 
 

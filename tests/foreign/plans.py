@@ -105,3 +105,32 @@ def png(truth):
     printed_mm = np.array(size_px) / dpi * 25.4
     assert np.abs(printed_mm - page_mm).max() < 0.3, (printed_mm, page_mm)
     return f"{size_px[0]} x {size_px[1]} pixels"
+
+
+def geojson(truth):
+    """RFC 7946, 3.1.6 and 5: closed rings, the outer one counter-clockwise and holes clockwise, and the box of all positions."""
+    document = truth.document("plan.geojson")
+    assert document["type"] == "FeatureCollection" and document["crs"]["type"] == "name"
+    ids = [feature["id"] for feature in document["features"]]
+    assert len(ids) == len(set(ids)), ids
+    positions = []
+    for feature in document["features"]:
+        assert feature["type"] == "Feature" and feature["properties"]["kind"], feature
+        geometry = feature["geometry"]
+        if geometry["type"] == "LineString":
+            assert len(geometry["coordinates"]) == 2, feature
+            positions += geometry["coordinates"]
+            continue
+        assert geometry["type"] == "Polygon" and geometry["coordinates"], feature
+        for number, ring in enumerate(geometry["coordinates"]):
+            assert len(ring) >= 4 and ring[0] == ring[-1], feature
+            assert (signed_area_m2(ring) > 0) == (number == 0), (number, feature)
+            positions += ring
+    box = [*np.min(positions, axis=0), *np.max(positions, axis=0)]
+    assert np.abs(np.array(document["bbox"]) - box).max() < 1e-9, (document["bbox"], box)
+    return f"{len(ids)} features"
+
+
+def signed_area_m2(ring):
+    x, y = np.array(ring).T
+    return (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2

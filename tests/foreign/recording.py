@@ -64,7 +64,7 @@ def mcap(truth):
     assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 0
     checked = sum(matches_foxglove(message) for message in messages.values())
     assert checked > 20
-    assert notes[0]["level"] == "main" and int(notes[0]["points"]) == len(truth.vertices)
+    assert notes[0]["level"] == truth.level and int(notes[0]["points"]) == len(truth.vertices)
     points(truth, messages)
     objects(truth, messages["/objects"])
     clips(truth, messages)

@@ -1,4 +1,12 @@
-"""Files for robots and homes, as Valetudo's routes, the map card of Home Assistant and Matter's Service Area cluster take them."""
+"""Files for robots and homes, as Nav2's map server, Valetudo's routes, the map card of Home Assistant and Matter's Service Area
+cluster take them."""
+
+import io
+import json
+import zipfile
+
+import numpy as np
+from PIL import Image
 
 # Zones that a Roborock robot takes at once (Valetudo, `RoborockZoneCleaningCapability.js`).
 MOST_ZONES = 5
@@ -11,8 +19,64 @@ ON_WALLS = {"window", "curtain", "mirror", "picture"}
 LAST_AREA, LAST_LANDMARK = 0x5C, 0x32
 
 
+# Radius of a robot vacuum.
+RADIUS_M = 0.18
+
+
 def are_unique(names):
     assert len(names) == len(set(names)), sorted(names)
+
+
+def nav2(truth):
+    archive = zipfile.ZipFile(truth.path("nav2.zip"))
+    document = lambda name: json.loads(archive.read(name))
+    maps = {name: occupancy(archive, name) for name in ["map", "keepout_mask", "semantic_mask", "room_mask"]}
+    frames = {name: (cells.shape, origin, cell_m) for name, (cells, origin, cell_m) in maps.items()}
+    # The filters of a costmap take masks at the cells of the map.
+    assert len(set(frames.values())) == 1, frames
+    cells, (left, bottom), cell_m = maps["map"]
+    assert (cells == 100).any()
+    labels = document("labels.json")
+    assert set(np.unique(maps["semantic_mask"][0])) <= {-1} | {one["value"] for one in labels["classes"]}
+    assert set(np.unique(maps["room_mask"][0])) <= {0} | {one["value"] for one in labels["rooms"]}
+    rows, columns = np.nonzero((cells == 100) | (maps["keepout_mask"][0] == 100))
+    blocked = np.column_stack([left + (columns + 0.5) * cell_m, bottom + (rows + 0.5) * cell_m])
+    answer = document("goals.json")
+    area = answer["goal_area"]
+    assert area["is_at_dock"] == (area["reason"] is None) and (area["area_m2"] > 0) == bool(answer["goals"]), area
+    rooms = {one["room"]: one["value"] for one in labels["rooms"]}
+    for goal in answer["goals"]:
+        at = np.array([goal["x_m"], goal["y_m"]])
+        # From the middle of a cell.
+        assert np.hypot(*(blocked - at).T).min() >= RADIUS_M - cell_m, goal
+        column, row = ((at - [left, bottom]) / cell_m).astype(int)
+        assert goal["room"] is None or maps["room_mask"][0][row, column] == rooms[goal["room"]], goal
+        assert abs(goal["yaw_rad"]) <= np.pi + 1e-3, goal
+    assert len({goal["id"] for goal in answer["goals"]}) == len(answer["goals"])
+    return f"{cells.shape[1]} x {cells.shape[0]} cells, {len(answer['goals'])} goals"
+
+
+def occupancy(archive, name):
+    """Returns the values of a map from the lower-left corner on, the corner and the side of a cell, as Nav2's map server
+    (`map_io.cpp`) reads them."""
+    lines = archive.read(f"{name}.yaml").decode().splitlines()
+    yaml = dict(line.split(": ", 1) for line in lines)
+    x_m, y_m, yaw = json.loads(yaml["origin"])
+    assert yaw == 0 and yaml["negate"] == "0", yaml
+    grey = np.asarray(Image.open(io.BytesIO(archive.read(json_or_text(yaml["image"])))))[::-1].astype(float)
+    occupied, free = float(yaml["occupied_thresh"]), float(yaml["free_thresh"])
+    dark = 1 - grey / 255
+    if yaml["mode"] == "raw":
+        values = np.where(grey <= 100, grey, -1)
+    else:
+        between = -1 if yaml["mode"] == "trinary" else np.rint((dark - free) / (occupied - free) * 100)
+        values = np.where(dark > occupied, 100, np.where(dark < free, 0, between))
+    return values.astype(int), (x_m, y_m), float(yaml["resolution"])
+
+
+def json_or_text(value):
+    """Returns a text of YAML, which may have quotes."""
+    return json.loads(value) if value.startswith('"') else value
 
 
 def valetudo(truth):
@@ -51,9 +115,7 @@ def calibration(truth):
         zones = max(len(selection.get("zones", [])) for selection in selections)
         assert at_once * zones <= MOST_ZONES, (mode["template"], at_once, zones)
         names = [selection["label"]["text"] for selection in selections]
-        if mode["template"] != "vacuum_clean_segment":
-            # Several segments may be in one room.
-            are_unique(names)
+        are_unique(names)
         labels.update(names)
     shown = labels & set(things)
     assert not ON_WALLS & {things[name] for name in shown}, shown
@@ -76,6 +138,6 @@ def matter(truth):
         assert place["areaType"] is None or 0 <= place["areaType"] <= LAST_AREA, area
         assert (landmark is None) == (source["object"] is None), area
         assert landmark is None or 0 <= landmark["landmarkTag"] <= LAST_LANDMARK, area
-        if source["object"] and source["level"] == "main":
+        if source["object"] and source["level"] == truth.level:
             assert place["locationName"] == names[source["object"]], (area, names)
     return f"{len(areas)} areas on {len(maps)} maps"

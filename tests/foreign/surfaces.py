@@ -1,6 +1,7 @@
 """Surface meshes, by the readers of 3D programs and of phones."""
 
 import io
+import re
 import zipfile
 
 import numpy as np
@@ -87,7 +88,7 @@ def usdz(truth):
     scene = trimesh.load_scene(truth.path("mesh.glb"))
     # Names in USD have underscores for other characters.
     names = sorted(mesh.GetPrim().GetName() for mesh in meshes)
-    assert names == sorted(name.replace("-", "_") for name in scene.geometry), names
+    assert names == sorted(re.sub(r"\W", "_", name, flags=re.ASCII) for name in scene.geometry), names
     xyz = np.concatenate([np.array(mesh.GetPointsAttr().Get()) for mesh in meshes])
     corners = sum(sum(mesh.GetFaceVertexCountsAttr().Get()) for mesh in meshes)
     assert corners == 3 * sum(len(part.faces) for part in scene.geometry.values())

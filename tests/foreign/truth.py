@@ -15,14 +15,16 @@ VERTEX = np.dtype([
 
 
 class Truth:
-    def __init__(self, folder):
+    def __init__(self, folder, level="main"):
         self.folder = Path(folder)
+        self.level = level
         self.room = self.document("truth.json")
         self.classes = {c["id"]: c["name"] for c in self.document("classes.json")["classes"]}
-        self.objects = self.document("objects.json")["objects"]
+        # Objects and clips of other levels are not in the files of this one.
+        self.objects = [thing for thing in self.document("objects.json")["objects"] if thing["level"] == level]
         self.plan = self.document("plan.json")
         # Those in the map; `viola map` lists the others too.
-        self.clips = [clip for clip in self.document("map.json")["clips"] if clip["by"]]
+        self.clips = [clip for clip in self.document("map.json")["clips"] if clip["by"] and clip["level"] == level]
         self.vertices = self.ply("points.ply")
         self.xyz = self.positions(self.vertices)
 

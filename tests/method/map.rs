@@ -120,6 +120,9 @@ fn a_clip_that_fails_does_not_stop_the_others() {
     assert!(told.contains("clip 4 of 4: fuse") && !told.contains('%'), "{told}");
     assert!(told.contains("clip 1 of 4: failed: ") && told.contains("(unknown_layout)"), "{told}");
     assert!(table.starts_with("clip ") && table.contains("3 of 4 in the map"), "{table}");
+    let absent = table.lines().find(|line| line.contains("broken.zip: failed: ")).unwrap();
+    assert!(absent.ends_with(" (unknown_layout)"), "{absent}");
+    assert!(told.contains("map: 3 of 4 clips are in the map"), "{told}");
     assert!(!table.contains("clip 1 of 4"), "{table}");
 }
 
@@ -292,7 +295,9 @@ fn readers_of_other_programs_find_the_home_in_its_files() {
         "plan.dxf",
         "plan.pdf",
         "plan.png",
+        "plan.geojson",
         "home.mcap",
+        "nav2.zip",
         "valetudo.json",
         "calibration.json",
         "matter.json",

@@ -57,6 +57,10 @@ fn clips_are_written_as_they_are_read() {
                 "{from} to {name}: {:?}",
                 written.notes
             );
+            let info = original.info();
+            let differs = (info.color_width, info.color_height) != (info.depth_width, info.depth_height);
+            let told = written.notes.iter().any(|note| note.starts_with("camera-intrinsics.txt is for"));
+            assert_eq!(told, differs && layout == WrittenLayout::TumRgbd, "{from}: {:?}", written.notes);
             if knows_up || read.up_in_world().is_none() {
                 check(&read, &written, name, &original, &recording);
             }
@@ -75,6 +79,30 @@ fn a_zip_holds_the_same() {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(sink.finish().unwrap().get_ref()).unwrap();
         check(&Clip::open(file.path()).unwrap(), &written, name, &original, &recording);
+    }
+}
+
+/// Pictures are named by their times, so equal times would give equal names.
+#[test]
+fn times_that_do_not_increase_are_replaced() {
+    let recording = Recording::small(4);
+    let mut files = EXPORTS[0].1("", &recording);
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name == "odometry.csv") {
+        let text = String::from_utf8(bytes.clone()).unwrap();
+        let same_time = |line: &str| match line.split_once(',') {
+            Some((time, rest)) if time != "timestamp" => format!("5.0,{rest}\n"),
+            _ => format!("{line}\n"),
+        };
+        *bytes = text.lines().map(same_time).collect::<String>().into_bytes();
+    }
+    let folder = as_folder(&files);
+    let clip = Clip::open(folder.path()).unwrap();
+    for (layout, name) in LAYOUTS {
+        let out = tempfile::tempdir().unwrap();
+        let written = write(&clip, layout, &mut FolderSink::new(out.path()), &Silent).unwrap();
+        check(&Clip::open(out.path()).unwrap(), &written, name, &clip, &recording);
+        let told = written.notes.iter().any(|note| note.contains("times that do not increase"));
+        assert_eq!(told, layout != WrittenLayout::Scannet, "{name}: {:?}", written.notes);
     }
 }
 

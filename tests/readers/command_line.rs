@@ -152,6 +152,13 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
             "never",
         ),
         (&["surfaces", "--frames", "0", "--out", "o"], 2, "--frames"),
+        (
+            &["align", "--clip", "c", "--lidar", "m", "--out", "o", "--seed", "-1"],
+            2,
+            "a seed is a whole number",
+        ),
+        (&["map", "c", "--lidar", "m", "--out", "o", "--seed", "seven"], 2, "a seed is a whole number"),
+        (&["simulate", "--out", "o", "--seed", "1.5"], 2, "a seed is a whole number"),
         // An empty variable is one that is not set.
         (&["config"], 0, ""),
     ] {

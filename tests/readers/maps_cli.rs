@@ -31,7 +31,7 @@ fn inspect_tells_what_a_file_is() {
         "wood",
         "1 no-go zone",
         "dock:   2.30, 5.05 m, facing 90 deg",
-        "refused: nothing",
+        "usable: yes, nothing in it was refused",
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
@@ -63,6 +63,19 @@ fn convert_writes_what_is_read_back() {
         let read = LidarMap::open(&folder.path().join(out)).unwrap();
         assert_eq!(read.info.occupied_points, hits().len(), "{to}");
     }
+    // A clip has points of its own, which other commands write.
+    for (name, bytes) in scannet("clip/", &[0, 1, 2]) {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    }
+    let clip = viola(&["convert", "clip", "--to", "ply", "--out", "clip.ply"], folder.path());
+    let told = text_of(&clip.stderr);
+    assert!(!clip.status.success() && told.contains("clip is a clip (choose --to stray, tum or"), "{told}");
+    assert!(
+        told.contains("`viola align` and `viola map`") && !folder.path().join("clip.ply").exists(),
+        "{told}"
+    );
     let bad = viola(&["convert", "map.rrmap", "--to", "ros", "--out", "map.pgm"], folder.path());
     assert!(!bad.status.success());
     // The image of this ROS map is map.pgm.

@@ -2,6 +2,7 @@
 
 use crate::drawing::*;
 use crate::robot_files::*;
+use serde_json::{Value, json};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{GridFrame, Point2, Pose2, angle_between};
 use viola_testing::data;
@@ -97,6 +98,91 @@ fn valetudo_is_read_back() {
         // Once on a sheet it keeps its place.
         let again = LidarMap::read(&read.to_valetudo().unwrap().bytes).unwrap();
         check_same(&name, &read, &again, [0.0; 2]);
+    }
+}
+
+/// Returns the entities: type, points in centimetres from the upper-left corner, and hundredths of a degree.
+fn entities(json: &Value) -> Vec<(String, Value, Option<i64>)> {
+    let of = |entity: &Value| {
+        let angle = entity["metaData"]["angle"].as_f64().map(|degrees| (degrees * 100.0).round() as i64);
+        (entity["type"].as_str().unwrap().to_owned(), entity["points"].clone(), angle)
+    };
+    // A path, a target and the areas of one cleaning are not kept.
+    let is_kept = |kind: &str| !["path", "predicted_path", "go_to_target", "active_zone"].contains(&kind);
+    let mut all: Vec<_> = json["entities"].as_array().unwrap().iter().map(of).collect();
+    all.retain(|(kind, ..)| is_kept(kind));
+    all.sort_by_key(|(kind, points, _)| (kind.clone(), points.to_string()));
+    all
+}
+
+/// Sides of Valetudo's `size`: `RoborockMapParser.js`, `DreameMapParser.js`, `ViomiMapParser.js` and the drawn file.
+#[test]
+fn the_sheet_of_a_robot_stays() {
+    let sizes: [(&str, i64); 3] = [("roborock", 5120), ("dreame", 6554), ("viomi", 4000)];
+    let mut found = 0;
+    for (name, map) in with_cells() {
+        let Some(sheet_cm) = map.sheet_cm else { continue };
+        let written = map.to_valetudo().unwrap();
+        let json: Value = serde_json::from_slice(&written.bytes).unwrap();
+        assert_eq!(json["size"], json!({"x": sheet_cm[0], "y": sheet_cm[1]}), "{name}");
+        assert_eq!(written.file_from_map_m, [0.0; 2], "{name}");
+        if let Some((_, size)) = sizes.iter().find(|(format, _)| *format == map.info.format) {
+            found += 1;
+            // The drawn Viomi has a small image.
+            assert!(sheet_cm == [*size; 2] || name == "viomi", "{name}: {sheet_cm:?}");
+        }
+        let read = LidarMap::read(&written.bytes).unwrap();
+        assert_eq!((read.frames.valetudo, read.sheet_cm), (map.frames.valetudo, map.sheet_cm), "{name}");
+        let corners = |map: &LidarMap| [map.info.min_m, map.info.max_m].concat();
+        let off = corners(&read).into_iter().zip(corners(&map)).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-9, "{name}");
+    }
+    assert!(found >= 3, "{found}");
+}
+
+#[test]
+fn real_maps_of_valetudo_keep_their_positions_and_angles() {
+    let Some(data) = data::root() else { return };
+    let mut docks = 0;
+    for vendor in ["roborock", "dreame", "viomi"] {
+        for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "json") {
+                continue;
+            }
+            let own: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+            let written = LidarMap::open(&path).unwrap().to_valetudo().unwrap();
+            let written: Value = serde_json::from_slice(&written.bytes).unwrap();
+            assert_eq!(written["size"], own["size"], "{}", path.display());
+            assert_eq!(entities(&written), entities(&own), "{}", path.display());
+            docks += entities(&own).iter().filter(|(kind, ..)| kind == "charger_location").count();
+        }
+    }
+    assert!(docks >= 8, "{docks}");
+}
+
+/// A wall is added around a floor without walls, a cell beyond the sheet's border.
+#[test]
+fn a_floor_at_the_border_of_its_sheet_is_written_and_read() {
+    for (runs, kept) in [
+        // The floor reaches the right and the lower border: the sheet grows there, and positions stay.
+        ("[4,4,6, 4,5,6, 4,9,6]", true),
+        // It reaches the left and the upper border: the map must move.
+        ("[0,0,6, 0,1,6]", false),
+    ] {
+        let json = format!(
+            r#"{{"size":{{"x":50,"y":50}},"pixelSize":5,"layers":[{{"type":"floor","compressedPixels":{runs}}}],
+            "entities":[{{"type":"charger_location","points":[25,30],"metaData":{{}}}}]}}"#
+        );
+        let map = LidarMap::read(json.as_bytes()).unwrap();
+        let written = map.to_valetudo().unwrap();
+        let read = LidarMap::read(&written.bytes).unwrap();
+        check_same(runs, &map, &read, written.file_from_map_m);
+        let json: Value = serde_json::from_slice(&written.bytes).unwrap();
+        let dock = &json["entities"][0];
+        assert_eq!(dock["points"] == json!([25, 30]), kept, "{runs}: {dock}");
+        // Its angle is unknown, and none is invented.
+        assert_eq!(dock["metaData"], json!({}), "{runs}");
     }
 }
 

@@ -235,6 +235,8 @@ fn poses_of_nerfstudio_that_were_scaled_have_no_metres() {
         }
     });
     assert!(!scaled.info().metric);
+    let notes = &scaled.info().notes;
+    assert!(notes.iter().any(|note| note.contains("divided by applied_scale (0.25)")), "{notes:?}");
     check_poses(&scaled, &recording, "nerfstudio");
     let by_colmap = with(&|file| file["frames"][0]["colmap_im_id"] = json!(3));
     assert!(!by_colmap.info().metric && by_colmap.up_in_world().is_none());

@@ -1,6 +1,7 @@
 //! The binary as an operator runs it: traces to a collector, deletion of a tenant, many exports at once.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Cursor, Read, Write};
 use std::net::TcpListener;
 use std::path::Path;
@@ -86,6 +87,41 @@ fn run(data: &Path, arguments: &[&str]) -> String {
     let erred = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {erred}");
     String::from_utf8(output.stdout).unwrap()
+}
+
+#[tokio::test]
+async fn ended_jobs_are_listed_and_queued_again_beside_a_running_server() {
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &["--no-worker"]);
+    let client = &server.client;
+    let home = client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
+    let path = answer.header("location").to_owned();
+    let clip = answer.ok(201);
+    let job = clip["job"]["id"].as_str().unwrap().to_owned();
+    client.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
+    let listed = |filter: &[&str]| -> Value {
+        let arguments = [&["jobs", "list", "--json"], filter].concat();
+        serde_json::from_str(&run(data.path(), &arguments)).unwrap()
+    };
+    let cancelled = listed(&["--state", "cancelled", "--home", "h", "--tenant", "default"]);
+    assert_eq!(cancelled.as_array().unwrap().len(), 1, "{cancelled}");
+    assert_eq!((&cancelled[0]["clip"], &cancelled[0]["id"]), (&clip["id"], &clip["job"]["id"]));
+    for other in [
+        &["--state", "failed"][..],
+        &["--state", "cancelled", "--home", "g"],
+        &["--state", "cancelled", "--tenant", "acme"],
+        &["--state", "cancelled", "--code", "worker_died"],
+    ] {
+        assert_eq!(listed(other), json!([]), "{other:?}");
+    }
+    assert!(run(data.path(), &["jobs", "retry"]).contains("0 of 0 clips"));
+    let said = run(data.path(), &["jobs", "retry", "--state", "cancelled"]);
+    assert!(said.contains("1 of 1 clips"), "{said}");
+    assert_eq!(client.get(&path).await.ok(200)["state"], "queued");
+    // The cancelled job is not the newest any more.
+    assert_eq!(listed(&["--state", "cancelled"]), json!([]));
 }
 
 #[tokio::test]

@@ -93,7 +93,8 @@ pub struct Alignment {
     /// Uncertainty of the pose before calibration; `None` without a pose, or if the answer was read from a file.
     #[serde(skip)]
     pub spread: Option<Spread>,
-    /// Metres per unit of the clip's poses and depth, if their unit was unknown; null if it is metres.
+    /// Metres per unit of the clip's depth, if the unit was unknown; null if it is metres. Poses have the same unit; those
+    /// of a Nerfstudio file have it after division by its `applied_scale`.
     #[serde(default)]
     pub scale: Option<f64>,
     /// Standard deviation of `scale`.

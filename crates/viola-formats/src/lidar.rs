@@ -59,12 +59,22 @@ pub struct LidarMap {
     /// The cells of the file; `None` for formats of bare points.
     pub cells: Option<Grid<Cell>>,
     pub rooms: Vec<Room>,
-    /// The dock, if the file has it; yaw is the heading of the docked robot.
+    /// The dock, if the file has it; yaw is the heading of the docked robot, unless `unknown_yaw` names it.
     pub charger: Option<Pose2>,
     /// Centres of the cells in which the robot detected carpet.
     pub carpet_m: Vec<Point2>,
     /// The robot's own coordinates.
     pub frames: RobotFrames,
+    /// Width and height of the robot's sheet in centimetres (Valetudo's `size`); `None` for other formats.
+    pub sheet_cm: Option<[i64; 2]>,
+    pub unknown_yaw: UnknownYaw,
+}
+
+/// The poses of a robot's map whose direction the file does not tell. Their yaw is that of the top of the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct UnknownYaw {
+    pub charger: bool,
+    pub robot: bool,
 }
 
 /// A room (segment) that the robot's software detected.

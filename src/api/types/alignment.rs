@@ -69,8 +69,9 @@ answer! {
         map_from_clip: Option<Pose2>,
         /// Covariance of (x_m, y_m, yaw_rad), row by row: square metres, metre radians, square radians.
         covariance: Option<[[f64; 3]; 3]>,
-        /// Metres per unit of the clip's poses and depth, if their unit was unknown; null if it is metres. Everything
-        /// else in the answer is in metres.
+        /// Metres per unit of the clip's depth, if the unit was unknown; null if it is metres. Poses have the same unit;
+        /// those of a Nerfstudio file have it after division by its `applied_scale`. Everything else in the answer is in
+        /// metres.
         scale: Option<f64>,
         /// Standard deviation of `scale`.
         scale_std: Option<f64>,

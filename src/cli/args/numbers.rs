@@ -23,6 +23,11 @@ pub fn drift_m(text: &str) -> Result<f64, String> {
     drift_m.ok_or_else(|| format!("a drift is 0 to {MAX_DRIFT_M} m"))
 }
 
+/// Parses a seed.
+pub fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,6 +41,16 @@ mod tests {
         }
         for (text, expected) in [("0", None), ("1", Some(1)), ("-1", None)] {
             assert_eq!(clips(text).ok(), expected, "{text}");
+        }
+        for (text, expected) in [
+            ("0", Some(0)),
+            ("18446744073709551615", Some(u64::MAX)),
+            ("18446744073709551616", None),
+            ("-1", None),
+            ("0x10", None),
+            ("", None),
+        ] {
+            assert_eq!(seed(text).ok(), expected, "{text}");
         }
         for (text, expected) in
             [("0", Some(0.0)), ("0.01", Some(0.01)), ("-1", None), ("nan", None), ("1e308", None)]

@@ -49,6 +49,8 @@ pub struct ClipDocument {
     pub map_from_clip: Option<Pose2>,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
     pub probability: Option<f64>,
+    /// Metres per unit of the clip's depth, if the unit was unknown; null if it is metres.
+    pub scale: Option<f64>,
     /// Source of the pose in the map; null if the clip is not in the map.
     pub by: Option<PlacedBy>,
     pub recorded_at: Option<Timestamp>,
@@ -91,6 +93,7 @@ impl ClipDocument {
                 Some(placed) => placed.probability,
                 None => own.and_then(|alignment| alignment.probability),
             },
+            scale: own.and_then(|alignment| alignment.scale),
             by,
             recorded_at: clip.recorded_at,
             points: placed.map_or(0, |placed| placed.points),

@@ -77,8 +77,11 @@ pub fn write(
     if without > 0 {
         notes.push(format!("{without} frames without a pose were left out"));
     }
-    if clip.frames().iter().any(|frame| frame.time_s.is_none()) && layout != WrittenLayout::Scannet {
-        notes.push("the clip has no times: 30 frames a second were assumed".to_string());
+    let times_s: Vec<Option<f64>> = posed.iter().map(|&index| clip.frames()[index].time_s).collect();
+    let has_times = increase(&times_s);
+    if !has_times && layout != WrittenLayout::Scannet {
+        let times = if times_s.contains(&None) { "has no times" } else { "has times that do not increase" };
+        notes.push(format!("the clip {times}: 30 frames a second were assumed"));
     }
     let turn = upright(clip, layout, &mut notes);
     let mut writer: Box<dyn Writer> = match layout {
@@ -98,7 +101,7 @@ pub fn write(
                     let place = written + batch.len();
                     let header = &mut frame.header;
                     header.world_from_camera = header.world_from_camera.map(|pose| turn * pose);
-                    header.time_s = header.time_s.or(Some(place as f64 * STEP_S));
+                    header.time_s = header.time_s.filter(|_| has_times).or(Some(place as f64 * STEP_S));
                     batch.push((place, frame));
                 }
                 Err(error) => {
@@ -109,6 +112,7 @@ pub fn write(
         }
         if let Some((0, first)) = batch.first() {
             notes.extend(one_camera(first).filter(|_| layout != WrittenLayout::Scannet));
+            notes.extend(other_size(first).filter(|_| layout == WrittenLayout::TumRgbd));
         }
         let encoded: Vec<_> = batch.par_iter().map(|(place, frame)| writer.frame(*place, frame)).collect();
         for ((place, frame), files) in batch.iter().zip(encoded) {
@@ -132,6 +136,13 @@ pub fn write(
         sink.put(&name, &bytes)?;
     }
     Ok(WrittenClip { frames: written, notes })
+}
+
+/// Returns whether all times are known and increase by at least their last written digit: files are named by them.
+fn increase(times_s: &[Option<f64>]) -> bool {
+    const DIGIT_S: f64 = 1e-6;
+    let known: Vec<f64> = times_s.iter().copied().flatten().collect();
+    known.len() == times_s.len() && known.is_sorted_by(|a, b| b - a >= DIGIT_S)
 }
 
 /// Returns the rotation of the clip's world that makes the layout's axis up.
@@ -162,6 +173,19 @@ fn one_camera(frame: &Frame) -> Option<String> {
     (!is_same).then(|| {
         "colour and depth see differently, and the layout has one set of intrinsics: the depth's was written"
             .to_string()
+    })
+}
+
+/// Returns a note if colour has other pixels than depth: tools of the benchmark take one set of intrinsics for both.
+fn other_size(frame: &Frame) -> Option<String> {
+    let (width, height) = frame.color.as_ref()?.dimensions();
+    let depth = (frame.depth.width, frame.depth.height);
+    ((width, height) != depth).then(|| {
+        let (depth_width, depth_height) = depth;
+        format!(
+            "camera-intrinsics.txt is for the {depth_width}x{depth_height} pixels of the depth; colour has \
+             {width}x{height}"
+        )
     })
 }
 

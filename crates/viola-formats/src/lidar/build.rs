@@ -3,6 +3,7 @@
 use super::strays::drop_strays;
 use super::{
     Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, MAX_SIDE_M, MapMarks, RobotFrames, Room, RoomInfo,
+    UnknownYaw,
 };
 use std::collections::HashSet;
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
@@ -86,7 +87,17 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
         notes: parts.notes,
     };
     let Parts { occupied_m, cells, rooms, charger, carpet_m, .. } = parts;
-    Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m, frames: RobotFrames::default() })
+    Ok(LidarMap {
+        info,
+        occupied_m,
+        cells,
+        rooms,
+        charger,
+        carpet_m,
+        frames: RobotFrames::default(),
+        sheet_cm: None,
+        unknown_yaw: UnknownYaw::default(),
+    })
 }
 
 /// Refuses a map with a side longer than [`MAX_SIDE_M`].

@@ -5,7 +5,8 @@ use super::build::{Parts, build, occupied_centres};
 use super::marks::{MAX_CORNERS, MapMarks};
 use super::sheet::{Run, Sheet};
 use super::{
-    Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, RobotFrame, RobotFrames, Room, Zone, ZoneKind,
+    Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, RobotFrame, RobotFrames, Room, UnknownYaw, Zone,
+    ZoneKind,
 };
 use viola_geometry::{Grid, Pose2};
 
@@ -145,6 +146,8 @@ impl Drawing {
         add_floor_border(&mut grid, &mut self.notes);
         let charger = self.charger.and_then(|spot| spot.pose(&sheet, "charger", &mut self.notes));
         self.marks.robot = self.robot.and_then(|spot| spot.pose(&sheet, "robot", &mut self.notes));
+        let has_no_angle = |spot: Option<Spot>| spot.is_some_and(|spot| spot.angle_deg.is_none());
+        let unknown_yaw = UnknownYaw { charger: has_no_angle(self.charger), robot: has_no_angle(self.robot) };
         let parts = Parts {
             format: self.format,
             frame: self.frame,
@@ -158,7 +161,7 @@ impl Drawing {
         };
         let valetudo = sheet.valetudo_frame();
         let frames = RobotFrames { own: self.own_frame.unwrap_or(valetudo), valetudo: Some(valetudo) };
-        Ok(LidarMap { frames, ..build(parts)? })
+        Ok(LidarMap { frames, sheet_cm: Some(sheet.size_cm), unknown_yaw, ..build(parts)? })
     }
 }
 

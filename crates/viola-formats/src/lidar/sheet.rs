@@ -19,6 +19,8 @@ pub(super) struct Run {
 pub(super) struct Sheet {
     pub width: i64,
     pub height: i64,
+    /// Width and height, which need be no multiple of a cell.
+    pub size_cm: [i64; 2],
     height_cm: f64,
     height_m: f64,
     pub cell_m: f64,
@@ -30,6 +32,7 @@ impl Sheet {
         Sheet {
             width: width_cm / pixel_cm.max(1),
             height: height_cm / pixel_cm.max(1),
+            size_cm: [width_cm, height_cm],
             height_cm: height_cm as f64,
             height_m: height_cm as f64 / 100.0,
             cell_m: pixel_cm as f64 / 100.0,

@@ -24,8 +24,9 @@ pub struct Written {
 }
 
 impl LidarMap {
-    /// Returns the map as Valetudo's JSON, metaData.version 2. Cells of a fraction of a centimetre are
-    /// resampled, and a map left of or below its origin is moved, to fit the format.
+    /// Returns the map as Valetudo's JSON, metaData.version 2. The map of a robot keeps its sheet, and so all positions.
+    /// Of other maps, cells of a fraction of a centimetre are resampled, and a map left of or below its origin is moved,
+    /// to fit the format.
     pub fn to_valetudo(&self) -> Result<Written, LidarError> {
         valetudo::write(self)
     }

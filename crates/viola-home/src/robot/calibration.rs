@@ -2,8 +2,10 @@
 //! calibration points of `plan.png`, rooms, zones and positions in the robot's own coordinates.
 
 use super::area::Cover;
-use super::places::{Place, places};
+use super::drive::GoalArea;
+use super::places::{Place, Places, places};
 use super::segments::{Segment, segments};
+use super::titles::Titles;
 use super::{RobotLevel, round};
 use crate::plan::PlanImage;
 use crate::rooms::{Room, rooms};
@@ -18,6 +20,8 @@ pub struct CalibrationFile {
     /// Size of `plan.png`, in pixels.
     pub image_px: [u32; 2],
     pub calibration_points: [CalibrationPoint; 3],
+    /// The free space that has all positions.
+    pub goal_area: GoalArea,
     pub map_modes: Vec<MapMode>,
 }
 
@@ -93,10 +97,14 @@ pub struct Icon {
 /// Returns the configuration for a level and the picture of its plan.
 pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
     let frame = &level.lidar.frames.own;
-    let places = places(level);
+    let Places { all: places, goal_area } = places(level);
     // A robot cleans its own segments, whatever rooms people made of them.
     let own = rooms(level.lidar, &[]);
-    let rooms = segments(level).iter().filter_map(|segment| room(frame, segment, &own, &places)).collect();
+    let segments = segments(level);
+    let titles = Titles::of(level).segments(level, &segments);
+    let named =
+        segments.iter().zip(&titles).filter_map(|(segment, title)| Some((segment, title.as_deref()?)));
+    let rooms = named.filter_map(|(segment, title)| room(frame, segment, title, &own)).collect();
     let shown = || places.iter().filter(|place| !place.is_hung);
     let zones = shown().filter_map(|place| zone(frame, place)).collect();
     let positions = shown().filter_map(|place| position(frame, place)).collect();
@@ -122,6 +130,7 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
         },
         image_px: image.size_px,
         calibration_points: points(level, image),
+        goal_area,
         map_modes: modes.collect(),
     }
 }
@@ -143,17 +152,15 @@ fn xy([x, y]: [f64; 2]) -> Xy {
     Xy { x, y }
 }
 
-/// Returns the selection of a segment: the outline of its own cells with the name of its room. `own` are the segments as
-/// rooms, `places` have the names of the level's.
-fn room(frame: &RobotFrame, segment: &Segment, own: &[Room], places: &[Place]) -> Option<Selection> {
+/// Returns the selection of a segment: the outline of its own cells with its title, which is that of its room. `own` are
+/// the segments as rooms.
+fn room(frame: &RobotFrame, segment: &Segment, title: &str, own: &[Room]) -> Option<Selection> {
     let own = own.iter().find(|room| room.id == segment.id)?;
-    let room = segment.room?;
-    let place = places.iter().find(|place| place.class.is_none() && place.id == room.id)?;
     let at = frame.rounded(own.label_at_m);
     Some(Selection {
         id: Some(segment.id.to_owned()),
         outline: Some(own.polygon_m.iter().map(|corner| frame.rounded(*corner)).collect()),
-        ..selection(&place.title, None, at)
+        ..selection(title, None, at)
     })
 }
 

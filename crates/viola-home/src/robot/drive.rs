@@ -2,11 +2,12 @@
 
 use super::area::for_cells;
 use super::no_go::forbidden;
-use super::{RobotLevel, RobotObject};
+use super::{RobotLevel, RobotObject, round};
 use crate::objects::UprightBox;
 use crate::rooms::Room;
 use crate::rooms::outline::pieces;
 use crate::rooms::space::Space;
+use serde::Serialize;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Pose2};
 
@@ -21,10 +22,37 @@ const REACH_M: f64 = 1.0;
 const PER_METRE_ASIDE: f64 = 0.25;
 /// Maximum distance of the dock from free space that belongs to it.
 const DOCK_REACH_M: f64 = 1.0;
+/// Free space at the dock counts from this fraction of the largest free space on: below it is a pocket, such as the
+/// niche in which the dock stands, that obstacles of the map separate from the rooms.
+const MIN_DOCK_FRACTION: f64 = 0.25;
 
-/// Cells at which the robot's centre can be, connected with its dock.
+/// Cells at which the robot's centre can be, connected with each other.
 pub struct Drive {
     reachable: Grid<bool>,
+    pub area: GoalArea,
+}
+
+/// The connected free space that has all goals of a level.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GoalArea {
+    /// True for free space at the dock; else it is the largest free space.
+    pub is_at_dock: bool,
+    /// Why it is not that at the dock; null if it is.
+    pub reason: Option<NotAtDock>,
+    /// Area of the places where the robot's centre can be, in square metres.
+    pub area_m2: f64,
+}
+
+/// Why the goals are not connected with the dock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NotAtDock {
+    /// The map has no dock.
+    NoDock,
+    /// No free space is within a metre of the dock.
+    NoFreeSpaceAtDock,
+    /// The free space at the dock has less than a quarter of the area of the largest free space.
+    SmallAreaAtDock,
 }
 
 impl Drive {
@@ -48,7 +76,9 @@ impl Drive {
         let least_m = (RADIUS_M + frame.cell_m * std::f64::consts::FRAC_1_SQRT_2) as f32;
         let field = DistanceField::new(&blocked);
         let clear = Grid { frame, cells: field.grid().cells.iter().map(|m| *m >= least_m).collect() };
-        Drive { reachable: connected(clear, level) }
+        let dock = level.lidar.charger.map(|dock| Point2::new(dock.x_m, dock.y_m));
+        let (reachable, area) = connected(&clear, dock);
+        Drive { reachable, area }
     }
 
     /// Returns a pose beside an object, facing it, in its room; `None` without free space within `REACH_M`.
@@ -128,22 +158,81 @@ fn cells_around(
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }
 
-/// Returns the piece of the clear cells that is nearest to the dock; the largest one without a dock near it.
-fn connected(clear: Grid<bool>, level: &RobotLevel) -> Grid<bool> {
-    let (piece, count) = pieces(&clear);
+/// Returns the cells of the goals: the largest piece of the clear cells in reach of the dock, or the largest of all if
+/// there is none or it is smaller than [`MIN_DOCK_FRACTION`] of that.
+fn connected(clear: &Grid<bool>, dock: Option<Point2>) -> (Grid<bool>, GoalArea) {
+    let (piece, count) = pieces(clear);
     let mut sizes = vec![0usize; count + 1];
     piece.iter().for_each(|piece| sizes[*piece as usize] += 1);
-    let largest = (1..=count).max_by(|a, b| sizes[*a].cmp(&sizes[*b]).then(b.cmp(a)));
-    let at_dock = level.lidar.charger.and_then(|dock| {
-        let dock = Point2::new(dock.x_m, dock.y_m);
-        let cells = piece.iter().enumerate().filter(|(_, piece)| **piece > 0);
-        let near = cells.map(|(index, piece)| {
-            let centre = clear.frame.centre(index % clear.frame.width, index / clear.frame.width);
-            ((centre - dock).norm(), *piece as usize)
-        });
-        near.filter(|(off_m, _)| *off_m <= DOCK_REACH_M).min_by(|a, b| a.0.total_cmp(&b.0))
+    // Of equal sizes the first piece is taken.
+    let smaller = |a: &usize, b: &usize| sizes[*a].cmp(&sizes[*b]).then(b.cmp(a));
+    let largest = (1..=count).max_by(smaller).unwrap_or(0);
+    let is_near = |index: usize, dock: &Point2| {
+        let centre = clear.frame.centre(index % clear.frame.width, index / clear.frame.width);
+        (centre - dock).norm() <= DOCK_REACH_M
+    };
+    let at_dock = dock.and_then(|dock| {
+        let near = piece.iter().enumerate().filter(|(index, piece)| **piece > 0 && is_near(*index, &dock));
+        near.map(|(_, piece)| *piece as usize).max_by(smaller)
     });
-    let kept = at_dock.map(|(_, piece)| piece).or(largest).unwrap_or(0);
-    let cells = piece.iter().map(|piece| *piece > 0 && *piece as usize == kept).collect();
-    Grid { frame: clear.frame, cells }
+    let (kept, reason) = match at_dock {
+        Some(piece) if sizes[piece] as f64 >= MIN_DOCK_FRACTION * sizes[largest] as f64 => (piece, None),
+        Some(_) => (largest, Some(NotAtDock::SmallAreaAtDock)),
+        None if dock.is_some() => (largest, Some(NotAtDock::NoFreeSpaceAtDock)),
+        None => (largest, Some(NotAtDock::NoDock)),
+    };
+    let cells: Vec<bool> = piece.iter().map(|piece| *piece > 0 && *piece as usize == kept).collect();
+    let count = cells.iter().filter(|cell| **cell).count();
+    let area_m2 = round(count as f64 * clear.frame.cell_m * clear.frame.cell_m);
+    let area = GoalArea { is_at_dock: reason.is_none(), reason, area_m2 };
+    (Grid { frame: clear.frame, cells }, area)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Draws cells of 0.5 m from text, the uppermost row first: `.` is clear.
+    fn drawn(rows: &[&str]) -> Grid<bool> {
+        let frame = GridFrame { origin_m: [0.0; 2], cell_m: 0.5, width: rows[0].len(), height: rows.len() };
+        let cells = rows.iter().rev().flat_map(|row| row.bytes().map(|byte| byte == b'.')).collect();
+        Grid { frame, cells }
+    }
+
+    #[test]
+    fn a_pocket_at_the_dock_leaves_the_goals_in_the_rooms() {
+        use NotAtDock::{NoDock, NoFreeSpaceAtDock, SmallAreaAtDock};
+        // Pieces of 2, 6, 16 and 4 cells.
+        let rooms = drawn(&[
+            "..#....#........",
+            "####..##........",
+            "################",
+            "##############..",
+            "##############..",
+        ]);
+        for (dock, cells, reason) in [
+            // Two of 16 cells are less than a quarter, and four are not.
+            (Some([0.5, 2.25]), 16, Some(SmallAreaAtDock)),
+            (Some([7.5, 0.25]), 4, None),
+            (Some([2.5, 2.25]), 6, None),
+            (Some([6.0, 1.75]), 16, None),
+            // Between two pieces the larger one counts, even if the other is nearer.
+            (Some([1.2, 2.25]), 6, None),
+            (Some([7.5, 1.25]), 16, None),
+            (Some([1.0, 0.25]), 16, Some(NoFreeSpaceAtDock)),
+            (None, 16, Some(NoDock)),
+        ] {
+            let (kept, area) = connected(&rooms, dock.map(Point2::from));
+            let found = kept.cells.iter().filter(|cell| **cell).count();
+            assert_eq!((found, area.reason), (cells, reason), "{dock:?}");
+            assert_eq!((area.is_at_dock, area.area_m2), (reason.is_none(), 0.25 * cells as f64), "{dock:?}");
+        }
+    }
+
+    #[test]
+    fn a_map_without_free_space_has_no_goals() {
+        let (kept, area) = connected(&drawn(&["##", "##"]), Some(Point2::new(0.5, 0.5)));
+        assert!(kept.cells.iter().all(|cell| !cell));
+        assert_eq!((area.reason, area.area_m2), (Some(NotAtDock::NoFreeSpaceAtDock), 0.0));
+    }
 }

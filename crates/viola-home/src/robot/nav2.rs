@@ -5,7 +5,7 @@ use super::area::for_cells;
 use super::ground::Ground;
 use super::labels::{Labels, Legend};
 use super::no_go::{NoGoZone, no_go_zones};
-use super::places::{Place, places};
+use super::places::{Place, Places, places};
 use super::{RobotLevel, round};
 use serde_json::{Value, json};
 use std::io::{Cursor, Write as _};
@@ -109,8 +109,9 @@ fn goals(level: &RobotLevel) -> Value {
             "yaw_rad": goal.yaw_rad.map_or(0.0, round),
         }))
     };
-    let goals: Vec<Value> = places(level).into_iter().filter_map(goal).collect();
-    json!({ "frame": level.lidar.info.frame, "goals": goals })
+    let Places { all, goal_area } = places(level);
+    let goals: Vec<Value> = all.into_iter().filter_map(goal).collect();
+    json!({ "frame": level.lidar.info.frame, "goal_area": goal_area, "goals": goals })
 }
 
 fn text(value: &Value) -> Vec<u8> {

@@ -1,7 +1,7 @@
 //! The places of a level to clean and to drive to: each room and each object.
 
 use super::area::{Cover, cover};
-use super::drive::Drive;
+use super::drive::{Drive, GoalArea};
 use super::labels::REACH_M;
 use super::titles::Titles;
 use super::{RobotLevel, RobotObject, round};
@@ -10,6 +10,15 @@ use viola_geometry::taxonomy::Class;
 
 /// Width of the strip around an object that is cleaned with it.
 const AROUND_M: f64 = 0.5;
+
+/// The places of a level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Places {
+    /// The rooms in their order, then the objects in theirs.
+    pub all: Vec<Place>,
+    /// The free space that has all goals.
+    pub goal_area: GoalArea,
+}
 
 /// A room, or the surroundings of an object.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,12 +45,13 @@ pub struct Place {
 pub struct Goal {
     pub x_m: f64,
     pub y_m: f64,
-    /// Direction that faces the object; null for a room.
+    /// Direction that faces the object, in radians counter-clockwise from x; null for a room, in which any direction
+    /// will do.
     pub yaw_rad: Option<f64>,
 }
 
-/// Returns the rooms in their order, then the objects in theirs.
-pub fn places(level: &RobotLevel) -> Vec<Place> {
+/// Returns the places of a level.
+pub fn places(level: &RobotLevel) -> Places {
     let drive = Drive::new(level);
     let titles = Titles::of(level);
     let rooms = level.rooms.iter().zip(titles.rooms).map(|(room, title)| Place {
@@ -55,7 +65,8 @@ pub fn places(level: &RobotLevel) -> Vec<Place> {
         is_hung: false,
     });
     let objects = level.objects.iter().zip(titles.objects);
-    rooms.chain(objects.map(|(object, title)| of_object(level, object, title, &drive))).collect()
+    let all = rooms.chain(objects.map(|(object, title)| of_object(level, object, title, &drive))).collect();
+    Places { all, goal_area: drive.area }
 }
 
 fn of_object(level: &RobotLevel, object: &RobotObject, title: String, drive: &Drive) -> Place {

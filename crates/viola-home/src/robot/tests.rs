@@ -161,7 +161,7 @@ fn goals_are_in_free_space_beside_the_object_and_face_it() {
     let occupied =
         Grid { frame: cells.frame, cells: cells.cells.iter().map(|cell| *cell != Cell::Free).collect() };
     let field = DistanceField::new(&occupied);
-    let all: Vec<Place> = places(&level);
+    let all: Vec<Place> = places(&level).all;
     assert_eq!(all.len(), 4);
     for place in &all {
         let goal = place.goal.unwrap();
@@ -195,7 +195,7 @@ fn no_goal_is_where_the_robot_may_not_go() {
         for_cells(&frame, &zone.rings(), |index| mask.cells[index] = true);
     }
     let field = DistanceField::new(&mask);
-    for place in places(&level) {
+    for place in places(&level).all {
         let goal = place.goal.unwrap();
         let off_m = field.value(&Point2::new(goal.x_m, goal.y_m));
         assert!(off_m - 0.025 >= RADIUS_M, "{off_m} {place:?}");
@@ -207,7 +207,7 @@ fn an_object_without_free_space_around_has_no_goal() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();
     let mut level = level(&lidar);
     level.objects.push(object("plant-1", Class::Plant, [20.0, 20.0], [0.4, 0.4, 1.0], "elsewhere"));
-    let plant = places(&level).pop().unwrap();
+    let plant = places(&level).all.pop().unwrap();
     assert_eq!((plant.goal, plant.room), (None, None));
     // Without a room the zone is the whole box.
     let Rectangle { low_m, high_m } = plant.zone.rectangles[0];

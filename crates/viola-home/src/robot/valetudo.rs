@@ -3,8 +3,10 @@
 
 use super::RobotLevel;
 use super::area::Rectangle;
-use super::places::{Goal, Place, places};
+use super::drive::GoalArea;
+use super::places::{Goal, Place, Places, places};
 use super::segments::{Segment, segments};
+use super::titles::Titles;
 use serde::Serialize;
 use serde_json::Value;
 use viola_formats::lidar::RobotFrame;
@@ -22,6 +24,8 @@ pub struct ValetudoFile {
     pub map: Option<Value>,
     pub map_absent: Option<Absent>,
     pub segments: Vec<SegmentName>,
+    /// The free space that has all goals.
+    pub goal_area: GoalArea,
     pub rooms: Vec<Target>,
     pub objects: Vec<Target>,
 }
@@ -50,7 +54,8 @@ pub struct Absent {
 pub struct SegmentName {
     pub segment: String,
     pub room: Option<String>,
-    /// Null for a room without a name: the segment keeps its own.
+    /// The room's name, with a number if several segments would have it; null for a room without a name: the segment
+    /// keeps its own.
     pub name: Option<String>,
     /// Fraction of the segment's cells in the room.
     pub overlap: f64,
@@ -109,14 +114,15 @@ pub struct GoTo {
 
 /// Returns the answer for a level. `json` is the uploaded Valetudo map, if it is one.
 pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
-    let segments = segments(level);
+    let segments = segment_names(level);
     let (map, map_absent) = match named(json, &segments) {
         Ok(map) => (Some(map), None),
         Err(absent) => (None, Some(absent)),
     };
     let frames = &level.lidar.frames;
     let frame = frames.valetudo.unwrap_or(RobotFrame::MAP);
-    let (rooms, objects) = places(level).into_iter().map(|place| target(place, &frame)).partition(is_room);
+    let Places { all, goal_area } = places(level);
+    let (rooms, objects) = all.into_iter().map(|place| target(place, &frame)).partition(is_room);
     ValetudoFile {
         coordinates: Coordinates {
             format: level.lidar.info.format.clone(),
@@ -126,7 +132,8 @@ pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
         },
         map,
         map_absent,
-        segments: segments.iter().map(SegmentName::of).collect(),
+        segments,
+        goal_area,
         rooms,
         objects,
     }
@@ -136,19 +143,21 @@ fn is_room(target: &Target) -> bool {
     target.class.is_none()
 }
 
-impl SegmentName {
-    fn of(segment: &Segment) -> SegmentName {
-        SegmentName {
-            segment: segment.id.to_owned(),
-            room: segment.room.map(|room| room.id.clone()),
-            name: segment.room.and_then(|room| room.name.clone()),
-            overlap: segment.overlap,
-        }
-    }
+/// Returns the segments in the order of the LiDAR map.
+fn segment_names(level: &RobotLevel) -> Vec<SegmentName> {
+    let segments = segments(level);
+    let titles = Titles::of(level).segments(level, &segments);
+    let name = |(segment, title): (&Segment, Option<String>)| SegmentName {
+        segment: segment.id.to_owned(),
+        room: segment.room.map(|room| room.id.clone()),
+        name: segment.room.and_then(|room| room.name.as_ref()).and(title),
+        overlap: segment.overlap,
+    };
+    segments.iter().zip(titles).map(name).collect()
 }
 
 /// Returns the map with the names of its segments; everything else in it stays.
-fn named(json: Option<&[u8]>, segments: &[Segment]) -> Result<Value, Absent> {
+fn named(json: Option<&[u8]>, segments: &[SegmentName]) -> Result<Value, Absent> {
     let absent = |code, detail: String| Absent { code, detail };
     let json = json.ok_or_else(|| {
         let detail = "the LiDAR map was not uploaded as Valetudo's JSON, so it has no segments to name";
@@ -164,7 +173,7 @@ fn named(json: Option<&[u8]>, segments: &[Segment]) -> Result<Value, Absent> {
     let is_segment = |layer: &&mut Value| layer.get("type").and_then(Value::as_str) == Some("segment");
     // The reader keeps the order of the segments.
     for (layer, segment) in layers.into_iter().flatten().filter(is_segment).zip(segments) {
-        let Some(name) = segment.room.and_then(|room| room.name.as_ref()) else { continue };
+        let Some(name) = &segment.name else { continue };
         let meta = layer
             .as_object_mut()
             .map(|layer| layer.entry("metaData").or_insert_with(|| Value::Object(Default::default())));

@@ -263,7 +263,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     })?;
     let (layout, gravity, up) = file.world();
     let metric = !is_scaled && !file.is_by_colmap();
-    if !metric {
+    if is_scaled {
+        notes.push(format!(
+            "the positions were divided by applied_scale ({applied}), into the unit of the depth; this unit is unknown: \
+             the alignment finds its scale"
+        ));
+    } else if !metric {
         notes.push(
             "the unit of the poses and the depth is unknown: the alignment finds the scale".to_string(),
         );

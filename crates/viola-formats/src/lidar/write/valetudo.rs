@@ -6,7 +6,7 @@ use crate::lidar::{Cell, LidarError, LidarMap, LineKind, MAX_POINTS, Room, ZoneK
 use serde_json::{Map, Value, json};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// Margin around the map on the sheet, in cells; left and below only if the map is moved.
+/// Margin around the map on a new sheet, in cells; left and below only if the map is moved.
 const MARGIN: usize = 20;
 const WHOLE: f64 = 1e-6;
 
@@ -24,7 +24,7 @@ struct Place {
 pub(super) fn write(map: &LidarMap) -> Result<Written, LidarError> {
     let mut notes = Vec::new();
     let grid = whole_centimetres(map, &mut notes)?;
-    let place = Place::of(&grid.frame)?;
+    let place = Place::of(&grid.frame, map.sheet_cm)?;
     if place.file_from_map_m != [0.0; 2] {
         let [x, y] = place.file_from_map_m;
         notes.push(format!("the map was moved by {x:.3}, {y:.3} m so that it lies on a sheet"));
@@ -96,7 +96,40 @@ fn whole_centimetres(map: &LidarMap, notes: &mut Vec<String>) -> Result<Grid<Cel
 }
 
 impl Place {
-    fn of(frame: &GridFrame) -> Result<Place, LidarError> {
+    /// Returns the place on the sheet that the cells come from, so that all positions stay those of the robot, else on a
+    /// new one.
+    fn of(frame: &GridFrame, sheet_cm: Option<[i64; 2]>) -> Result<Place, LidarError> {
+        let place = sheet_cm.and_then(|sheet_cm| Place::on_sheet_of(frame, sheet_cm));
+        let place = place.unwrap_or_else(|| Place::on_new_sheet(frame));
+        if place.size_cm.iter().any(|side_cm| *side_cm > MAX_SIZE_CM) {
+            return Err(LidarError::BadField {
+                field: "size".into(),
+                value: format!("{} x {} cm", place.size_cm[0], place.size_cm[1]),
+                expected: format!("at most {MAX_SIZE_CM} cm for Valetudo"),
+            });
+        }
+        Ok(place)
+    }
+
+    /// Returns the place on the robot's sheet. Walls that the reader added around the floor may lie a cell beyond its
+    /// border: the sheet grows to the right and downwards, and `None` is for those at the left and above.
+    fn on_sheet_of(frame: &GridFrame, sheet_cm: [i64; 2]) -> Option<Place> {
+        let pixel_cm = (frame.cell_m * 100.0).round();
+        let whole = |cells: f64| {
+            let is_whole = (cells - cells.round()).abs() < WHOLE && cells.round() >= 0.0;
+            is_whole.then(|| cells.round() as usize)
+        };
+        let left = whole(frame.origin_m[0] * 100.0 / pixel_cm)?;
+        let top_m = frame.origin_m[1] + frame.height as f64 * frame.cell_m;
+        let above = whole((sheet_cm[1] as f64 - top_m * 100.0) / pixel_cm)?;
+        let end_cm = |cells: usize| (cells as f64 * pixel_cm) as i64;
+        let size_cm =
+            [sheet_cm[0].max(end_cm(left + frame.width)), sheet_cm[1].max(end_cm(above + frame.height))];
+        let file_from_map_m = [0.0, (size_cm[1] - sheet_cm[1]) as f64 / 100.0];
+        Some(Place { left, file_from_map_m, size_cm, pixel_cm: pixel_cm as i64, above })
+    }
+
+    fn on_new_sheet(frame: &GridFrame) -> Place {
         let pixel_cm = (frame.cell_m * 100.0).round();
         let [x_cm, y_cm] = frame.origin_m.map(|v| v * 100.0);
         // The sheet begins with a whole cell at the left and top, so only x must be a multiple of a cell.
@@ -113,15 +146,7 @@ impl Place {
             if fits { [0.0; 2] } else { [0, 1].map(|axis| place_m[axis] - frame.origin_m[axis]) };
         let size = |cells: usize| (cells as f64 * pixel_cm) as i64;
         let size_cm = [size(left + frame.width + MARGIN), size(MARGIN + frame.height) + below_cm as i64];
-        if size_cm.iter().any(|side_cm| *side_cm > MAX_SIZE_CM) {
-            return Err(LidarError::BadField {
-                field: "size".into(),
-                value: format!("{} x {} cm", size_cm[0], size_cm[1]),
-                expected: format!("at most {MAX_SIZE_CM} cm for Valetudo"),
-            });
-        }
-        let pixel_cm = pixel_cm as i64;
-        Ok(Place { left, file_from_map_m, size_cm, pixel_cm, above: MARGIN })
+        Place { left, file_from_map_m, size_cm, pixel_cm: pixel_cm as i64, above: MARGIN }
     }
 
     /// Converts a point to whole centimetres from the top-left corner.
@@ -186,20 +211,26 @@ fn layer(
     })
 }
 
+/// Returns an angle as Valetudo has it: degrees clockwise from the top, to a hundredth, a whole number if it can be.
+fn angle(yaw_rad: f64) -> Value {
+    let hundredths = ((90.0 - yaw_rad.to_degrees()) * 100.0).round().rem_euclid(36_000.0) as i64;
+    if hundredths % 100 == 0 { (hundredths / 100).into() } else { (hundredths as f64 / 100.0).into() }
+}
+
 fn entities(map: &LidarMap, place: &Place, notes: &mut Vec<String>) -> Vec<Value> {
     let entity = |class: &str, kind: &str, points: &[[f64; 2]], meta: Value| {
         let points: Vec<i64> = points.iter().flat_map(|point| place.on_sheet(point)).collect();
         json!({"__class": class, "type": kind, "points": points, "metaData": meta})
     };
-    let pose = |kind: &str, pose: &Pose2| {
-        // Clockwise from the top, to a hundredth of a degree.
-        let angle = ((90.0 - pose.yaw_rad.to_degrees()) * 100.0).round() / 100.0;
-        entity("PointMapEntity", kind, &[[pose.x_m, pose.y_m]], json!({"angle": angle.rem_euclid(360.0)}))
+    let pose = |kind: &str, pose: &Pose2, has_unknown_yaw: bool| {
+        let meta = if has_unknown_yaw { json!({}) } else { json!({"angle": angle(pose.yaw_rad)}) };
+        entity("PointMapEntity", kind, &[[pose.x_m, pose.y_m]], meta)
     };
     let marks = &map.info.marks;
     let mut entities = Vec::new();
-    entities.extend(map.charger.map(|charger| pose("charger_location", &charger)));
-    entities.extend(marks.robot.map(|robot| pose("robot_position", &robot)));
+    let unknown = map.unknown_yaw;
+    entities.extend(map.charger.map(|charger| pose("charger_location", &charger, unknown.charger)));
+    entities.extend(marks.robot.map(|robot| pose("robot_position", &robot, unknown.robot)));
     for zone in &marks.zones {
         let kind = match zone.kind {
             ZoneKind::NoGo => "no_go_area",

@@ -56,7 +56,8 @@ fn segments_keep_their_cells_when_people_merge_and_split_rooms() {
         Room::rectangle("16-b", [4.0, 1.0], [5.0, 4.0]),
         Room::rectangle("17", [5.1, 1.0], [8.1, 4.0]),
     ];
-    for (rooms, names) in [(merged, ["Flat", "Flat"]), (split, ["Flat", "Room 17"])] {
+    // A person must tell the segments of one room apart.
+    for (rooms, names) in [(merged, ["Flat", "Flat 2"]), (split, ["Flat", "Room 17"])] {
         let modes = modes(&RobotLevel { rooms, ..level(&lidar) });
         let selections = modes[0]["predefined_selections"].as_array().unwrap();
         assert_eq!(selections.len(), 2);

@@ -139,6 +139,10 @@ fn nav2_files_are_read_back() {
     );
     let goals: Value = serde_json::from_slice(find("goals.json")).unwrap();
     assert_eq!(goals["goals"].as_array().unwrap().len(), 4);
+    assert_eq!(
+        (&goals["goal_area"]["is_at_dock"], &goals["goal_area"]["reason"]),
+        (&json!(true), &Value::Null)
+    );
     assert_eq!(nav2_zip(&files), nav2_zip(&nav2_files(&level, &ground).unwrap()));
     assert!(nav2_zip(&files).starts_with(b"PK"));
 }

@@ -97,3 +97,60 @@ fn rooms_of_one_name_have_numbers_and_so_have_their_objects() {
     level.rooms.push(Room { id: "18".to_owned(), ..level.rooms[1].clone() });
     assert_eq!(Titles::of(&level).rooms, ["Bedroom 2", "Bedroom", "Bedroom 3"]);
 }
+
+#[test]
+fn no_number_takes_the_name_of_another_room() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    for (given, want) in [
+        (&["Kammer", "Kammer", "Kammer 2"][..], &["Kammer", "Kammer 3", "Kammer 2"][..]),
+        (&["Kammer 2", "Kammer", "Kammer"], &["Kammer 2", "Kammer", "Kammer 3"]),
+        (&["A", "A", "A 2", "A 2", "A 3"], &["A", "A 4", "A 2", "A 2 2", "A 3"]),
+        (&["A", "A", "A"], &["A", "A 2", "A 3"]),
+        (&["A", "B", "C"], &["A", "B", "C"]),
+    ] {
+        let room = |(number, name): (usize, &&str)| Room {
+            name: Some((*name).to_owned()),
+            ..Room::rectangle(&number.to_string(), [1.0, 1.0], [5.0, 4.0])
+        };
+        let rooms = given.iter().enumerate().map(room).collect();
+        let level = RobotLevel { rooms, objects: vec![], ..level(&lidar) };
+        assert_eq!(Titles::of(&level).rooms, want);
+    }
+}
+
+#[test]
+fn no_number_takes_the_name_of_another_object() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    level.rooms[1].name = Some("Kitchen: table 3".to_owned());
+    level.objects = (0..4).map(|n| object(&n.to_string(), Class::Table, [2.0; 2], [0.5; 3], "16")).collect();
+    // A person gave the last table the number that the second one would get.
+    level.objects[3].name = Some("table 2".to_owned());
+    let want = ["Kitchen: table", "Kitchen: table 4", "Kitchen: table 5", "Kitchen: table 2"];
+    assert_eq!(Titles::of(&level).objects, want);
+}
+
+#[test]
+fn the_segments_of_a_room_are_told_apart() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    level.rooms =
+        vec![Room::rectangle("16", [1.0, 1.0], [8.1, 4.0]), Room::rectangle("9", [20.0; 2], [21.0; 2])];
+    level.rooms[0].name = Some("Flat".to_owned());
+    level.rooms[1].name = Some("Flat 2".to_owned());
+    let answer = valetudo(&level, Some(&valetudo_map()));
+    let names: Vec<_> = answer.segments.iter().map(|segment| segment.name.as_deref()).collect();
+    assert_eq!(names, [Some("Flat"), Some("Flat 3")]);
+    let map = answer.map.unwrap();
+    let shown = [1, 2].map(|layer: usize| map["layers"][layer]["metaData"]["name"].clone());
+    assert_eq!(shown, [json!("Flat"), json!("Flat 3")]);
+    let image = PlanImage::of(&plan(&lidar, &[], &level.rooms, &[]));
+    let card = calibration(&level, &image);
+    let labels: Vec<_> = card.map_modes[0].predefined_selections.iter().map(|one| &one.label.text).collect();
+    assert_eq!(labels, ["Flat", "Flat 3"]);
+    // Without a name the segments keep their own.
+    level.rooms[0].name = None;
+    let answer = valetudo(&level, Some(&valetudo_map()));
+    assert!(answer.segments.iter().all(|segment| segment.name.is_none()));
+    assert_eq!(answer.map.unwrap()["layers"][2]["metaData"]["name"], "Room 17");
+}
