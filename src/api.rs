@@ -5,11 +5,13 @@ mod bodies;
 mod changes;
 mod choice;
 mod classes;
+mod clip_list;
 mod clip_results;
 mod clips;
 mod compression;
 mod connections;
 mod corrections;
+mod digest;
 mod digits;
 mod documents;
 mod error;
@@ -36,6 +38,7 @@ mod peer;
 mod problems;
 mod ranges;
 mod reply;
+mod request_headers;
 mod request_log;
 mod sent_files;
 mod server;
@@ -135,7 +138,8 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, map::points::PointFormat, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
+    components(schemas(types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
+        map::points::PointFormat, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. An answer with an `ETag` \
         and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),
@@ -171,7 +175,8 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(lidar_maps::list_level_lidar_map_revisions))
         .routes(routes!(lidar_maps::restore_lidar_map))
         .routes(routes!(sent_files::get_lidar_map_file))
-        .routes(routes!(clips::list_clips, clips::add_clip))
+        .routes(routes!(clip_list::list_clips, clips::add_clip))
+        .routes(routes!(clip_list::list_all_clips))
         .merge(uploads::routes())
         .routes(routes!(clips::get_clip, clips::patch_clip, clips::delete_clip))
         .routes(routes!(clips::align_clip))
@@ -251,6 +256,7 @@ fn health_router(storage: Arc<Storage>) -> Router {
 fn router(app: App, has_admin_listener: bool) -> Router {
     let parameters = Parameters::of(&described());
     let refuse_unknown = axum::middleware::from_fn_with_state(parameters, parameters::refuse_unknown);
+    let check_headers = axum::middleware::from_fn(request_headers::check);
     let operators = if has_admin_listener { OpenApiRouter::new() } else { health::routes() };
     let health = health::open_routes().split_for_parts().0.with_state(app.storage.clone());
     let cors = layers::cors(&app.cors_origins);
@@ -259,9 +265,12 @@ fn router(app: App, has_admin_listener: bool) -> Router {
         .split_for_parts()
         .0
         .merge(operators.split_for_parts().0.with_state(app.storage.clone()))
+        .route_layer(check_headers.clone())
         .route_layer(refuse_unknown.clone())
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
-        .merge(open_routes().split_for_parts().0.route_layer(refuse_unknown.clone()))
+        .merge(
+            open_routes().split_for_parts().0.route_layer(check_headers).route_layer(refuse_unknown.clone()),
+        )
         .merge(health.route_layer(refuse_unknown))
         .merge(documents::routes())
         .merge(page::routes())

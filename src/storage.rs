@@ -53,7 +53,7 @@ pub use choice::Choice;
 pub use choices::{ChoiceError, Chosen};
 pub use clip_list::ClipFilter;
 pub use clip_state::ClipState;
-pub use clips::{Added, Clip, NewClip};
+pub use clips::{Added, Clip, ClipEdit, LastAnswer, NewClip};
 pub use corrections::{
     CorrectionError, CorrectionState, Corrections, Kept, MAX_CORRECTIONS, ObjectChange, RoomChange,
 };

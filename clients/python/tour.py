@@ -5,7 +5,7 @@ import sys
 import time
 import uuid
 
-from viola_client import AuthenticatedClient, Client
+from connect import connect
 from viola_client.api.changes import list_changes
 from viola_client.api.clips import add_clip, get_clip, get_clip_recording, patch_clip
 from viola_client.api.homes import get_home, list_homes, put_home
@@ -14,8 +14,10 @@ from viola_client.models import ClipPatch, ClipState, HomeBody, LidarMapDryRun, 
 from viola_client.types import File
 
 base, lidar, clip, *key = sys.argv[1:]
-api = AuthenticatedClient(base_url=base, token=key[0]) if key else Client(base_url=base)
+api = connect(base, *key)
 home = "python"
+# A clip needs seconds to minutes; a service without a worker never aligns it.
+DEADLINE_S = 600
 
 
 def accepted(answer):
@@ -38,7 +40,10 @@ with open(clip, "rb") as file:
     body = File(file)
     added = accepted(add_clip.sync(home, client=api, body=body, filename="tour.zip", idempotency_key=recording_key))
 now = added
+begun_s = time.monotonic()
 while now.state in (ClipState.QUEUED, ClipState.ALIGNING):
+    if time.monotonic() - begun_s > DEADLINE_S:
+        raise TimeoutError(f"the clip is still {now.state.value} after {DEADLINE_S} s")
     time.sleep(0.1)
     now = accepted(get_clip.sync(home, added.id, client=api))
 assert accepted(patch_clip.sync(home, added.id, client=api, body=ClipPatch(title="Kitchen"))).title == "Kitchen"

@@ -61,10 +61,12 @@ impl Caller {
 
     /// Returns the tenant; refuses a caller that is limited to one home.
     pub fn for_all_homes(&self) -> Result<&Tenant, Error> {
-        match self.home {
-            None => Ok(&self.tenant),
-            Some(_) => Err(Error::Forbidden("this key is for one home, and this path is about all of them")),
-        }
+        let Some(home) = &self.home else { return Ok(&self.tenant) };
+        Err(Error::Forbidden(format!(
+            "this path is about all homes of the tenant, and needs a key for all of them; this key, with the role `{}`, is \
+             for the home `{home}` only",
+            self.role.name()
+        )))
     }
 }
 
@@ -113,16 +115,7 @@ pub(super) async fn check(
     tracing::Span::current().record("tenant", caller.tenant.name());
     let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
     if !may(caller.role, request.method(), route) {
-        let is_for_readers = may(Role::Reader, request.method(), route);
-        return Err(Error::Forbidden(match caller.role {
-            Role::Reader => {
-                "a key with the role `reader` changes nothing and sees no webhooks; this takes `admin`"
-            }
-            _ if is_for_readers => {
-                "a key with the role `uploader` uploads clips and follows them; this takes `reader` or `admin`"
-            }
-            _ => "a key with the role `uploader` uploads clips and follows them; this takes `admin`",
-        }));
+        return Err(Error::Forbidden(needed_role(caller.role, request.method(), route)));
     }
     app.limits.pass(&caller.tenant)?;
     let turn = match turn {
@@ -262,11 +255,14 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<&str> {
     pairs.find(|(name, _)| *name == COOKIE).map(|(_, value)| value)
 }
 
-/// Operations of an uploader besides uploads: read its home and its clip, and follow the job.
-const OF_UPLOADERS: [(Method, &str); 9] = [
+/// Operations of an uploader besides uploads: read its home and its clip, and follow the job. Of the pictures, it sees those
+/// of the recording that it sent itself: they show why a clip failed. The overlay shows the home's LiDAR map.
+const OF_UPLOADERS: [(Method, &str); 11] = [
     (Method::POST, "/v1/homes/{home}/clips"),
     (Method::GET, "/v1/homes/{home}"),
     (Method::GET, "/v1/homes/{home}/clips/{clip}"),
+    (Method::GET, "/v1/homes/{home}/clips/{clip}/frames.jpg"),
+    (Method::GET, "/v1/homes/{home}/clips/{clip}/thumbnail.jpg"),
     (Method::GET, "/v1/jobs/{job}"),
     (Method::GET, "/v1/jobs/{job}/events"),
     (Method::GET, "/v1/classes"),
@@ -274,6 +270,23 @@ const OF_UPLOADERS: [(Method, &str); 9] = [
     (Method::DELETE, "/v1/session"),
     (Method::PUT, "/v1/session"),
 ];
+
+/// Returns the words that refuse a request: the roles that it needs, and the one that its key has.
+fn needed_role(has: Role, method: &Method, route: &str) -> String {
+    let roles = [Role::Uploader, Role::Reader, Role::Admin].into_iter();
+    let needed: Vec<String> =
+        roles.filter(|role| may(*role, method, route)).map(|role| format!("`{}`", role.name())).collect();
+    let rights = match has {
+        Role::Uploader => "uploads clips and follows them",
+        Role::Reader => "reads everything except webhooks, and changes nothing",
+        Role::Admin => "does everything",
+    };
+    format!(
+        "{method} of this path needs a key with the role {}; this key has the role `{}`, which {rights}",
+        needed.join(" or "),
+        has.name()
+    )
+}
 
 fn may(role: Role, method: &Method, route: &str) -> bool {
     let method = if method == Method::HEAD { &Method::GET } else { method };

@@ -1,6 +1,7 @@
 //! Bodies that are files: requests are streamed to the disk, answers from storage.
 
 use super::App;
+use super::digest::Digests;
 use super::error::Error;
 use super::fairness::{Arrival, FairPlace};
 use super::metrics;
@@ -129,6 +130,7 @@ pub(super) async fn receive(
     limit: u64,
 ) -> Result<(Arrived, Arrival), Error> {
     refuse_form(request.headers())?;
+    let digests = Digests::of(request.headers())?;
     let announced_bytes = content_length(request.headers()).unwrap_or_default();
     if announced_bytes > limit {
         return Err(Error::BodyTooLarge { limit });
@@ -150,19 +152,36 @@ pub(super) async fn receive(
         return Err(Error::BodyEmpty);
     }
     let arrived = incoming.finish().await?;
+    digests.check(&arrived.sha256)?;
     metrics::received("whole", size_bytes);
     Ok((arrived, arrival))
 }
 
 /// Refuses multipart forms, which wrap the file. Other media types are ignored: the content tells the format.
 fn refuse_form(headers: &HeaderMap) -> Result<(), Error> {
-    let media_type =
-        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    if media_type.trim_start().to_ascii_lowercase().starts_with("multipart/") {
-        let detail = "send the file itself as the body, not a form (curl: --data-binary @FILE or -T FILE)";
+    if media_type(headers).starts_with("multipart/") {
+        let detail = "send the file itself as the body, as Content-Type: application/octet-stream, not a form (curl: \
+            --data-binary @FILE or -T FILE)";
         return Err(Error::UnsupportedMediaType(detail.to_owned()));
     }
     Ok(())
+}
+
+/// Refuses JSON where no format of a file is JSON: a client library encoded the file, or its sender took the operation for
+/// another one.
+pub(super) fn refuse_json(headers: &HeaderMap) -> Result<(), Error> {
+    if media_type(headers) == "application/json" {
+        let detail = "the body came as JSON, and this operation takes a file: send its bytes as Content-Type: \
+            application/octet-stream";
+        return Err(Error::UnsupportedMediaType(detail.to_owned()));
+    }
+    Ok(())
+}
+
+/// Returns the media type of a body in lower case, without its parameters; empty without one.
+pub(super) fn media_type(headers: &HeaderMap) -> String {
+    let sent = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    sent.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
 /// Returns an answer with a blob. The blob of a path may change, so caches must revalidate.

@@ -5,7 +5,7 @@ use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, Json, Member, member};
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, may_change};
+use super::reply::{Resource, may_change};
 use super::types::{self, Clip};
 use crate::storage::{self, ChoiceError, Chosen, StorageError};
 use axum::extract::State;
@@ -75,7 +75,8 @@ pub(super) struct ChoosePose {
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
     request_body = Choose,
     responses(
-        (status = 200, description = "The clip with the choice", body = Clip),
+        (status = 200, description = "The clip with the choice", body = Clip,
+            headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 409, description = "The clip has no answer yet, so it has no alternatives: `no-answer-yet`; \
             or the home has no LiDAR map, so a pose has no frame: `no-lidar-map`", body = Problem,
             content_type = "application/problem+json"),
@@ -87,12 +88,12 @@ pub(super) async fn choose_alignment(
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
     Json(body): Json<ChoiceBody>,
-) -> Result<Document<Clip>, Error> {
+) -> Result<Resource<Clip>, Error> {
     let chosen = chosen(&body)?;
     to_the_end(async move {
         let clip = app.storage.choose(&home, clip, chosen, is_expected(headers), Timestamp::now()).await?;
         app.queue.wake();
-        Ok(Document(clip.into()))
+        Ok(Resource(clip.into()))
     })
     .await
 }
@@ -102,7 +103,8 @@ pub(super) async fn choose_alignment(
 /// The clip returns to the method's own verdict. Without a choice, nothing changes.
 #[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
-    responses((status = 200, description = "The clip without a choice", body = Clip),
+    responses((status = 200, description = "The clip without a choice", body = Clip,
+            headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
@@ -110,11 +112,11 @@ pub(super) async fn withdraw_alignment(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
-) -> Result<Document<Clip>, Error> {
+) -> Result<Resource<Clip>, Error> {
     to_the_end(async move {
         let clip = app.storage.withdraw_choice(&home, clip, is_expected(headers), Timestamp::now()).await?;
         app.queue.wake();
-        Ok(Document(clip.into()))
+        Ok(Resource(clip.into()))
     })
     .await
 }

@@ -2,20 +2,21 @@
 
 use super::App;
 use super::access::Caller;
-use super::bodies::{FileBytes, content_length, receive, to_the_end};
+use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, timestamp};
-use super::list::{List, ListQuery, UpdatedQuery, states};
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
-use super::reply::{Document, may_change};
-use super::types::{Clip, ClipInfo, ClipState, Estimate};
-use crate::storage::{self, Added, Arrived, ClipFilter, NewClip, StorageError};
+use super::reply::{Document, Resource, may_change};
+use super::types::{Clip, ClipInfo, Estimate};
+use crate::storage::{self, Added, Arrived, ClipEdit, HomeId, NewClip, StorageError};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use uuid::Uuid;
 use viola_formats::clip;
 use viola_formats::video::Tools;
 use viola_reconstruct::estimate;
@@ -81,7 +82,7 @@ impl IntoResponse for Answer {
         match self {
             Answer::Added(clip) => {
                 let location = format!("/v1/homes/{}/clips/{}", clip.home.as_str(), clip.id);
-                (StatusCode::CREATED, [(header::LOCATION, location)], Document(clip)).into_response()
+                (StatusCode::CREATED, [(header::LOCATION, location)], Resource(clip)).into_response()
             }
             Answer::Looked(report) => Document(report).into_response(),
         }
@@ -96,16 +97,19 @@ impl IntoResponse for Answer {
 ///
 /// With an `Idempotency-Key`, sending the same file again returns the same clip. Without one it makes another clip,
 /// whose `duplicate_of` names the first. A key belongs to the home, and lasts as long as its clip. The answer may take three
-/// minutes after the last byte.
+/// minutes after the last byte. With `Content-Digest` or `Repr-Digest` (RFC 9530), a file without that SHA-256 is refused.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, AddQuery,
-        ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home")),
+        ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home"),
+        ("Content-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body"),
+        ("Repr-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens, .db, .mcap, .db3)"),
     responses(
         (status = 200, description = "With `dry_run`: summary of the file and estimate of the work", body = DryRun),
         (status = 201, description = "The clip and its job", body = Clip,
-            headers(("Location" = String, description = "The clip's path"))),
+            headers(("Location" = String, description = "The clip's path"),
+                ("ETag" = String, description = "For `If-Match` of the next change"))),
         CommonProblems, FileProblems))]
 pub(super) async fn add_clip(
     State(app): State<App>,
@@ -115,6 +119,7 @@ pub(super) async fn add_clip(
     IdempotencyKey(idempotency_key): IdempotencyKey,
     request: Request,
 ) -> Result<Answer, Error> {
+    refuse_json(request.headers())?;
     let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
@@ -174,11 +179,15 @@ fn latest() -> Timestamp {
 /// Parses the time of recording that the sender gives.
 pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
     let time = timestamp("recorded_at", text)?;
-    if (EARLIEST..=latest()).contains(&time) {
+    if is_possible(time) {
         return Ok(time);
     }
     let detail = "recorded_at is between the year 2000 and a day from now".to_owned();
     Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
+}
+
+fn is_possible(time: Timestamp) -> bool {
+    (EARLIEST..=latest()).contains(&time)
 }
 
 /// Parses the scale that the sender gives; returns whether it is unknown.
@@ -210,32 +219,6 @@ pub(super) async fn open(
     app.readers.run(tenant, read).await?
 }
 
-/// The filter of a list of clips.
-#[derive(Debug, Deserialize, utoipa::IntoParams)]
-#[into_params(parameter_in = Query)]
-pub(super) struct StateQuery {
-    /// Only clips in one of these states, separated by commas. Send it with the request of every page.
-    #[param(value_type = Option<Vec<ClipState>>, style = Form, explode = false, min_items = 1, example = json!(["ambiguous", "failed"]))]
-    state: Option<String>,
-}
-
-/// List the clips of a home, oldest first
-#[utoipa::path(get, path = "/v1/homes/{home}/clips", tag = "clips",
-    params(HomePath, ListQuery, UpdatedQuery, StateQuery),
-    responses((status = 200, description = "One page", body = List<Clip>), CommonProblems))]
-pub(super) async fn list_clips(
-    State(app): State<App>,
-    HomePath { home }: HomePath,
-    Query(query): Query<ListQuery>,
-    Query(updated): Query<UpdatedQuery>,
-    Query(state): Query<StateQuery>,
-) -> Result<Document<List<Clip>>, Error> {
-    let states = states(state.state.as_deref(), &storage::ClipState::ALL, storage::ClipState::name)?;
-    let filter = ClipFilter { states, updated_after: updated.updated_after()? };
-    let clips = app.storage.clips(&home, &filter, &query.page()?).await?;
-    Ok(Document(query.list(clips, |clip| clip.id)?))
-}
-
 /// Get a clip: its state, the summary of its file, its alignment and its newest job
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
     params(ClipPath),
@@ -247,7 +230,7 @@ pub(super) async fn get_clip(
     Ok(Document(app.storage.clip(&home, clip).await?.into()))
 }
 
-/// The names of a clip, as a JSON Merge Patch: absent members stay, null withdraws.
+/// A correction of a clip, as a JSON Merge Patch: absent members stay, null withdraws.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"title": "Kitchen, evening"}))]
@@ -256,13 +239,19 @@ pub(super) struct ClipPatch {
     #[serde(default, deserialize_with = "member")]
     #[schema(value_type = Option<String>, min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     title: Member,
+    /// Time of recording, from the year 2000 to a day from now; null takes the time in the file again, if it has one. If the
+    /// home changed between two clips, the later clip counts, so a new time makes a new revision of the home's map.
+    #[serde(default, deserialize_with = "member")]
+    #[schema(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
+    recorded_at: Member,
 }
 
-/// Name a clip
+/// Correct a clip: its title and its time of recording
 #[utoipa::path(patch, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
     request_body(content((ClipPatch = "application/merge-patch+json"), (ClipPatch = "application/json"))),
-    responses((status = 200, description = "The clip", body = Clip),
+    responses((status = 200, description = "The corrected clip", body = Clip,
+            headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
@@ -271,22 +260,36 @@ pub(super) async fn patch_clip(
     ClipPath { home, clip: id }: ClipPath,
     headers: HeaderMap,
     Json(patch): Json<ClipPatch>,
-) -> Result<Document<Clip>, Error> {
+) -> Result<Resource<Clip>, Error> {
     let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
-    let clip = match &patch.title {
-        None => app.storage.clip(&home, id).await?,
-        Some(title) => {
-            let wrong = || Error::InvalidMember {
-                field: "title",
-                detail: "title is a text of 1 to 200 characters on one line, or null".to_owned(),
-            };
-            let title = title
-                .as_ref()
-                .map(|title| title.as_str().filter(|title| names::is_title(title)).ok_or_else(wrong));
-            app.storage.rename_clip(&home, id, title.transpose()?, is_expected, Timestamp::now()).await?
+    let clip = match edit(&app, &home, id, &patch).await? {
+        edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
+        edit => app.storage.edit_clip(&home, id, edit, is_expected, Timestamp::now()).await?,
+    };
+    // A home's map with the clip is due if the clip's time changed.
+    app.queue.wake();
+    Ok(Resource(clip.into()))
+}
+
+/// Returns the correction of a patch.
+async fn edit(app: &App, home: &HomeId, id: Uuid, patch: &ClipPatch) -> Result<ClipEdit, Error> {
+    let wrong = |field, what: &str| Error::InvalidMember { field, detail: format!("{field} is {what}") };
+    let title = |title: &Value| {
+        let title = title.as_str().filter(|title| names::is_title(title)).map(str::to_owned);
+        title.ok_or_else(|| wrong("title", "a text of 1 to 200 characters on one line, or null"))
+    };
+    let title = patch.title.as_ref().map(|value| value.as_ref().map(title).transpose()).transpose()?;
+    let recorded_at = match &patch.recorded_at {
+        None => None,
+        Some(None) => Some(recorded_at_of_file(&app.storage.clip(home, id).await?.info)),
+        Some(Some(time)) => {
+            let time = time.as_str().and_then(|text| text.parse::<Timestamp>().ok());
+            let time = time.filter(|time| is_possible(*time));
+            let what = "a time of RFC 3339 as 2026-03-14T15:09:26Z, between the year 2000 and a day from now, or null";
+            Some(Some(time.ok_or_else(|| wrong("recorded_at", what))?))
         }
     };
-    Ok(Document(clip.into()))
+    Ok(ClipEdit { title, recorded_at })
 }
 
 /// Remove a clip with all its data
@@ -318,14 +321,15 @@ pub(super) async fn delete_clip(
     params(ClipPath),
     responses(
         (status = 202, description = "The clip with the job that is under way", body = Clip,
-            headers(("Location" = String, description = "The job's path"))),
+            headers(("Location" = String, description = "The job's path"),
+                ("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 409, description = "The home has no LiDAR map: `no-lidar-map`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn align_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
-) -> Result<(StatusCode, [(header::HeaderName, String); 1], Document<Clip>), Error> {
+) -> Result<(StatusCode, [(header::HeaderName, String); 1], Resource<Clip>), Error> {
     let aligned = to_the_end(async move {
         let aligned = app.storage.align_clip(&home, clip, Timestamp::now()).await;
         app.queue.wake();
@@ -336,5 +340,5 @@ pub(super) async fn align_clip(
         other => other.into(),
     })?;
     let location = clip.job.as_ref().map(|job| format!("/v1/jobs/{}", job.id)).unwrap_or_default();
-    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Document(clip.into())))
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Resource(clip.into())))
 }

@@ -5,14 +5,13 @@ use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member};
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, may_change, tag_of_document, tagged};
+use super::reply::{Document, Resource, may_change};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
 use crate::storage::{ObjectChange, RoomChange};
 use axum::extract::State;
 use axum::http::HeaderMap;
-use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, RoomCorrection};
@@ -125,7 +124,7 @@ pub(super) async fn correct_map_object(
     ObjectPath { home, object }: ObjectPath,
     headers: HeaderMap,
     Json(patch): Json<ObjectPatch>,
-) -> Result<Response, Error> {
+) -> Result<Resource<CorrectedObject>, Error> {
     let change = object_change(&patch)?;
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedObject::from(Clone::clone(state))));
@@ -133,7 +132,7 @@ pub(super) async fn correct_map_object(
         let state =
             app.storage.correct::<ObjectCorrection>(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
-        Ok(with_tag(CorrectedObject::from(state)))
+        Ok(Resource(CorrectedObject::from(state)))
     })
     .await
 }
@@ -170,14 +169,14 @@ pub(super) async fn correct_map_room(
     RoomPath { home, room }: RoomPath,
     headers: HeaderMap,
     Json(patch): Json<RoomPatch>,
-) -> Result<Response, Error> {
+) -> Result<Resource<CorrectedRoom>, Error> {
     let change = room_change(&patch)?;
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedRoom::from(Clone::clone(state))));
         let now = Timestamp::now();
         let state = app.storage.correct::<RoomCorrection>(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
-        Ok(with_tag(CorrectedRoom::from(state)))
+        Ok(Resource(CorrectedRoom::from(state)))
     })
     .await
 }
@@ -190,11 +189,6 @@ pub(super) async fn list_map_corrections(
     HomePath { home }: HomePath,
 ) -> Result<Document<Corrections>, Error> {
     Ok(Document(app.storage.corrections(&home).await?.into()))
-}
-
-fn with_tag<T: Serialize>(state: T) -> Response {
-    let tag = tag_of_document(&state);
-    tagged(Document(state).into_response(), &tag)
 }
 
 fn wrong(field: &'static str, what: &str) -> Error {

@@ -1,14 +1,15 @@
 //! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
 //! of the service goes to the log, never into an answer.
 
+mod body;
 mod codes;
 mod correction;
 mod defence;
 mod storage;
 
-pub(super) use defence::Defence;
-
+pub(super) use body::BodyRefusal;
 pub(super) use codes::CODES;
+pub(super) use defence::Defence;
 
 use super::uploads::UploadRefusal;
 use crate::storage::{CorrectionError, MAX_WEBHOOKS, StorageError};
@@ -105,7 +106,7 @@ pub(super) enum Error {
     #[error("the key is not one of this service's, has expired, or was revoked; ask for a new one")]
     KeyInvalid,
     #[error("{0}")]
-    Forbidden(&'static str),
+    Forbidden(String),
     #[error("too many requests for this tenant; wait {retry_after_s} s")]
     TooManyRequests { retry_after_s: u64 },
     #[error("at most {most} exports run at once, {most_of_tenant} of one tenant; retry later")]
@@ -136,6 +137,8 @@ pub(super) enum Error {
     NotReady { what: &'static str, cause: Option<StorageError> },
     #[error("the answer has {length} bytes, and the range begins behind them")]
     NoSuchRange { length: u64 },
+    #[error("{0}")]
+    Body(#[from] BodyRefusal),
     #[error("{0}")]
     Defence(#[from] Defence),
     #[error("{0}")]
@@ -218,6 +221,7 @@ impl Error {
             Error::NoSuchRange { .. } => {
                 (S::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", "The answer has no such bytes")
             }
+            Error::Body(refusal) => refusal.mapping(),
             Error::Defence(refusal) => refusal.mapping(),
             Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
@@ -244,6 +248,7 @@ impl Error {
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
             Error::Correction(CorrectionError::Changed { .. })
             | Error::Storage(StorageError::Changed { .. }) => Some("If-Match"),
+            Error::Body(refusal) => Some(refusal.field()),
             Error::Defence(refusal) => refusal.field(),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
@@ -342,6 +347,10 @@ impl IntoResponse for Error {
             }
             Error::TooManyExports { .. } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(EXPORT_RETRY_AFTER_S));
+            }
+            Error::Body(BodyRefusal::Encoded(_)) => {
+                // RFC 9110, section 12.5.3.
+                response.headers_mut().insert(header::ACCEPT_ENCODING, HeaderValue::from_static("identity"));
             }
             Error::Defence(refusal) => {
                 if let Some(wait) = refusal.retry_after() {

@@ -2,6 +2,7 @@
 
 use super::App;
 use super::access;
+use super::bodies::media_type;
 use super::error::Error;
 use super::types;
 use crate::storage::{HomeId, UploadError};
@@ -17,6 +18,9 @@ use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
 use viola_geometry::LevelName;
+
+/// Maximum characters of a media type that an answer repeats.
+const MAX_SHOWN_CHARACTERS: usize = 64;
 
 /// A path to a home.
 #[derive(utoipa::IntoParams)]
@@ -263,6 +267,7 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
             let detail = "the body has no media type: add the header `Content-Type: application/json`";
             return Err(Error::UnsupportedMediaType(detail.to_owned()));
         }
+        let sent = media_type(request.headers());
         // Parsed as an object first, because serde also accepts an array for a struct.
         let read = Option::<axum::Json<Option<Map<String, Value>>>>::from_request(request, app);
         let late = |_| {
@@ -272,13 +277,13 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
         match tokio::time::timeout(app.bodies.json, read).await.map_err(late)? {
             Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
             Ok(Some(axum::Json(Some(object)))) => parsed(object).map(Json),
-            Err(rejection) => Err(refused_json(&rejection)),
+            Err(rejection) => Err(refused_json(&rejection, &sent)),
         }
     }
 }
 
 /// Returns whether a body follows the headers of a request (RFC 9112, section 6.3).
-fn has_body(headers: &HeaderMap) -> bool {
+pub(super) fn has_body(headers: &HeaderMap) -> bool {
     let length = headers.get(header::CONTENT_LENGTH).is_some_and(|length| length != "0");
     length || headers.contains_key(header::TRANSFER_ENCODING)
 }
@@ -303,14 +308,20 @@ pub(super) fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Membe
     Option::<Value>::deserialize(deserializer).map(Some)
 }
 
-fn refused_json(rejection: &JsonRejection) -> Error {
+/// `sent` is the media type of the body.
+fn refused_json(rejection: &JsonRejection, sent: &str) -> Error {
     let detail = rejection.body_text();
     match rejection {
         JsonRejection::JsonDataError(_) => {
             Error::InvalidBody { field: None, detail: "the body is a JSON object".to_owned() }
         }
         JsonRejection::JsonSyntaxError(_) => Error::MalformedJson(detail),
-        JsonRejection::MissingJsonContentType(_) => Error::UnsupportedMediaType(detail),
+        JsonRejection::MissingJsonContentType(_) => {
+            let sent: String = sent.chars().take(MAX_SHOWN_CHARACTERS).collect();
+            Error::UnsupportedMediaType(format!(
+                "the body came as `{sent}`, and this operation takes JSON: send it as `Content-Type: application/json`"
+            ))
+        }
         other if other.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE => {
             Error::BodyTooLarge { limit: super::MAX_JSON_BYTES as u64 }
         }

@@ -10,7 +10,7 @@ use super::fairness::FairPlaces;
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, may_change, may_repeat, unmet};
+use super::reply::{Document, Resource, may_change, may_repeat, unmet};
 use super::types::Home;
 use crate::storage::{self, HomeFilter, HomeId, Tenant};
 use axum::extract::State;
@@ -49,8 +49,10 @@ pub(super) struct HomeBody {
         ("If-None-Match" = Option<String>, Header, description = "`*` if the home must be new")),
     request_body = Option<HomeBody>,
     responses(
-        (status = 200, description = "The home existed already", body = Home),
-        (status = 201, description = "The home is new", body = Home),
+        (status = 200, description = "The home existed already", body = Home,
+            headers(("ETag" = String, description = "For `If-Match` of the next change"))),
+        (status = 201, description = "The home is new", body = Home,
+            headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 412, description = "The home was changed since it was read, or exists: `changed-meanwhile`",
             body = Problem, content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
@@ -59,7 +61,7 @@ pub(super) async fn put_home(
     HomePath { home }: HomePath,
     headers: HeaderMap,
     Json(body): Json<HomeBody>,
-) -> Result<(StatusCode, Document<Home>), Error> {
+) -> Result<(StatusCode, Resource<Home>), Error> {
     if body.name.as_ref().is_some_and(|name| !names::is_title(name)) {
         let detail = "name has 1 to 200 characters, and no control characters; null removes it".to_owned();
         return Err(Error::InvalidMember { field: "name", detail });
@@ -74,7 +76,7 @@ pub(super) async fn put_home(
     let (home, is_new) = put.map_err(|error| unmet(&headers, error))?;
     app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, Document(home.into())))
+    Ok((status, Resource(home.into())))
 }
 
 /// Get a home
@@ -137,7 +139,7 @@ pub(super) fn searches() -> FairPlaces {
 }
 
 /// Runs a search in a place of the tenant. It keeps the place if its client leaves, because its statement runs on.
-async fn search<T: Send + 'static>(
+pub(super) async fn search<T: Send + 'static>(
     searches: &FairPlaces,
     tenant: &Tenant,
     found: impl Future<Output = T> + Send + 'static,

@@ -7,7 +7,7 @@ use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
 use super::list::{List, ListQuery, states};
 use super::problems::CommonProblems;
-use super::reply::Document;
+use super::reply::{Document, Resource};
 use super::types::{Job, JobState};
 use crate::storage;
 use axum::extract::State;
@@ -99,20 +99,22 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
 
 /// Cancel a job
 ///
-/// Its clip is then `uploaded` with the reason `cancelled`. Cancelling it again changes nothing.
+/// Its `error` and the reason of its clip, which is then `uploaded`, have the code `cancelled`. A job that a newer one of its
+/// clip replaced has the code `superseded`. Cancelling it again changes nothing.
 #[utoipa::path(post, path = "/v1/jobs/{job}/cancel", tag = "jobs", params(JobPath),
     responses(
-        (status = 200, description = "The job is cancelled", body = Job),
+        (status = 200, description = "The job is cancelled", body = Job,
+            headers(("ETag" = String, description = "Names the state of the job"))),
         (status = 409, description = "The job has ended in another state: `job-ended`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn cancel_job(
     State(app): State<App>,
     JobPath { job: id }: JobPath,
-) -> Result<Document<Job>, Error> {
+) -> Result<Resource<Job>, Error> {
     let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
     if job.state != storage::JobState::Cancelled {
         return Err(Error::JobEnded(job.state.name()));
     }
-    Ok(Document(job.into()))
+    Ok(Resource(job.into()))
 }

@@ -9,12 +9,12 @@ use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
-use super::reply::{Document, may_change, may_repeat, tag_of, unless_known, unmet};
+use super::reply::{Document, may_change, may_repeat, tag_of, tag_of_document, tagged, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
 use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap, StorageError};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -63,8 +63,9 @@ pub(super) struct LidarMapDryRun {
 }
 
 /// The answer to an upload of a LiDAR map.
-#[derive(Serialize, utoipa::ToSchema)]
+#[derive(utoipa::ToSchema)]
 #[serde(untagged)]
+#[expect(dead_code, reason = "it only describes the answer")]
 pub(super) enum PutAnswer {
     Revision(Box<LidarMapRevision>),
     DryRun(Box<LidarMapDryRun>),
@@ -77,13 +78,17 @@ pub(super) enum PutAnswer {
 #[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map",
     params(HomePath, PutQuery,
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that the file replaces"),
-        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet")),
+        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet"),
+        ("Content-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body"),
+        ("Repr-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a zip of a ROS map_server yaml \
             and its image, a CARMEN log, or points as CSV, PLY or PCD"),
     responses(
-        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer),
-        (status = 201, description = "A new revision", body = LidarMapRevision),
+        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
+        (status = 201, description = "A new revision", body = LidarMapRevision,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
@@ -93,7 +98,7 @@ pub(super) async fn put_lidar_map(
     HomePath { home }: HomePath,
     Query(query): Query<PutQuery>,
     request: Request,
-) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+) -> Result<Response, Error> {
     put(app, &caller, home, LevelName::MAIN, query, request).await
 }
 
@@ -105,7 +110,7 @@ pub(super) async fn put(
     level: LevelName,
     query: PutQuery,
     request: Request,
-) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+) -> Result<Response, Error> {
     let about = app.storage.home(&home).await?;
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let file_name = file_name(query.filename)?;
@@ -119,7 +124,7 @@ pub(super) async fn put(
             understood: new.info.into(),
             clips_to_align: if is_same { 0 } else { about.clips.iter().sum() },
         };
-        return Ok((StatusCode::OK, Document(PutAnswer::DryRun(Box::new(report)))));
+        return Ok(Document(report).into_response());
     }
     if !is_same {
         app.limits.check_quota(&app.storage, &caller.tenant, new.bytes()).await?;
@@ -135,10 +140,18 @@ pub(super) async fn put(
         let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, Timestamp::now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
         app.queue.wake();
-        let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-        Ok((status, Document(PutAnswer::Revision(Box::new(revision.into())))))
+        Ok(answer(revision, is_new))
     })
     .await
+}
+
+/// Returns the answer with a revision that is the current one now. Its entity tag is that of the level's LiDAR map, which has
+/// more members.
+pub(super) fn answer(revision: storage::LidarMapRevision, is_new: bool) -> Response {
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    let tag = tag_of_document(&CurrentLidarMap::from(revision.clone()));
+    let document = Document(LidarMapRevision::from(revision));
+    tagged((status, document).into_response(), &tag)
 }
 
 /// Returns whether a level's current map has a file already: storing it would change nothing.

@@ -43,12 +43,16 @@ pub(super) async fn list_lidar_maps(
 #[utoipa::path(put, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map",
     params(LevelPath, PutQuery,
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that the file replaces"),
-        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet")),
+        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet"),
+        ("Content-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body"),
+        ("Repr-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "Any format of `PUT .../lidar-map`"),
     responses(
-        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer),
-        (status = 201, description = "A new revision", body = LidarMapRevision),
+        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
+        (status = 201, description = "A new revision", body = LidarMapRevision,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
             content_type = "application/problem+json"),
         (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
@@ -60,7 +64,7 @@ pub(super) async fn put_level_lidar_map(
     LevelPath { home, level }: LevelPath,
     Query(query): Query<PutQuery>,
     request: Request,
-) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+) -> Result<Response, Error> {
     lidar_map::put(app, &caller, home, level, query, request).await
 }
 
@@ -72,8 +76,10 @@ pub(super) async fn put_level_lidar_map(
     params(LevelRevisionPath,
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that it replaces")),
     responses(
-        (status = 200, description = "The current revision has this file already", body = LidarMapRevision),
-        (status = 201, description = "The new revision", body = LidarMapRevision),
+        (status = 200, description = "The current revision has this file already", body = LidarMapRevision,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
+        (status = 201, description = "The new revision", body = LidarMapRevision,
+            headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
@@ -82,7 +88,7 @@ pub(super) async fn restore_lidar_map(
     caller: Caller,
     LevelRevisionPath { home, level, revision }: LevelRevisionPath,
     headers: HeaderMap,
-) -> Result<(StatusCode, Document<LidarMapRevision>), Error> {
+) -> Result<Response, Error> {
     let earlier = app.storage.lidar_map_revision(&home, level, revision).await?;
     let earlier = earlier.ok_or(Error::NoSuchLidarRevision(revision))?;
     let mut from_current = None;
@@ -98,8 +104,7 @@ pub(super) async fn restore_lidar_map(
             app.storage.restore_lidar_map(&home, &earlier, from_current, max_bytes, is_expected, now);
         let (current, is_new) = restored.await?;
         app.queue.wake();
-        let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-        Ok((status, Document(current.into())))
+        Ok(lidar_map::answer(current, is_new))
     })
     .await
 }

@@ -32,6 +32,7 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
     }
     document["components"]["examples"] = Value::Object(shared);
     share_problems(&mut document);
+    describe_messages(&mut document);
     serde_json::from_value(document).expect("it is the document with more members of the same kinds")
 }
 
@@ -61,6 +62,45 @@ fn share_problems(document: &mut Value) {
         }
     }
     document["components"]["responses"] = Value::Object(shared);
+}
+
+/// Adds the events of streams and the messages to webhooks.
+fn describe_messages(document: &mut Value) {
+    for (path, event) in [("/v1/homes/{home}/events", "HomeEvent"), ("/v1/jobs/{job}/events", "JobEvent")] {
+        // OpenAPI 3.1 has no place for the items of a stream.
+        let stream = &mut document["paths"][path]["get"]["responses"]["200"]["content"]["text/event-stream"];
+        stream["x-item-schema"] = json!({"$ref": format!("#/components/schemas/{event}")});
+    }
+    document["webhooks"] = json!({
+        "change": webhook("on_change", "Receive a change of a home or of something in it", "WebhookMessage"),
+        "test": webhook("on_webhook_test", "Receive the message of a test", "WebhookTest"),
+    });
+}
+
+/// Returns the request that a webhook receives.
+fn webhook(operation: &str, summary: &str, body: &str) -> Value {
+    let header = |name: &str, description: &str| {
+        let schema = json!({"type": "string"});
+        json!({"name": name, "in": "header", "required": true, "schema": schema, "description": description})
+    };
+    let schema = json!({"$ref": format!("#/components/schemas/{body}")});
+    json!({"post": {
+        "tags": ["webhooks"],
+        "summary": summary,
+        "operationId": operation,
+        "parameters": [
+            header("webhook-id", "Id of the message, the same in each attempt"),
+            header("webhook-timestamp", "Seconds since 1970 UTC"),
+            header("webhook-signature", "`v1,` and the base64 of the HMAC-SHA256 of `ID.TIMESTAMP.BODY` by the webhook's secret"),
+        ],
+        "requestBody": {"required": true, "content": {"application/json": {"schema": schema}}},
+        "responses": {
+            "204": {"description": "The message has arrived; any other 2xx says so, too"},
+            "410": {"description": "The address wants no more messages: the webhook is disabled"},
+            "503": {"description": "As any other status: the message is sent again, after `Retry-After` if that is given"},
+        },
+        "security": [],
+    }})
 }
 
 /// Returns the members of an object; none of anything else.

@@ -54,7 +54,7 @@ impl IntoResponses for CommonProblems {
         let own = [
             (
                 "400",
-                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole or not JSON: `body-incomplete`, `malformed-json`",
+                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole, not JSON, or not the one of its digest: `body-incomplete`, `malformed-json`, `digest-mismatch`",
             ),
             (
                 "404",
@@ -102,7 +102,7 @@ impl IntoResponses for JsonProblems {
         responses(&[
             ("408", "The body did not arrive in time: `body-stalled`"),
             ("413", "`body-too-large`"),
-            ("415", "The body is not declared as JSON: `unsupported-media-type`"),
+            ("415", "The body is not declared as JSON, or is encoded: `unsupported-media-type`"),
             (
                 "422",
                 "The body is JSON, but not with the expected members: `invalid-body`; `field` names the member where one is at fault",
@@ -125,7 +125,7 @@ impl IntoResponses for FileProblems {
             ),
             (
                 "415",
-                "A form, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",
+                "A form, an encoded body, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",
             ),
             (
                 "422",
@@ -147,7 +147,10 @@ impl IntoResponses for UploadProblems {
             ("400", "Or `Upload-Checksum` has another algorithm: `unknown-checksum-algorithm`"),
             ("403", "Or a final upload takes no bytes: `upload-final`"),
             ("413", "Or the file came in too many pieces: `too-many-pieces`"),
-            ("422", "Or a process that opened the file died: `upload-unreadable`"),
+            (
+                "422",
+                "Or a process that opened the file died: `upload-unreadable`. Or the file does not have the `sha256` of its metadata: `checksum-mismatch`",
+            ),
             (
                 "429",
                 "Or too many uploads of the home or of the tenant are unfinished, without `Retry-After`: `too-many-uploads`",

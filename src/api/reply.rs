@@ -31,6 +31,17 @@ impl<T: Serialize> IntoResponse for Document<T> {
     }
 }
 
+/// A resource as the answer to its change, with the entity tag that the answer to GET has: the next `If-Match` needs no GET.
+pub(super) struct Resource<T>(pub T);
+
+impl<T: Serialize> IntoResponse for Resource<T> {
+    fn into_response(self) -> Response {
+        let text = json(&self.0);
+        let tag = tag_of(&[&text]);
+        tagged(json_response(text), &tag)
+    }
+}
+
 /// Returns the answer with the text of a JSON document.
 pub(super) fn json_response(text: Vec<u8>) -> Response {
     ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response()

@@ -8,7 +8,9 @@ mod home;
 mod home_map;
 mod job;
 mod lidar_map;
+mod messages;
 mod names;
+mod reason_code;
 mod upload;
 mod webhook;
 
@@ -22,7 +24,9 @@ pub(super) use home::Home;
 pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, MapState, Room};
 pub(super) use job::{Job, JobState};
 pub(super) use lidar_map::{LidarInfo, LidarMapRevision, PictureFrame};
+pub(super) use messages::{HomeEvent, JobEvent, WebhookMessage, WebhookTest};
 pub(super) use names::{ClassName, HomeId, LevelName, Pose2, Role};
+pub(super) use reason_code::ReasonCode;
 pub(super) use upload::{UploadKind, UploadState};
 pub(super) use webhook::{Delivery, Webhook};
 

@@ -107,8 +107,12 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 ///
 /// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
 /// `home`, and optionally its `filename`, its `title`, its time of recording (`recorded_at`, RFC 3339), its
-/// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header
-/// `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one always: a repeated upload then makes no second clip.
+/// `scale` (`unknown` if poses and depth are not in metres), the `sha256` of the file (64 hexadecimal digits) and an
+/// `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one of the two
+/// always: a repeated upload then makes no second clip.
+///
+/// With `sha256`, the same request for the same home returns the upload that it began, whatever has arrived of it: go on at
+/// the `Upload-Offset` of the answer. A file with another SHA-256 is refused.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
 /// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are then gone, and has no body. The
@@ -123,13 +127,15 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
         ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: a later PATCH gives the length"),
         ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `title`, `recorded_at`, \
-            `scale` and `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
+            `scale`, `sha256` and `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
-        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
+        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64"),
+        ("Content-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body"),
+        ("Repr-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body")),
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream",
         description = "Nothing, or the first bytes of the file"),
     responses(
-        (status = 201, description = "The upload is created", body = UploadDocument,
+        (status = 201, description = "The upload is created, or was by the same request before", body = UploadDocument,
             headers(("Location" = String, description = "The upload's path"),
                 ("Upload-Offset" = u64, description = "Number of durable bytes"),
                 ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
@@ -218,7 +224,9 @@ async fn head_upload(
         ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
         ("Upload-Offset" = u64, Header, description = "Number of bytes that the service has"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file, if not given before"),
-        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
+        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64"),
+        ("Content-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body"),
+        ("Repr-Digest" = Option<String>, Header, pattern = "^sha-256=:[A-Za-z0-9+/]{43}=:$", description = "SHA-256 of the body")),
     request_body(content = FileBytes, content_type = "application/offset+octet-stream"),
     responses(
         (status = 204, description = "The body is durable",

@@ -1,6 +1,6 @@
 //! Metrics of jobs and merges.
 
-use crate::storage::AttemptEnd;
+use crate::storage::{AttemptEnd, ClipState};
 use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
 use std::time::Duration;
 
@@ -14,7 +14,10 @@ const MERGE_SECONDS: &str = "viola_merge_seconds";
 
 /// Registers the descriptions of the metrics.
 pub fn describe_metrics() {
-    describe_counter!(ATTEMPTS, "Attempts at jobs, by how they ended");
+    describe_counter!(
+        ATTEMPTS,
+        "Attempts at jobs, by how they ended; cancelled and superseded ones are no failures"
+    );
     describe_histogram!(ATTEMPT_SECONDS, Unit::Seconds, "Time of an attempt");
     describe_histogram!(STAGE_SECONDS, Unit::Seconds, "Time of a stage of the method");
     describe_histogram!(START_SECONDS, Unit::Seconds, "From when a job was due to when a worker had it");
@@ -26,6 +29,16 @@ pub fn describe_metrics() {
 
 pub(super) fn started(waited: Duration) {
     histogram!(START_SECONDS).record(waited);
+}
+
+/// Returns the name of the end of an attempt.
+pub(super) fn outcome(ending: &AttemptEnd) -> &str {
+    match ending {
+        AttemptEnd::Answered(alignment) => ClipState::from(alignment.state).name(),
+        AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason) => &reason.code,
+        AttemptEnd::Fault(fault) => fault.code(),
+        AttemptEnd::GivenUp => "given_up",
+    }
 }
 
 /// Records the end of an attempt; `ending` is `None` if the job was lost.

@@ -9,7 +9,7 @@ use super::mesh::make_meshes;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
-use crate::storage::{AttemptEnd, Claim, HomeId, JobProgress, RetryPolicy, StorageError};
+use crate::storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
 use jiff::Timestamp;
 use std::pin::pin;
 use std::sync::Arc;
@@ -166,15 +166,18 @@ impl Attempt<'_> {
         }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await.ok();
-        let outcome = outcome_name(&ending);
-        Span::current().record("outcome", outcome);
+        let outcome = match &ending {
+            Some(ending) => metrics::outcome(ending).to_owned(),
+            None => self.why_lost().await,
+        };
+        Span::current().record("outcome", &*outcome);
         let kept = match &ending {
             Some(ending) => self.record(ending, stop).await,
             None => Ok(false),
         };
         let took = begun.elapsed();
         let is_kept = matches!(kept, Ok(true));
-        metrics::ended(outcome, ending.as_ref().filter(|_| is_kept), took);
+        metrics::ended(&outcome, ending.as_ref().filter(|_| is_kept), took);
         let seconds = took.as_secs_f64();
         match kept {
             Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
@@ -182,6 +185,13 @@ impl Attempt<'_> {
             // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
+    }
+
+    /// Returns the code of the end of a job that was taken from this worker; `lost` if it runs on elsewhere, or is removed.
+    async fn why_lost(&self) -> String {
+        let job = self.queue.storage.job(self.claim.job.id).await.ok().flatten();
+        let error = job.filter(|job| job.state == JobState::Cancelled).and_then(|job| job.error);
+        error.map_or_else(|| "lost".to_owned(), |reason| reason.code)
     }
 
     /// Records the end of the attempt. Retries failed writes while no other worker can take the job: the
@@ -379,15 +389,5 @@ fn end_after(error: AttemptError) -> AttemptEnd {
             warn!(code = fault.code(), cause, "a fault ended an attempt, which does not count");
             AttemptEnd::Fault(fault)
         }
-    }
-}
-
-fn outcome_name(ending: &Option<AttemptEnd>) -> &str {
-    match ending {
-        Some(AttemptEnd::Answered(alignment)) => crate::storage::ClipState::from(alignment.state).name(),
-        Some(AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason)) => &reason.code,
-        Some(AttemptEnd::Fault(fault)) => fault.code(),
-        Some(AttemptEnd::GivenUp) => "given_up",
-        None => "lost",
     }
 }

@@ -1,9 +1,10 @@
 //! Lists of clips.
 
 use super::columns::Columns;
-use super::database::{Query, Row, query};
-use super::{Clip, ClipState, HomeId, Page, Storage, StorageError, clips, homes, jobs};
+use super::database::{Connection, Query, Row, query};
+use super::{Clip, ClipState, HomeId, Job, Page, Storage, StorageError, Tenant, clips, homes, jobs};
 use jiff::Timestamp;
+use serde_json::json;
 use std::collections::HashMap;
 use uuid::Uuid;
 
@@ -12,35 +13,58 @@ use uuid::Uuid;
 pub struct ClipFilter {
     /// States of the clips; empty for any.
     pub states: Vec<ClipState>,
+    /// Codes of reasons, of which a clip has at least one; empty for any. Only the first [`ClipFilter::MAX_CODES`] count.
+    pub codes: Vec<String>,
     /// Only clips that changed later than this.
     pub updated_after: Option<Timestamp>,
 }
 
-/// Selects one page of a home's clips; [`bind_page`] binds the values.
+impl ClipFilter {
+    /// Maximum number of codes.
+    pub const MAX_CODES: usize = 4;
+}
+
+/// Selects one page of the clips of a home or tenant ($1); [`bind_page`] binds the values.
 macro_rules! page_of_clips {
-    ($($columns:tt)+) => {
+    ($of:literal) => {
         concat!(
             "SELECT ",
-            $($columns)+,
+            clips::clip_columns!(),
             " FROM clips
-            WHERE home_id = $1 AND id > $2 AND updated_at > $3 AND state IN ($4, $5, $6, $7, $8, $9)
+            WHERE ",
+            $of,
+            " AND id > $2 AND updated_at > $3 AND state IN ($4, $5, $6, $7, $8, $9)
+                AND (reasons LIKE $11 ESCAPE '!' OR reasons LIKE $12 ESCAPE '!'
+                    OR reasons LIKE $13 ESCAPE '!' OR reasons LIKE $14 ESCAPE '!')
             ORDER BY id LIMIT $10"
         )
     };
 }
 
-fn bind_page(query: Query, home: &HomeId, filter: &ClipFilter, page: &Page<Uuid>) -> Query {
+fn bind_page(query: Query, of: &str, filter: &ClipFilter, page: &Page<Uuid>) -> Query {
     let after = page.after.map(|id| id.to_string()).unwrap_or_default();
     let updated_after = filter.updated_after.map_or(i64::MIN, Timestamp::as_millisecond);
-    let query = query.bind(home.key().to_owned()).bind(after).bind(updated_after);
+    let query = query.bind(of.to_owned()).bind(after).bind(updated_after);
     // One parameter for each state; NULL matches none.
     let wanted = |state: &ClipState| filter.states.is_empty() || filter.states.contains(state);
     let states = ClipState::ALL.iter().map(|state| wanted(state).then(|| state.name()));
-    states.fold(query, Query::bind).bind(i64::from(page.limit))
+    let query = states.fold(query, Query::bind).bind(i64::from(page.limit));
+    let mut patterns: Vec<Option<String>> = filter.codes.iter().map(|code| Some(having(code))).collect();
+    if patterns.is_empty() {
+        patterns.push(Some("%".to_owned()));
+    }
+    patterns.resize(ClipFilter::MAX_CODES, None);
+    patterns.into_iter().fold(query, Query::bind)
+}
+
+/// Returns the pattern of reasons with a code, as they are stored. Quotes within a detail have a backslash.
+fn having(code: &str) -> String {
+    let code = code.replace('!', "!!").replace('%', "!%").replace('_', "!_");
+    format!("%\"code\":\"{code}\"%")
 }
 
 impl Storage {
-    /// Returns the clips that match a filter, oldest first.
+    /// Returns the clips of a home that match a filter, oldest first.
     pub async fn clips(
         &self,
         home: &HomeId,
@@ -51,19 +75,45 @@ impl Storage {
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let jobs = query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
-        let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut snapshot).await?;
-        let mut jobs = jobs::by_id(&jobs)?;
-        let rows = bind_page(query(page_of_clips!(clips::clip_columns!())), home, filter, page);
+        let rows = bind_page(query(page_of_clips!("home_id = $1")), home.key(), filter, page);
         let rows = rows.fetch_all(&mut snapshot).await?;
-        let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
-        rows.iter().map(clip).collect()
+        with_jobs(&mut snapshot, &rows).await
     }
 
-    /// Returns the keys of the results of a home's clips by clip. The same key has the same files.
-    pub async fn result_keys(&self, home: &HomeId) -> Result<HashMap<Uuid, String>, StorageError> {
-        let rows = query("SELECT id, result_key FROM clips WHERE home_id = $1 AND result_key IS NOT NULL");
-        let rows = rows.bind(home.key()).fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| Ok((row.id("id")?, row.text("result_key")?))).collect()
+    /// Returns the clips of all homes of a tenant that match a filter, oldest first.
+    pub async fn clips_of_tenant(
+        &self,
+        tenant: &Tenant,
+        filter: &ClipFilter,
+        page: &Page<Uuid>,
+    ) -> Result<Vec<Clip>, StorageError> {
+        let mut snapshot = self.database.snapshot().await?;
+        let rows = query(page_of_clips!("home_id IN (SELECT id FROM homes WHERE tenant = $1)"));
+        let rows = bind_page(rows, tenant.name(), filter, page).fetch_all(&mut snapshot).await?;
+        with_jobs(&mut snapshot, &rows).await
     }
+
+    /// Returns the keys of the newest answers of a home's clips by clip. The same key has the same files.
+    pub async fn result_keys(&self, home: &HomeId) -> Result<HashMap<Uuid, String>, StorageError> {
+        let rows = query(
+            "SELECT id, COALESCE(result_key, last_result_key) AS newest FROM clips
+            WHERE home_id = $1 AND (result_key IS NOT NULL OR last_result_key IS NOT NULL)",
+        );
+        let rows = rows.bind(home.key()).fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(|row| Ok((row.id("id")?, row.text("newest")?))).collect()
+    }
+}
+
+/// Returns the clips of rows with their newest jobs.
+async fn with_jobs(connection: &mut Connection, rows: &[Row]) -> Result<Vec<Clip>, StorageError> {
+    let ids = rows.iter().map(|row| row.maybe_text("job_id")).collect::<Result<Vec<_>, _>>()?;
+    let ids: Vec<String> = ids.into_iter().flatten().collect();
+    let select = connection.either(
+        jobs::select_jobs!("WHERE jobs.id IN (SELECT value FROM json_each($1))"),
+        jobs::select_jobs!("WHERE jobs.id IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))"),
+    );
+    let jobs = query(select).bind(json!(ids).to_string()).fetch_all(connection).await?;
+    let mut jobs: HashMap<Uuid, Job> = jobs::by_id(&jobs)?;
+    let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
+    rows.iter().map(clip).collect()
 }

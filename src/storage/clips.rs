@@ -1,22 +1,25 @@
 //! Clips.
 
+mod edit;
 mod file;
 mod insert;
+mod last_answer;
+mod outcome;
 mod remove;
-mod rename;
 
+pub use edit::ClipEdit;
 pub(super) use insert::{NewRow, insert};
+pub use last_answer::LastAnswer;
+pub(super) use outcome::{Outcome, begin_job, change};
 
-use super::changes::{self, Changed};
-use super::choice::Verdict;
-use super::columns::{Columns, to_json};
+use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
 use super::quota::QuotaCheck;
 use super::{
-    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
-    lidar_maps, pending_deletes, result_file,
+    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, homes, lidar_maps,
+    pending_deletes, result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -49,6 +52,8 @@ pub struct Clip {
     /// The method's own answer from the newest job; null if that job has none. Its pose, level and probability are
     /// those of the placement if the clips around it decided.
     pub alignment: Option<Alignment>,
+    /// The answer of an earlier job, while the newest one has none.
+    pub last_answer: Option<LastAnswer>,
     /// The pose that a person chose; it overrides the method's own until it is withdrawn.
     pub choice: Option<Choice>,
     /// Placement in the newest revision of the home's map; null if the clip is not in it.
@@ -62,16 +67,31 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Returns the clip's pose from the home's map, else from a person's choice, else from its alignment.
+    /// Returns the clip's pose from the home's map, else from a person's choice, else from its newest answer.
     pub fn map_from_clip(&self) -> Option<Pose2> {
         let placed = self.placement.as_ref().map(|placement| placement.map_from_clip);
         let chosen = self.choice.as_ref().map(|choice| choice.map_from_clip);
-        placed.or(chosen).or_else(|| self.alignment.as_ref()?.map_from_clip)
+        let last = self.last_answer.as_ref().map(|last| &last.alignment);
+        placed.or(chosen).or_else(|| self.alignment.as_ref().or(last)?.map_from_clip)
     }
 
-    /// Returns the key of the clip's result; every attempt at a job has its own. `None` without an answer.
+    /// Returns the key of the files of the clip's newest answer; every attempt at a job has its own. `None` without an
+    /// answer.
     pub fn result_key(&self) -> Option<&str> {
-        self.result_key.as_deref()
+        let last = self.last_answer.as_ref().map(|last| last.result_key.as_str());
+        self.result_key.as_deref().or(last)
+    }
+
+    /// Returns the bytes of its recording and of the files of its answers.
+    fn stored_bytes(&self) -> u64 {
+        let last = self.last_answer.as_ref().map_or(0, |last| last.result_bytes);
+        self.size_bytes + self.result_bytes + last
+    }
+
+    /// Returns the keys of its blobs.
+    fn blobs(&self) -> Vec<String> {
+        let last = self.last_answer.as_ref().map(|last| last.result_key.as_str());
+        blobs_of(self.id, [self.result_key.as_deref(), last])
     }
 }
 
@@ -107,8 +127,10 @@ pub(super) use clip_columns;
 pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
     let placement: Option<Placement> = row.maybe_json("placement")?;
     let mut alignment: Option<Alignment> = row.maybe_json("alignment")?;
-    if let (Some(alignment), Some(placement)) = (&mut alignment, &placement) {
-        placement.apply(alignment);
+    let mut last_answer = last_answer::from_row(row)?;
+    if let Some(placement) = &placement {
+        let last = last_answer.as_mut().map(|last| &mut last.alignment);
+        alignment.iter_mut().chain(last).for_each(|alignment| placement.apply(alignment));
     }
     Ok(Clip {
         id: row.id("id")?,
@@ -123,6 +145,7 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
         info: row.json("info")?,
         recorded_at: row.maybe_time("recorded_at")?,
         alignment,
+        last_answer,
         choice: row.maybe_json("choice")?,
         placement,
         job,
@@ -134,7 +157,7 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
 }
 
 /// Returns the name under which the pending deletes of a clip are recorded.
-fn owner(home: &HomeId, id: Uuid) -> String {
+pub(super) fn owner(home: &HomeId, id: Uuid) -> String {
     format!("clip:{}:{id}", home.key())
 }
 
@@ -211,96 +234,29 @@ impl Storage {
         Ok(clip)
     }
 
-    /// Returns a file of the clip's result by its name; `None` if there is no result.
+    /// Returns a file of the clip's newest answer by its name; `None` if there is none.
     pub async fn clip_result(&self, clip: &Clip, name: &str) -> Result<Option<BlobReader>, StorageError> {
-        match &clip.result_key {
+        match clip.result_key() {
             Some(key) => self.blobs.read(&format!("{key}/{name}")).await,
             None => Ok(None),
         }
     }
 
-    /// Returns a file of the clip's result in one piece.
+    /// Returns a file of the clip's newest answer in one piece.
     pub async fn clip_result_bytes(
         &self,
         clip: &Clip,
         name: &str,
     ) -> Result<Option<bytes::Bytes>, StorageError> {
-        let Some(key) = &clip.result_key else { return Ok(None) };
+        let Some(key) = clip.result_key() else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }
 
     #[cfg(test)]
     pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let all = query("SELECT id, result_key FROM clips");
+        let all = query("SELECT id, result_key, last_result_key FROM clips");
         keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
     }
-}
-
-/// Outcome of a job for its clip.
-pub(super) struct Outcome<'a> {
-    pub state: ClipState,
-    pub reasons: &'a [Reason],
-    pub alignment: Option<&'a Alignment>,
-    /// Key and size of the result's files.
-    pub result: Option<(&'a str, u64)>,
-}
-
-/// Applies an outcome of the clip's newest job; an older one cannot overrule it. A choice stays in effect.
-pub(super) async fn change(
-    connection: &mut Connection,
-    job: Uuid,
-    outcome: Outcome<'_>,
-    now: Timestamp,
-) -> Result<(), StorageError> {
-    let before =
-        query("SELECT id, home_id, state, choice, result_key, result_bytes FROM clips WHERE job_id = $1");
-    let before = before.bind(job.to_string()).fetch_optional(&mut *connection).await?;
-    let Some(before) = before else { return Ok(()) };
-    let home = before.home("home_id")?;
-    let own = Verdict { state: outcome.state, reasons: outcome.reasons.to_vec() };
-    let verdict = match before.maybe_json::<Choice>("choice")? {
-        Some(choice) => {
-            let revision = lidar_maps::current_revision(connection, &home, choice.level).await?;
-            choice.over(own, outcome.result.is_some(), revision)
-        }
-        None => own,
-    };
-    // Other clips may place a clip that has no pose by itself.
-    if before.maybe_text("result_key")?.is_some() || outcome.result.is_some() {
-        home_maps::changed(connection, &home).await?;
-    }
-    let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);
-    query(
-        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6, result_bytes = $7
-        WHERE job_id = $1",
-    )
-    .bind(job.to_string())
-    .bind(verdict.state.name())
-    .bind(to_json(&verdict.reasons))
-    .bind(outcome.alignment.map(to_json))
-    .bind(outcome.result.map(|(key, _)| key))
-    .bind(now.as_millisecond())
-    .bind(result_bytes)
-    .execute(&mut *connection)
-    .await?;
-    homes::grow(connection, &home, result_bytes - before.number("result_bytes")?).await?;
-    let changed = Changed::Clip { id: before.id("id")?, state: verdict.state };
-    changes::record(connection, &home, changed, now).await
-}
-
-/// Makes a job the clip's newest, removes the previous answer, and returns the keys of its blobs.
-pub(super) async fn begin_job(
-    transaction: &mut Transaction,
-    id: Uuid,
-    job: Uuid,
-    now: Timestamp,
-) -> Result<Vec<String>, StorageError> {
-    let row = query("UPDATE clips SET job_id = $2 WHERE id = $1 RETURNING result_key");
-    let row = row.bind(id.to_string()).bind(job.to_string()).fetch_one(transaction).await?;
-    let stale = row.maybe_text("result_key")?;
-    let queued = Outcome { state: ClipState::Queued, reasons: &[], alignment: None, result: None };
-    change(transaction, job, queued, now).await?;
-    Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }
 
 /// [`find`] for callers that change the clip: locks the home first, and then the clip's jobs, since a claim, which does not
@@ -332,14 +288,15 @@ pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -
     from_row(&row, job)
 }
 
-fn blobs_of(id: Uuid, result_key: Option<&str>) -> Vec<String> {
+/// Returns the keys of a clip's recording, and of the files of its present and its last answer.
+fn blobs_of(id: Uuid, result_keys: [Option<&str>; 2]) -> Vec<String> {
     let mut keys = vec![file_key(id)];
-    keys.extend(result_key.map(result_blobs).into_iter().flatten());
+    keys.extend(result_keys.into_iter().flatten().flat_map(result_blobs));
     keys
 }
 
 /// Selects the blobs of a home's clips.
-pub(super) const BLOBS_OF_HOME: &str = "SELECT id, result_key FROM clips WHERE home_id = $1";
+pub(super) const BLOBS_OF_HOME: &str = "SELECT id, result_key, last_result_key FROM clips WHERE home_id = $1";
 
 /// Returns the blob keys of a home's clips.
 pub(super) async fn blob_keys(
@@ -352,7 +309,8 @@ pub(super) async fn blob_keys(
 fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
     for row in rows {
-        keys.extend(blobs_of(row.id("id")?, row.maybe_text("result_key")?.as_deref()));
+        let (result, last) = (row.maybe_text("result_key")?, row.maybe_text("last_result_key")?);
+        keys.extend(blobs_of(row.id("id")?, [result.as_deref(), last.as_deref()]));
     }
     Ok(keys)
 }

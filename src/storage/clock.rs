@@ -13,6 +13,8 @@ const LONGEST_PAUSE: Duration = Duration::from_mins(40);
 
 /// Longer than any lead of a job's turn over the time at which it is queued.
 const LONGEST_TURN: Duration = Duration::from_hours(3);
+/// The same of a job that aligns a clip with an answer to a new LiDAR map.
+const LONGEST_TURN_AGAIN: Duration = Duration::from_hours(15);
 /// Longer than any delay of a delivery.
 const LONGEST_DELAY: Duration = Duration::from_hours(25);
 
@@ -29,6 +31,11 @@ pub(super) fn no_pause_after(now: Timestamp) -> i64 {
 /// Returns the time after which the turn of a queued job can only be of a clock that was ahead, in milliseconds.
 pub(super) fn no_turn_after(now: Timestamp) -> i64 {
     (now + LONGEST_TURN).as_millisecond()
+}
+
+/// Returns [`no_turn_after`] of jobs that align a clip with an answer to a new LiDAR map.
+pub(super) fn no_turn_again_after(now: Timestamp) -> i64 {
+    (now + LONGEST_TURN_AGAIN).as_millisecond()
 }
 
 /// Returns the time after which the due time of a delivery can only be of a clock that was ahead, in milliseconds.

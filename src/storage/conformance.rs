@@ -11,6 +11,7 @@ mod faults;
 mod full_disk;
 mod home_maps;
 mod keys;
+mod last_answers;
 mod leases;
 mod levels;
 mod limits;

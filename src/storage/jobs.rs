@@ -1,46 +1,23 @@
-//! Records of jobs: their order, state and result. The claims of workers are in `leases`.
+//! Records of jobs: their state and result. Their order is in `turns`, the claims of workers are in `leases`.
 
-use super::columns::Columns;
+mod turns;
+
+pub(super) use turns::Priority;
+
+use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
-use super::{HomeId, Storage, StorageError, clips};
-use jiff::{SignedDuration, Timestamp};
+use super::{ClipState, HomeId, Storage, StorageError, clips};
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::time::Duration;
+use turns::{TURN, Turn, Turns};
 use uuid::Uuid;
 use viola_geometry::progress::{EarlyPose, Stage};
 use viola_reconstruct::Reason;
 
 /// Attempts before a job fails. An attempt that a fault of the service ended does not count.
 const MAX_ATTEMPTS: i64 = 3;
-
-/// Delay of a job in the queue for each job that comes before it: about the duration of one job.
-const TURN: SignedDuration = SignedDuration::from_secs(5);
-
-/// Most jobs that are counted to find a turn; more make no difference.
-const MAX_TURNS: i64 = 2_000;
-
-/// Priority of a job: a limited lead in the queue, so that no job waits for ever.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Priority {
-    /// A client asked for this clip and may be waiting.
-    Asked,
-    /// A new clip.
-    Uploaded,
-    /// All clips of a home, for a new LiDAR map.
-    Again,
-}
-
-impl Priority {
-    /// Returns the lead of a job over one whose clip was just uploaded.
-    fn lead(self) -> SignedDuration {
-        match self {
-            Priority::Asked => SignedDuration::from_mins(10),
-            Priority::Uploaded => SignedDuration::ZERO,
-            Priority::Again => SignedDuration::from_mins(-10),
-        }
-    }
-}
 
 /// State of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +29,7 @@ pub enum JobState {
     Succeeded,
     /// There is no answer; `error` says why.
     Failed,
+    /// A person or a newer job of the clip ended it; `error` says which.
     Cancelled,
 }
 
@@ -92,7 +70,7 @@ pub struct Job {
     /// Attempts so far, with the current one; one that a fault of the service ended does not count.
     pub attempts: u32,
     pub max_attempts: u32,
-    /// Reason why the last attempt, or the job, failed.
+    /// Reason why the last attempt, or the job, failed, or why the job was cancelled.
     pub error: Option<Reason>,
     /// Grows with every change.
     pub version: i64,
@@ -216,20 +194,22 @@ pub(super) async fn enqueue(
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
     end_earlier(transaction, clip, now).await?;
-    let turn = Turns::of(transaction, home, 1).await?.turn(0);
+    let turn = Turns::of(transaction, home, priority, 1).await?.turn(0);
     let new = NewJob { clip, lidar_map, turn, priority };
     insert(transaction, home, new, now).await
 }
 
 /// Cancels the jobs of a clip, and removes the oldest ended ones.
 async fn end_earlier(transaction: &mut Transaction, clip: Uuid, now: Timestamp) -> Result<(), StorageError> {
+    let reason = Reason::new("superseded", "a newer job of the clip replaced this one");
     query(
-        "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, early_pose = NULL, version = version + 1,
-            updated_at = $2, finished_at = $2
+        "UPDATE jobs SET state = 'cancelled', error = $3, lease_until = NULL, stage = NULL, early_pose = NULL,
+            version = version + 1, updated_at = $2, finished_at = $2
         WHERE clip_id = $1 AND state IN ('queued', 'running')",
     )
     .bind(clip.to_string())
     .bind(now.as_millisecond())
+    .bind(to_json(&reason))
     .execute(transaction)
     .await?;
     // A robot's map may change every day, and queues all clips again.
@@ -262,8 +242,8 @@ async fn insert(
     let order_at = now + TURN * new.turn.of_tenant - new.priority.lead();
     query(
         "INSERT INTO jobs (id, clip_id, lidar_map_id, state, progress, attempts, max_attempts, run_after, fence,
-            version, created_at, updated_at, tenant, position, order_at)
-        VALUES ($1, $2, $3, $4, 0, 0, $5, $6, 0, 1, $6, $6, $7, $8, $9)",
+            version, created_at, updated_at, tenant, position, order_at, again)
+        VALUES ($1, $2, $3, $4, 0, 0, $5, $6, 0, 1, $6, $6, $7, $8, $9, $10)",
     )
     .bind(id.to_string())
     .bind(new.clip.to_string())
@@ -274,58 +254,10 @@ async fn insert(
     .bind(home.tenant())
     .bind(i64::from(new.turn.in_home))
     .bind(order_at.as_millisecond())
+    .bind(i64::from(new.priority == Priority::Again))
     .execute(transaction)
     .await?;
     clips::begin_job(transaction, new.clip, id, now).await
-}
-
-/// Number of jobs before a new one.
-struct Turn {
-    /// Jobs of its own home.
-    in_home: i32,
-    /// Jobs of its tenant that are not further back in their own homes than it is in its home.
-    of_tenant: i32,
-}
-
-/// The fair turns of a home's next jobs. A home with many jobs delays only its own: the first job of a
-/// home comes before the second of any other home of its tenant, and the first job of a tenant before the
-/// second of any other. Time passes for all of them alike, so no job waits for ever.
-struct Turns {
-    /// Unfinished jobs of the home.
-    in_home: i32,
-    /// Positions of the tenant's unfinished jobs in their own homes, ascending.
-    positions: Vec<i32>,
-}
-
-impl Turns {
-    /// Counts for the next `jobs` jobs of a home at once: a count for each would read all earlier ones again.
-    async fn of(transaction: &mut Transaction, home: &HomeId, jobs: usize) -> Result<Turns, StorageError> {
-        let in_home = query(
-            "SELECT COUNT(*) AS jobs FROM (
-                SELECT jobs.id FROM jobs JOIN clips ON clips.id = jobs.clip_id
-                WHERE clips.home_id = $1 AND clips.state IN ('queued', 'aligning')
-                    AND jobs.state IN ('queued', 'running')
-                LIMIT $2) AS unfinished",
-        );
-        let in_home = in_home.bind(home.key()).bind(MAX_TURNS).fetch_one(transaction).await?;
-        let in_home: i32 = in_home.count("jobs")?;
-        let of_tenant = query(
-            "SELECT position FROM jobs WHERE tenant = $1 AND position < $2 AND state IN ('queued', 'running')
-            ORDER BY position LIMIT $3",
-        );
-        let last = i64::from(in_home) + jobs as i64;
-        let rows = of_tenant.bind(home.tenant()).bind(last).bind(MAX_TURNS).fetch_all(transaction).await?;
-        let positions: Result<Vec<i32>, _> = rows.iter().map(|row| row.count("position")).collect();
-        Ok(Turns { in_home, positions: positions? })
-    }
-
-    /// Returns the turn of the next job after `earlier` ones that were queued since the count.
-    fn turn(&self, earlier: usize) -> Turn {
-        let at_most = |jobs: usize| jobs.min(MAX_TURNS as usize) as i32;
-        let in_home = at_most(self.in_home as usize + earlier);
-        let before = self.positions.partition_point(|position| *position <= in_home);
-        Turn { in_home, of_tenant: at_most(before + earlier) }
-    }
 }
 
 /// Locks a clip's jobs until the transaction ends. A change of a clip locks the jobs first, as workers do, which prevents
@@ -349,42 +281,38 @@ pub(super) async fn lock_of_home(transaction: &mut Transaction, home: &HomeId) -
     Ok(())
 }
 
-/// [`enqueue`] for every clip of a home, in the order of their ids.
+/// [`enqueue`] for every clip of a home, in the order of their ids. Clips without an answer come first.
 pub(super) async fn enqueue_home(
     transaction: &mut Transaction,
     home: &HomeId,
     lidar_map: Uuid,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT id FROM clips WHERE home_id = $1 ORDER BY id")
-        .bind(home.key())
-        .fetch_all(transaction)
-        .await?;
-    let clips: Vec<Uuid> = rows.iter().map(|row| row.id("id")).collect::<Result<_, _>>()?;
-    for clip in &clips {
-        end_earlier(transaction, *clip, now).await?;
-    }
-    let turns = Turns::of(transaction, home, clips.len()).await?;
-    let mut stale_blobs = Vec::new();
-    for (earlier, clip) in clips.into_iter().enumerate() {
-        let new = NewJob { clip, lidar_map, turn: turns.turn(earlier), priority: Priority::Again };
-        stale_blobs.extend(insert(transaction, home, new, now).await?);
-    }
-    Ok(stale_blobs)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn turns_count_the_jobs_that_are_not_further_back() {
-        let turns = Turns { in_home: 1, positions: vec![0, 0, 1, 5] };
-        // Those at positions up to its own, and those that were queued since the count.
-        for (earlier, in_home, of_tenant) in [(0, 1, 3), (1, 2, 3 + 1), (4, 5, 4 + 4), (5_000, 2_000, 2_000)]
-        {
-            let turn = turns.turn(earlier);
-            assert_eq!((turn.in_home, turn.of_tenant), (in_home, of_tenant), "{earlier}");
+    let rows =
+        query("SELECT id, state, result_key, last_result_key FROM clips WHERE home_id = $1 ORDER BY id")
+            .bind(home.key())
+            .fetch_all(transaction)
+            .await?;
+    let (mut without_answer, mut answered) = (Vec::new(), Vec::new());
+    for row in &rows {
+        let id: Uuid = row.id("id")?;
+        end_earlier(transaction, id, now).await?;
+        let has_result =
+            row.maybe_text("result_key")?.is_some() || row.maybe_text("last_result_key")?.is_some();
+        // A file that no job could use is the clip's answer, too.
+        if has_result || row.text("state")? == ClipState::Failed.name() {
+            answered.push(id);
+        } else {
+            without_answer.push(id);
         }
     }
+    let mut stale_blobs = Vec::new();
+    for (ids, priority) in [(without_answer, Priority::Uploaded), (answered, Priority::Again)] {
+        let turns = Turns::of(transaction, home, priority, ids.len()).await?;
+        for (earlier, clip) in ids.into_iter().enumerate() {
+            let new = NewJob { clip, lidar_map, turn: turns.turn(earlier), priority };
+            stale_blobs.extend(insert(transaction, home, new, now).await?);
+        }
+    }
+    Ok(stale_blobs)
 }

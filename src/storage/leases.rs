@@ -11,7 +11,10 @@ use super::clips::{self, Outcome};
 use super::clock;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
-use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
+use super::{
+    ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps,
+    pending_deletes,
+};
 use again::{RetryState, requeue, requeue_after_fault, set_aside};
 use jiff::Timestamp;
 use std::sync::Arc;
@@ -183,8 +186,13 @@ impl Storage {
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         homes::lock(&mut transaction, &claim.job.home).await?;
-        let held = end_attempt(&mut transaction, claim, ending, retry, now).await?;
+        let stale_blobs = end_attempt(&mut transaction, claim, ending, retry, now).await?;
+        let held = stale_blobs.is_some();
+        let (owner, stale_blobs) =
+            (clips::owner(&claim.job.home, claim.job.clip), stale_blobs.unwrap_or_default());
+        pending_deletes::add(&mut transaction, &owner, &stale_blobs, now).await?;
         transaction.commit().await?;
+        self.discard_pending(&owner, &stale_blobs).await;
         // The end is recorded, whatever becomes of files that nobody refers to.
         if let Err(error) = self.discard_unless_kept(&claim.result_key()).await {
             tracing::warn!(job = %claim.job.id, %error, "files of an attempt may be left; a sweep removes them");
@@ -193,8 +201,9 @@ impl Storage {
     }
 
     /// Removes the files of an attempt unless a clip refers to them.
-    async fn discard_unless_kept(&self, result_key: &str) -> Result<(), StorageError> {
-        let kept = query("SELECT id FROM clips WHERE result_key = $1").bind(result_key);
+    pub(super) async fn discard_unless_kept(&self, result_key: &str) -> Result<(), StorageError> {
+        let kept =
+            query("SELECT id FROM clips WHERE result_key = $1 OR last_result_key = $1").bind(result_key);
         if kept.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
             self.blobs.discard(&clips::result_blobs(result_key)).await;
         }
@@ -206,17 +215,18 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
         homes::lock(&mut transaction, &job.home).await?;
+        let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
         let cancelled = query(
-            "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, early_pose = NULL, version = version + 1,
-                updated_at = $2, finished_at = $2
+            "UPDATE jobs SET state = 'cancelled', error = $3, lease_until = NULL, stage = NULL, early_pose = NULL,
+                version = version + 1, updated_at = $2, finished_at = $2
             WHERE id = $1 AND state IN ('queued', 'running')",
         )
         .bind(id.to_string())
         .bind(now.as_millisecond())
+        .bind(to_json(&reason))
         .execute(&mut transaction)
         .await?;
         if cancelled == 1 {
-            let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
         }
         let job = jobs::find(&mut transaction, id).await?;
@@ -242,13 +252,14 @@ async fn claimed(
     })
 }
 
+/// Returns the blobs that the clip no longer refers to; `None` if the job is no longer the worker's.
 async fn end_attempt(
     transaction: &mut Transaction,
     claim: &Claim,
     ending: &AttemptEnd,
     retry: &RetryPolicy,
     now: Timestamp,
-) -> Result<bool, StorageError> {
+) -> Result<Option<Vec<String>>, StorageError> {
     let id = claim.job.id;
     let row = query(
         "UPDATE jobs SET version = version + 1 WHERE id = $1 AND fence = $2 AND state = 'running'
@@ -258,8 +269,9 @@ async fn end_attempt(
     .bind(claim.fencing_token)
     .fetch_optional(transaction)
     .await?;
-    let Some(row) = row else { return Ok(false) };
+    let Some(row) = row else { return Ok(None) };
     let retries = RetryState::from_row(&row)?;
+    let mut stale_blobs = Vec::new();
     match ending {
         AttemptEnd::Answered(alignment) => {
             close(transaction, id, JobState::Succeeded, None, now).await?;
@@ -270,7 +282,7 @@ async fn end_attempt(
                 alignment: Some(alignment),
                 result: Some((&result_key, claim.result_bytes.load(Ordering::Relaxed))),
             };
-            clips::change(transaction, id, answer, now).await?;
+            stale_blobs = clips::change(transaction, id, answer, now).await?;
         }
         AttemptEnd::Refused(reason) => fail(transaction, id, reason.clone(), now).await?,
         AttemptEnd::Broken(reason) if retries.attempts >= retries.max_attempts => {
@@ -287,7 +299,7 @@ async fn end_attempt(
             requeue(transaction, id, retries.without_attempt(), None, now, now).await?;
         }
     }
-    Ok(true)
+    Ok(Some(stale_blobs))
 }
 
 async fn fail(
@@ -322,7 +334,7 @@ async fn close(
     Ok(())
 }
 
-/// Sets the clip of a job to a state without an answer.
+/// Sets the clip of a job to a state without an answer. It keeps its last answer.
 async fn change_clip(
     connection: &mut Connection,
     job: Uuid,
@@ -330,5 +342,7 @@ async fn change_clip(
     reasons: &[Reason],
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    clips::change(connection, job, Outcome { state, reasons, alignment: None, result: None }, now).await
+    let outcome = Outcome { state, reasons, alignment: None, result: None };
+    clips::change(connection, job, outcome, now).await?;
+    Ok(())
 }

@@ -6,12 +6,20 @@ use super::{Storage, StorageError};
 use jiff::Timestamp;
 use std::collections::{HashMap, HashSet};
 
-/// Ends a statement with a test for membership in a list of values, which is bound as JSON.
+/// Ends each statement with a test for membership in a list of values, which is bound as JSON, and joins their rows.
 macro_rules! among {
-    ($statement:literal) => {
+    ($statement:literal $(, $other:literal)?) => {
         [
-            concat!($statement, " IN (SELECT value FROM json_each($1))"),
-            concat!($statement, " IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))"),
+            concat!(
+                $statement,
+                " IN (SELECT value FROM json_each($1))"
+                $(, " UNION ALL ", $other, " IN (SELECT value FROM json_each($1))")?
+            ),
+            concat!(
+                $statement,
+                " IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))"
+                $(, " UNION ALL ", $other, " IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))")?
+            ),
         ]
     };
 }
@@ -19,7 +27,10 @@ macro_rules! among {
 /// Statements that find rows by the common part of their blobs' keys.
 const NAMED: [[&str; 2]; 5] = [
     among!("SELECT id AS name FROM clips WHERE id"),
-    among!("SELECT result_key AS name FROM clips WHERE result_key"),
+    among!(
+        "SELECT result_key AS name FROM clips WHERE result_key",
+        "SELECT last_result_key AS name FROM clips WHERE last_result_key"
+    ),
     among!("SELECT id AS name FROM lidar_maps WHERE id"),
     among!("SELECT blob_key AS name FROM home_map_files WHERE blob_key"),
     among!("SELECT blob_key AS name FROM upload_pieces WHERE blob_key"),

@@ -109,6 +109,8 @@ pub struct NewUpload {
     pub metadata: String,
     pub concat: Option<String>,
     pub length_bytes: Option<u64>,
+    /// Names the bytes of the file, if its sender knows their SHA-256: equal requests with it have one upload.
+    pub content_key: Option<String>,
 }
 
 /// Limits of uploads.
@@ -327,8 +329,8 @@ async fn insert(
 ) -> Result<(), StorageError> {
     query(
         "INSERT INTO uploads (id, home_id, kind, state, metadata, concat, length_bytes, received_bytes, pieces, fence,
-            attempts, created_at, expires_at, tenant)
-        VALUES ($1, $2, $3, 'arriving', $4, $5, $6, 0, 0, 0, 0, $7, $8, $9)",
+            attempts, created_at, expires_at, tenant, content_key)
+        VALUES ($1, $2, $3, 'arriving', $4, $5, $6, 0, 0, 0, 0, $7, $8, $9, $10)",
     )
     .bind(id.to_string())
     .bind(new.home.as_ref().map(HomeId::key))
@@ -339,6 +341,7 @@ async fn insert(
     .bind(now.as_millisecond())
     .bind(expires_at.as_millisecond())
     .bind(new.tenant.name())
+    .bind(&new.content_key)
     .execute(transaction)
     .await?;
     Ok(())

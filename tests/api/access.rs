@@ -186,6 +186,7 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
     for path in [
         "/v1/homes",
         "/v1/homes?updated_after=2000-01-01T00:00:00Z",
+        "/v1/clips",
         "/v1/changes",
         "/v1/objects",
         "/v1/jobs",
@@ -218,6 +219,7 @@ async fn a_role_allows_what_it_says() {
             || (method == Method::POST && path.ends_with("/clips"))
             || (method == Method::GET
                 && ([of.home.as_str(), of.clip.as_str(), "/v1/classes"].contains(&path.as_str())
+                    || ["/thumbnail.jpg", "/frames.jpg"].iter().any(|name| path.ends_with(name))
                     || path.starts_with("/v1/jobs/")));
         let answer = send(&uploader, &method, &path).await;
         assert_eq!(
@@ -230,6 +232,58 @@ async fn a_role_allows_what_it_says() {
     // No forbidden request took effect.
     assert_eq!(admin.get(&of.home).await.ok(200)["lidar_map_revision"], 1);
     admin.get(&of.clip).await.ok(200);
+}
+
+#[tokio::test]
+async fn a_refusal_names_the_role_that_is_needed_and_the_one_that_the_key_has() {
+    let server = Server::without_workers().await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    let of = belongings(&admin, "h").await;
+    let overlay = format!("{}/overlay.png", of.clip);
+    let clips = format!("{}/clips", of.home);
+    let cases: [(Role, Method, &str, &str); 7] = [
+        (Role::Uploader, Method::GET, "/v1/homes", "`reader` or `admin`"),
+        (Role::Uploader, Method::GET, &overlay, "`reader` or `admin`"),
+        (Role::Uploader, Method::DELETE, &of.clip, "`admin`"),
+        (Role::Uploader, Method::GET, "/v1/webhooks", "`admin`"),
+        (Role::Reader, Method::POST, &clips, "`uploader` or `admin`"),
+        (Role::Reader, Method::PATCH, &of.clip, "`admin`"),
+        (Role::Reader, Method::GET, "/v1/webhooks", "`admin`"),
+    ];
+    for (role, method, path, needed) in cases {
+        let client = server.client("acme", role, None).await;
+        let problem = send(&client, &method, path).await.problem(403, "forbidden");
+        let detail = problem["detail"].as_str().unwrap();
+        let (needs, has) = detail.split_once("; this key has the role ").unwrap();
+        assert!(needs.ends_with(&format!("the role {needed}")), "{method} {path}: {detail}");
+        assert!(has.starts_with(&format!("`{}`", role.name())), "{method} {path}: {detail}");
+    }
+}
+
+/// An app shows its user the picture of a clip that failed, with the key of its home.
+#[tokio::test]
+async fn an_uploader_sees_the_pictures_of_its_recording_and_no_others() {
+    let server = Server::start().await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    let home = admin.make_home("h").await;
+    admin.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let own = server.client("acme", Role::Uploader, Some("h")).await;
+    let clip = own.post(&format!("{home}/clips"), crate::clips::doubtful_clip()).await;
+    let clip = clip.header("location").to_owned();
+    assert_ne!(own.settled(&clip).await["state"], "aligned");
+    let other = server.client("acme", Role::Uploader, Some("other")).await;
+    for (file, is_open) in [
+        ("thumbnail.jpg", true),
+        ("frames.jpg", true),
+        ("overlay.png", false),
+        ("cloud.ply", false),
+        ("scan", false),
+        ("recording", false),
+    ] {
+        let path = format!("{clip}/{file}");
+        assert_eq!(own.get(&path).await.status, if is_open { 200 } else { 403 }, "{file}");
+        assert_eq!(other.get(&path).await.status, if is_open { 404 } else { 403 }, "{file}");
+    }
 }
 
 #[tokio::test]
@@ -249,8 +303,10 @@ async fn a_key_for_one_home_knows_no_other() {
         clip.problem(404, "home-not-found");
     }
     let key = server.client("acme", Role::Admin, Some("own")).await;
-    for path in ["/v1/homes", "/v1/changes", "/v1/objects", "/v1/jobs", "/v1/webhooks"] {
-        key.get(path).await.problem(403, "forbidden");
+    for path in ["/v1/homes", "/v1/clips", "/v1/changes", "/v1/objects", "/v1/jobs", "/v1/webhooks"] {
+        let problem = key.get(path).await.problem(403, "forbidden");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("`admin`") && detail.contains("`own`"), "{path}: {detail}");
     }
     key.put("/v1/homes/new", "").await.problem(404, "home-not-found");
 }

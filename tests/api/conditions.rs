@@ -134,3 +134,104 @@ async fn a_change_of_an_old_state_is_refused() {
         assert_eq!(with(&server, Method::DELETE, path, ("if-match", &new), &json!({})).await.status, 404);
     }
 }
+
+/// A client changes a resource twice without reading it in between.
+#[tokio::test]
+async fn the_answer_to_a_change_has_the_tag_of_the_next() {
+    let server = Server::without_workers().await;
+    let home = "/v1/homes/h";
+    let named = |name: &str| json!({"name": name});
+    let send = async |method: Method, path: &str, tag: Option<&str>, body: &serde_json::Value| {
+        let mut request = server.request(method, path).json(body);
+        if let Some(tag) = tag {
+            request = request.header("if-match", tag);
+        }
+        server.send(request).await
+    };
+    // Returns the tag of an answer that is the one of GET.
+    let tag = async |answer: &Answer, path: &str| {
+        assert!((200..300).contains(&answer.status), "{path}: {answer:?}");
+        let tag = answer.header("etag").to_owned();
+        assert_eq!(server.get(path).await.header("etag"), tag, "{path}");
+        tag
+    };
+    let made = tag(&send(Method::PUT, home, None, &named("Elm")).await, home).await;
+    let renamed = tag(&send(Method::PUT, home, Some(&made), &named("Oak")).await, home).await;
+    send(Method::PUT, home, Some(&made), &named("Ash")).await.problem(412, "changed-meanwhile");
+    tag(&send(Method::PUT, home, Some(&renamed), &named("Oak")).await, home).await;
+
+    let map = format!("{home}/lidar-map");
+    let put = async |tag: Option<&str>, more: &str| {
+        let mut request = server.request(Method::PUT, &map).body(format!("{}{more}", room::lidar_csv()));
+        if let Some(tag) = tag {
+            request = request.header("if-match", tag);
+        }
+        server.send(request).await
+    };
+    let first = tag(&put(None, "").await, &map).await;
+    let second = tag(&put(Some(&first), "1,1\n").await, &map).await;
+    put(Some(&first), "2,2\n").await.problem(412, "changed-meanwhile");
+    assert_eq!(tag(&put(Some(&second), "1,1\n").await, &map).await, second);
+    let restore = format!("{home}/lidar-maps/main/revisions/1/restore");
+    let restored = tag(&send(Method::POST, &restore, Some(&second), &json!({})).await, &map).await;
+    tag(&put(Some(&restored), "3,3\n").await, &map).await;
+    let dry = server.put(&format!("{map}?dry_run=true"), room::lidar_csv()).await;
+    assert_eq!((dry.status, dry.header("etag")), (200, ""), "a report is no resource");
+
+    let answer = server.post(&format!("{home}/clips"), small_clip()).await;
+    let clip = answer.header("location").to_owned();
+    let mut last = tag(&answer, &clip).await;
+    let alignment = format!("{clip}/alignment");
+    let pose = |x_m: f64| json!({"map_from_clip": {"x_m": x_m, "y_m": 1.0, "yaw_rad": 0.0}});
+    for (method, path, body) in [
+        (Method::PATCH, &clip, json!({"title": "Kitchen"})),
+        (Method::PUT, &alignment, pose(1.0)),
+        (Method::PUT, &alignment, pose(2.0)),
+        (Method::DELETE, &alignment, json!({})),
+        (Method::PATCH, &clip, json!({"recorded_at": "2026-03-14T15:09:26Z"})),
+    ] {
+        let changed = tag(&send(method.clone(), path, Some(&last), &body).await, &clip).await;
+        assert_ne!(changed, last, "{method} {path}");
+        last = changed;
+    }
+    let job = server.get(&clip).await.ok(200)["job"]["id"].as_str().unwrap().to_owned();
+    let job = format!("/v1/jobs/{job}");
+    tag(&server.post(&format!("{job}/cancel"), "").await, &job).await;
+    tag(&server.post(&format!("{clip}/align"), "").await, &clip).await;
+}
+
+#[tokio::test]
+async fn a_condition_that_cannot_be_read_is_told_from_one_that_is_not_met() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let map = format!("{home}/lidar-map");
+    server.put(&map, room::lidar_csv()).await.ok(201);
+    let answer = server.post(&format!("{home}/clips"), small_clip()).await;
+    let clip = answer.header("location").to_owned();
+    let tag = server.get(&clip).await.header("etag").to_owned();
+    let paths = [
+        (Method::PUT, home.clone()),
+        (Method::DELETE, home.clone()),
+        (Method::PUT, map.clone()),
+        (Method::PATCH, clip.clone()),
+        (Method::DELETE, clip.clone()),
+        (Method::DELETE, format!("{clip}/alignment")),
+        (Method::GET, format!("{clip}/recording")),
+    ];
+    let unquoted = tag.trim_matches('"');
+    for (method, path) in paths {
+        for bad in ["", "x", unquoted, "\"x", "\"x\" \"y\"", "*, \"x\"", "'x'"] {
+            let request = server.request(method.clone(), &path).header("if-match", bad);
+            let problem = server.send(request).await.problem(400, "invalid-header");
+            assert_eq!(problem["field"], "If-Match", "{method} {path} {bad}");
+        }
+    }
+    let change = json!({"title": "Kitchen"});
+    for (good, status) in [("\"x\"", 412), ("W/\"x\", \"y\"", 412), (&*format!("\"x\",{tag}"), 200)] {
+        assert_eq!(
+            with(&server, Method::PATCH, &clip, ("if-match", good), &change).await.status,
+            status,
+            "{good}"
+        );
+    }
+}

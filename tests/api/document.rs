@@ -75,12 +75,78 @@ fn no_description_of_an_answer_is_lost() {
     assert!(answers > 100, "{answers}");
 }
 
+/// Programs know the codes of reasons, and show the advice of docs/api.md.
+#[test]
+fn the_codes_of_reasons_are_those_of_the_page_with_its_advice() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let code = &document["components"]["schemas"]["Reason"]["properties"]["code"];
+    assert_eq!(code["$ref"], "#/components/schemas/ReasonCode");
+    let schema = &document["components"]["schemas"]["ReasonCode"];
+    let page = include_str!("../../docs/api.md").split("\n## Reasons\n").nth(1).unwrap();
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `")?.strip_suffix(" |"));
+    let mut advice = serde_json::Map::new();
+    for row in rows {
+        let cells: Vec<&str> = row.split(" | ").collect();
+        let [codes, _, told] = cells[..] else { panic!("{row}") };
+        for code in codes.trim_end_matches('`').split("`, `") {
+            advice.insert(code.to_owned(), told.into());
+        }
+    }
+    assert!(advice.len() > 40, "{advice:?}");
+    assert_eq!(schema["x-advice"], serde_json::Value::Object(advice.clone()));
+    let codes = schema["enum"].as_array().unwrap();
+    for (code, told) in &advice {
+        assert!(codes.contains(&code.as_str().into()), "{code}");
+        let line = format!("- `{code}`: {}", told.as_str().unwrap());
+        assert!(schema["description"].as_str().unwrap().contains(&line), "{line}");
+    }
+    // Those of the readers of files.
+    assert!(codes.contains(&"bad_picture".into()) && codes.len() > advice.len() + 50);
+}
+
+/// A receiver of messages and a reader of streams generate their types from the document, too.
+#[test]
+fn messages_and_events_are_described() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let schemas = &document["components"]["schemas"];
+    for (name, body) in [("change", "WebhookMessage"), ("test", "WebhookTest")] {
+        let content = &document["webhooks"][name]["post"]["requestBody"]["content"]["application/json"];
+        assert_eq!(content["schema"]["$ref"], format!("#/components/schemas/{body}"));
+    }
+    let kinds = schemas["ChangeKind"]["enum"].as_array().unwrap();
+    let types = schemas["WebhookMessageType"]["enum"].as_array().unwrap();
+    assert_eq!(types.len(), 2 * kinds.len());
+    for kind in kinds.iter().map(|kind| kind.as_str().unwrap()) {
+        for end in ["changed", "deleted"] {
+            assert!(types.contains(&format!("{kind}.{end}").into()), "{kind}.{end}");
+        }
+    }
+    for (path, event) in [("/v1/jobs/{job}/events", "JobEvent"), ("/v1/homes/{home}/events", "HomeEvent")] {
+        let content = &document["paths"][path]["get"]["responses"]["200"]["content"]["text/event-stream"];
+        assert_eq!(content["x-item-schema"]["$ref"], format!("#/components/schemas/{event}"));
+        for member in ["event", "id", "data"] {
+            assert!(schemas[event]["properties"][member].is_object(), "{event}.{member}");
+        }
+    }
+    assert_eq!(schemas["JobEventName"]["enum"], serde_json::json!(["job", "end"]));
+    assert_eq!(schemas["HomeEventName"]["enum"], serde_json::json!(["change"]));
+}
+
 /// A reader of the document learns the meaning of each state, and what to do.
 #[test]
 fn the_values_of_states_are_explained() {
     let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    let states =
-        ["ClipState", "AlignmentState", "JobState", "UploadState", "MapState", "DeliveryState", "Attention"];
+    let states = [
+        "ClipState",
+        "AlignmentState",
+        "JobState",
+        "UploadState",
+        "MapState",
+        "DeliveryState",
+        "Attention",
+        "JobEventName",
+        "HomeEventName",
+    ];
     for name in states {
         let schema = &document["components"]["schemas"][name];
         let description = schema["description"].as_str().unwrap();

@@ -69,7 +69,10 @@ async fn a_waiting_job_is_cancelled_and_queued_again() {
         async move { events(&client, &path, None).await }
     });
     let cancelled = server.post(&format!("{job}/cancel"), "").await.ok(200);
-    assert_eq!(cancelled["state"], "cancelled");
+    assert_eq!(
+        (&cancelled["state"], &cancelled["error"]["code"]),
+        (&json!("cancelled"), &json!("cancelled"))
+    );
     assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200), cancelled);
     assert_eq!(events.await.unwrap().last().unwrap().2, cancelled);
     let after = server.get(&clip).await.ok(200);
@@ -94,6 +97,12 @@ async fn a_running_job_is_cancelled() {
     .await;
     assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200)["state"], "cancelled");
     assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
+    assert_eq!(server.get("/v1/jobs?state=failed").await.ok(200)["items"], json!([]), "it is no failure");
+    eventually("the end of the attempt is counted", || async {
+        let counted = String::from_utf8(server.get("/metrics").await.bytes).unwrap();
+        counted.contains("viola_job_attempts_total{outcome=\"cancelled\"}").then_some(())
+    })
+    .await;
     // The worker is free again: the next job runs to its end.
     server.post(&format!("{clip}/align"), "").await.ok(202);
     assert_eq!(server.settled(&clip).await["state"], "aligned");

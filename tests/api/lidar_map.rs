@@ -1,5 +1,9 @@
 use crate::server::Server;
 use serde_json::{Value, json};
+use std::path::Path;
+use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
+use viola_formats::clip::ClipError;
+use viola_geometry::progress::Progress;
 use viola_testing::room;
 
 #[tokio::test]
@@ -58,7 +62,57 @@ async fn a_new_map_queues_the_clips_again() {
     let second = server.get(&clip).await.ok(200);
     assert_eq!((&second["state"], &second["job"]["lidar_map_revision"]), (&json!("queued"), &json!(2)));
     let old = server.get(&format!("/v1/jobs/{}", first["job"]["id"].as_str().unwrap())).await.ok(200);
-    assert_eq!(old["state"], "cancelled");
+    assert_eq!((&old["state"], &old["error"]["code"]), (&json!("cancelled"), &json!("superseded")));
+    assert_eq!(server.get("/v1/jobs?state=failed").await.ok(200)["items"], json!([]));
+}
+
+/// Aligns clips, but not to a map with the point (1, 1).
+fn refuses_the_point(
+    clip: &Path,
+    maps: &[LevelFile],
+    params: &JobParams,
+    progress: &dyn Progress,
+) -> Result<Finished, AlignJobError> {
+    if maps.iter().any(|map| map.bytes.ends_with(b"\n1,1\n")) {
+        return Err(ClipError::NoFrames { color: 0, depth: 0 }.into());
+    }
+    align_clip(clip, maps, params, progress)
+}
+
+#[tokio::test]
+async fn the_last_answer_stays_until_a_clip_is_aligned_to_a_new_map() {
+    let server = Server::with(|params| params.worker.method = refuses_the_point).await;
+    let home = server.make_home("h").await;
+    let map = format!("{home}/lidar-map");
+    server.put(&map, room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), crate::clips::doubtful_clip()).await;
+    let clip = clip.header("location").to_owned();
+    let first = server.settled(&clip).await;
+    assert_eq!((&first["last_answer"], first["alignment"].is_object()), (&Value::Null, true));
+    let files = async || {
+        let mut files = Vec::new();
+        for file in ["thumbnail.jpg", "frames.jpg", "overlay.png", "scan"] {
+            let answer = server.get(&format!("{clip}/{file}")).await;
+            assert_eq!(answer.status, 200, "{file}");
+            files.push((answer.header("etag").to_owned(), answer.bytes));
+        }
+        files
+    };
+    let before = files().await;
+    server.put(&map, format!("{}1,1\n", room::lidar_csv())).await.ok(201);
+    let failed = server.settled(&clip).await;
+    assert_eq!((&failed["state"], &failed["reasons"][0]["code"]), (&json!("failed"), &json!("no_frames")));
+    assert_eq!((&failed["alignment"], &failed["job"]["lidar_map_revision"]), (&Value::Null, &json!(2)));
+    let last = &failed["last_answer"];
+    assert_eq!((&last["alignment"], &last["lidar_map_revision"]), (&first["alignment"], &json!(1)));
+    assert!(files().await == before, "the files are those of the last answer");
+    assert_eq!(server.get(&format!("{clip}/cloud.ply")).await.status, 200);
+
+    server.post(&format!("{home}/lidar-maps/main/revisions/1/restore"), "").await.ok(201);
+    let second = server.settled(&clip).await;
+    assert_eq!((&second["last_answer"], &second["job"]["lidar_map_revision"]), (&Value::Null, &json!(3)));
+    let after = files().await;
+    assert!(before.iter().zip(after).all(|(before, after)| before.0 != after.0), "they are others now");
 }
 
 #[tokio::test]

@@ -2,9 +2,11 @@
 
 mod access;
 mod attacks;
+mod bodies;
 mod changes;
 mod children;
 mod choice;
+mod clip_lists;
 mod clips;
 mod conditions;
 mod corrections;

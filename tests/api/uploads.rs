@@ -580,3 +580,83 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
     server.send(server.patch(&first, 0, &clip[..9])).await.ok(204);
     assert_ne!(begin(&told, clip.len()).await, first, "another sender has begun");
 }
+
+/// An app that lost the answer to its POST sends it again, whatever has arrived meanwhile.
+#[tokio::test]
+async fn the_same_file_has_one_upload_by_its_sha256() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    server.make_home("other").await;
+    let clip = small_clip();
+    let sum = sha256(&clip);
+    let request = |told: &[(&str, &str)]| {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
+        request.header("Upload-Metadata", metadata(told))
+    };
+    let begin = async |told: &[(&str, &str)]| {
+        let begun = server.send(request(told)).await;
+        assert_eq!(begun.status, 201);
+        (begun.header("location").to_owned(), begun.header("upload-offset").parse::<usize>().unwrap())
+    };
+    let told = [("home", "h"), ("sha256", sum.as_str()), ("filename", "a.zip")];
+    let (upload, _) = begin(&told).await;
+    let upper = sum.to_uppercase();
+    let (key, other_key) = (("idempotency_key", "k"), ("idempotency_key", "l"));
+    assert_eq!(
+        begin(&[told[0], ("sha256", upper.as_str()), ("title", "Kitchen")]).await,
+        (upload.clone(), 0)
+    );
+    let keyed = begin(&[told[0], told[1], key]).await.0;
+    let others = [upload.clone(), keyed.clone()];
+    assert_ne!(keyed, upload, "its sender tells it apart");
+    for told in [&[told[0], told[1], other_key][..], &[("home", "other"), told[1]], &told[..1]] {
+        assert!(!others.contains(&begin(told).await.0), "{told:?}");
+    }
+    server.send(server.patch(&upload, 0, &clip[..100])).await.ok(204);
+    assert_eq!(begin(&told).await, (upload.clone(), 100));
+    // Bytes that come with the repetition are not added.
+    let with_body = request(&told).header("Content-Type", BYTES).body(clip.clone());
+    let again = server.send(with_body).await;
+    assert_eq!((again.header("location"), again.header("upload-offset")), (&*upload, "100"));
+    let last = server.go_on(&upload, &clip).await;
+    let made = last.header("viola-clip").to_owned();
+    check_clip(&server, &made, &clip).await;
+    let again = server.send(request(&told)).await;
+    assert_eq!((again.status, again.header("location"), again.header("viola-clip")), (201, &*upload, &*made));
+    assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
+
+    // Its record is gone; the file still makes no second clip.
+    server.send(server.tus(Method::DELETE, &upload)).await.ok(204);
+    let (later, offset) = begin(&told).await;
+    assert_eq!((offset, later == upload), (0, false));
+    assert_eq!(server.go_on(&later, &clip).await.header("viola-clip"), made);
+    // Once the clip is removed, the file makes one again.
+    server.delete(&made).await.ok(204);
+    let (anew, _) = begin(&told).await;
+    let anew = server.go_on(&anew, &clip).await.header("viola-clip").to_owned();
+    assert_ne!(anew, made);
+    check_clip(&server, &anew, &clip).await;
+}
+
+#[tokio::test]
+async fn a_file_without_its_sha256_is_refused() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let sum = sha256(&viola_testing::zips::zip(&room::clip(3)));
+    let request = |sum: &str| {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
+        request.header("Upload-Metadata", metadata(&[("home", "h"), ("sha256", sum)]))
+    };
+    let upload = server.send(request(&sum)).await.header("location").to_owned();
+    let refused = server.send(server.patch(&upload, 0, &clip)).await.problem(422, "checksum-mismatch");
+    assert_eq!(refused["field"], "Upload-Metadata");
+    assert_eq!(server.get(&upload).await.ok(200)["state"], "refused");
+    assert_eq!(server.blobs().len(), 0);
+    // The right bytes get a new upload.
+    let again = server.send(request(&sum)).await;
+    assert_eq!((again.status, again.header("location") == upload), (201, false));
+    for bad in ["", "x", &sum[1..], &"g".repeat(64)] {
+        check_refused(request(bad), 400, "invalid-header", "Upload-Metadata").await;
+    }
+}

@@ -2,14 +2,15 @@
 
 /// The codes, with underscores, in order. Each first letter begins a line.
 #[rustfmt::skip]
-pub(in crate::api) const CODES: [&str; 149] = [
+pub(in crate::api) const CODES: [&str; 150] = [
     "archive_bomb",
     "bad_compression", "bad_depth", "bad_field", "bad_image", "bad_index", "bad_intrinsics", "bad_json",
     "bad_log", "bad_metadata", "bad_pcd", "bad_picture", "bad_ply", "bad_points", "bad_robot_map",
     "bad_video", "bad_yaml", "body_empty", "body_incomplete", "body_stalled", "body_too_large",
     "cannot_unpack", "changed_meanwhile", "checksum_mismatch", "clip_not_found", "color_depth_mismatch",
     "cursor_expired",
-    "delivery_not_found", "depth_not_grey16", "depth_video", "duplicate_frame", "duplicate_name",
+    "delivery_not_found", "depth_not_grey16", "depth_video", "digest_mismatch", "duplicate_frame",
+    "duplicate_name",
     "empty",
     "file_too_large", "forbidden", "foreign_host", "foreign_origin", "frames_not_ascending",
     "home_not_found",
@@ -49,8 +50,9 @@ mod tests {
     use std::collections::BTreeSet;
 
     /// The sources that map errors to codes, and the text before a code in them.
-    const SOURCES: [(&str, &[&str]); 9] = [
+    const SOURCES: [(&str, &[&str]); 10] = [
         (include_str!("../error.rs"), &["S::", "(status, "]),
+        (include_str!("body.rs"), &["S::"]),
         (include_str!("correction.rs"), &["S::"]),
         (include_str!("defence.rs"), &["S::"]),
         (include_str!("storage.rs"), &["S::"]),

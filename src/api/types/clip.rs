@@ -158,6 +158,10 @@ answer! {
         /// The method's own answer; null before a job has given one, and while a newer job is under way. Its pose, level
         /// and probability are those of `placement` if the clips around it decided (`by: neighbours`).
         alignment: Option<Alignment>,
+        /// The answer of an earlier job, while the newest job has none; null otherwise. Until then, `overlay.png`,
+        /// `thumbnail.jpg`, `scan` and the other files are those of this answer.
+        #[schema(required = false)]
+        last_answer: Option<LastAnswer>,
         /// The pose that a person chose; it overrides the method's own until it is withdrawn.
         choice: Option<Choice>,
         /// Pose of the clip in the newest revision of the home's map; null if the clip is not in it.
@@ -166,6 +170,18 @@ answer! {
         job: Option<Job>,
         created_at: Timestamp,
         updated_at: Timestamp,
+    }
+}
+
+answer! {
+    /// The answer of an earlier job.
+    struct LastAnswer from crate::storage::LastAnswer {
+        /// Its poses are in the frames of the LiDAR maps of `lidar_map_revision`.
+        alignment: Alignment,
+        /// The newest revision of the home's LiDAR maps when that job was queued. If the home's is another one, the answer is of
+        /// an older map.
+        #[schema(minimum = 1, example = 1)]
+        lidar_map_revision: i64,
     }
 }
 

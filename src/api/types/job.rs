@@ -2,6 +2,7 @@
 
 use super::answer;
 use super::names::{HomeId, LevelName, Pose2};
+use super::reason_code::ReasonCode;
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -36,7 +37,7 @@ answer! {
 answer! {
     /// A machine-readable reason for a verdict.
     struct Reason from viola_reconstruct::Reason {
-        /// Stable, in snake case, for programs: `several_modes`, `too_few_hits`, `no_floor` ...
+        #[schema(value_type = ReasonCode)]
         code: String,
         /// For people.
         detail: String,
@@ -49,7 +50,8 @@ answer! {
     /// - `running`: a worker aligns the clip.
     /// - `succeeded`: the method gave an answer, which may be that the clip cannot be aligned; see the state of the clip.
     /// - `failed`: there is no answer, and `error` says why. Correct the cause, then align the clip again.
-    /// - `cancelled`: a person or a newer job of the clip ended it before it had an answer.
+    /// - `cancelled`: it was ended before it had an answer, which is no failure. The code of `error` is `cancelled` if a person
+    ///   did so, and `superseded` if a newer job of the clip replaced it.
     enum JobState from crate::storage::JobState {
         Queued,
         Running,
@@ -96,7 +98,7 @@ answer! {
         attempts: u32,
         #[schema(example = 3)]
         max_attempts: u32,
-        /// Reason for the failure of the last attempt, or of the job.
+        /// Reason for the failure of the last attempt or of the job, or for its cancellation.
         error: Option<Reason>,
         /// Grows with every change.
         #[schema(example = 5)]

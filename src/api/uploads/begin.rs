@@ -45,9 +45,14 @@ pub(super) async fn begin(
         metadata: text,
         concat: is_partial.then(|| "partial".to_owned()),
         length_bytes: length.known(),
+        content_key: metadata.content_key().filter(|_| !is_partial),
     };
     let (checksum, now) = (checksum::asked_for(sent)?, Timestamp::now());
-    // A client whose answer was lost repeats the request.
+    // A client whose answer was lost repeats the request. The bytes that come with it are those that the upload has, or gets
+    // from its offset on.
+    if let Some(begun) = app.storage.same_upload(&new, now).await? {
+        return Ok((begun, None));
+    }
     if metadata.idempotency_key.is_some()
         && !has_body
         && let Some(begun) = app.storage.begun_upload(&new, now).await?

@@ -1,9 +1,10 @@
-//! `Upload-Checksum`: the checksum of a body, verified before the bytes are kept.
+//! The checksums of a body, verified before the bytes are kept: `Upload-Checksum` of tus, and the digests of RFC 9530.
 
 use super::headers;
 use super::metadata::BASE64;
 use super::refusal::UploadRefusal;
-use crate::api::error::Error;
+use crate::api::digest::{Digests, Sha256Digest};
+use crate::api::error::{BodyRefusal, Error};
 use axum::http::HeaderMap;
 use base64::Engine;
 use sha1::Sha1;
@@ -17,13 +18,27 @@ enum Hasher {
     Sha256(Box<Sha256>),
 }
 
-/// The checksum of the bytes so far, and its expected final value.
-pub(super) struct Checksum {
+/// The checksums of the bytes so far, and their expected final values.
+pub(super) struct Checksum(Vec<Part>);
+
+struct Part {
     hasher: Hasher,
     expected: Vec<u8>,
+    /// The header of a digest; `None` for the checksum of tus.
+    digest: Option<&'static str>,
 }
 
+/// Returns the checksums that a request has for its body; `None` without any.
 pub(super) fn asked_for(headers: &HeaderMap) -> Result<Option<Checksum>, Error> {
+    let mut parts: Vec<Part> = of_tus(headers)?.into_iter().collect();
+    for Sha256Digest { field, expected } in Digests::of(headers)?.0 {
+        let hasher = Hasher::Sha256(Box::default());
+        parts.push(Part { hasher, expected: expected.to_vec(), digest: Some(field) });
+    }
+    Ok((!parts.is_empty()).then_some(Checksum(parts)))
+}
+
+fn of_tus(headers: &HeaderMap) -> Result<Option<Part>, Error> {
     const NAME: &str = "Upload-Checksum";
     let Some(sent) = headers::text(headers, NAME)? else { return Ok(None) };
     let (algorithm, encoded) = sent.split_once(' ').unwrap_or((sent, ""));
@@ -37,22 +52,33 @@ pub(super) fn asked_for(headers: &HeaderMap) -> Result<Option<Checksum>, Error> 
         let detail = format!("the sum of {algorithm} has {bytes} bytes, in base64");
         Error::InvalidHeader { field: NAME, detail }
     })?;
-    Ok(Some(Checksum { hasher, expected }))
+    Ok(Some(Part { hasher, expected, digest: None }))
 }
 
 impl Checksum {
     pub fn update(&mut self, bytes: &[u8]) {
-        match &mut self.hasher {
-            Hasher::Sha1(hasher) => hasher.update(bytes),
-            Hasher::Sha256(hasher) => hasher.update(bytes),
+        for part in &mut self.0 {
+            match &mut part.hasher {
+                Hasher::Sha1(hasher) => hasher.update(bytes),
+                Hasher::Sha256(hasher) => hasher.update(bytes),
+            }
         }
     }
 
-    pub fn check(self) -> Result<(), UploadRefusal> {
-        let found = match self.hasher {
-            Hasher::Sha1(hasher) => hasher.finalize().to_vec(),
-            Hasher::Sha256(hasher) => hasher.finalize().to_vec(),
-        };
-        if found == self.expected { Ok(()) } else { Err(UploadRefusal::ChecksumMismatch) }
+    /// Refuses the bytes if one of the checksums is another one.
+    pub fn check(self) -> Result<(), Error> {
+        for Part { hasher, expected, digest } in self.0 {
+            let found = match hasher {
+                Hasher::Sha1(hasher) => hasher.finalize().to_vec(),
+                Hasher::Sha256(hasher) => hasher.finalize().to_vec(),
+            };
+            if found != expected {
+                return Err(digest.map_or_else(
+                    || UploadRefusal::ChecksumMismatch.into(),
+                    |field| BodyRefusal::Digest { field }.into(),
+                ));
+            }
+        }
+        Ok(())
     }
 }

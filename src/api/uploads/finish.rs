@@ -135,6 +135,9 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
     }
     let metadata = Metadata::parse(&claim.upload.metadata)?;
     let file = app.storage.assemble_upload(claim).await?;
+    if metadata.sha256.as_ref().is_some_and(|sum| *sum != file.sha256) {
+        return Err(UploadRefusal::FileMismatch.into());
+    }
     let unknown_scale = metadata.unknown_scale;
     let (file, mut info) = match &app.uploads.opener {
         Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
@@ -149,9 +152,9 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
         file,
         recorded_at: metadata.recorded_at.or_else(|| clips::recorded_at_of_file(&info)),
         info,
-        idempotency_key: metadata.idempotency_key,
-        title: metadata.title,
-        file_name: metadata.filename,
+        title: metadata.title.clone(),
+        file_name: metadata.filename.clone(),
+        idempotency_key: metadata.clip_key(),
     };
     let record = app.uploads.limits.record;
     match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {
@@ -194,6 +197,7 @@ mod tests {
             (Error::BodyEmpty, false, &Next::Refuse),
             (Error::KeyReused, false, &Next::Refuse),
             (UploadRefusal::Unreadable.into(), false, &Next::Refuse),
+            (UploadRefusal::FileMismatch.into(), false, &Next::Refuse),
         ];
         for (error, is_old, expected) in cases {
             assert_eq!(Next::after(&error, is_old), *expected, "{error}, {is_old}");

@@ -29,6 +29,8 @@ pub(super) struct Metadata {
     /// True if poses and depth have an unknown unit.
     pub unknown_scale: bool,
     pub idempotency_key: Option<String>,
+    /// SHA-256 of the whole file, in lower-case hexadecimal.
+    pub sha256: Option<String>,
 }
 
 fn invalid(detail: impl Into<String>) -> Error {
@@ -57,6 +59,7 @@ impl Metadata {
         let recorded_at = value("recorded_at")?;
         let scale = value("scale")?;
         let idempotency_key = value("idempotency_key")?;
+        let sha256 = values.remove("sha256").map(sha256_of).transpose()?;
         if filename.as_ref().is_some_and(|name| !is_file_name(name)) {
             return Err(invalid("filename has at most 255 characters, and no control characters"));
         }
@@ -80,10 +83,35 @@ impl Metadata {
             unknown_scale: clips::is_scale_unknown(scale.as_deref())
                 .map_err(|error| invalid(error.to_string()))?,
             idempotency_key,
+            sha256,
         })
+    }
+
+    /// Returns the name of the file's bytes, if their sender knows it: the SHA-256, and the idempotency key if there is one.
+    /// Equal requests have one upload.
+    pub fn content_key(&self) -> Option<String> {
+        let key = self.idempotency_key.as_deref().unwrap_or_default();
+        self.sha256.as_ref().map(|sum| format!("{sum} {key}").trim_end().to_owned())
+    }
+
+    /// Returns the key that makes one clip of repeated uploads: that of the sender, else the file's SHA-256.
+    pub fn clip_key(self) -> Option<String> {
+        self.idempotency_key.or(self.sha256.map(|sum| format!("sha256:{sum}")))
     }
 
     pub fn home(&self) -> Result<HomeId, Error> {
         self.home.clone().ok_or_else(|| invalid("home names the home that the clip belongs to, in base64"))
     }
+}
+
+/// Returns a SHA-256 in lower-case hexadecimal. Its sender encoded the 32 bytes, or their hexadecimal digits.
+fn sha256_of(encoded: &str) -> Result<String, Error> {
+    let bytes = BASE64.decode(encoded).unwrap_or_default();
+    if bytes.len() == 64 && bytes.iter().all(u8::is_ascii_hexdigit) {
+        return Ok(String::from_utf8_lossy(&bytes).to_ascii_lowercase());
+    }
+    if bytes.len() == 32 {
+        return Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect());
+    }
+    Err(invalid("sha256 is the SHA-256 of the file: 64 hexadecimal digits, or its 32 bytes"))
 }

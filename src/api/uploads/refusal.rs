@@ -17,6 +17,10 @@ pub(in crate::api) enum UploadRefusal {
     OtherChecksum,
     #[error("the body does not have its checksum; it was not kept, send it again")]
     ChecksumMismatch,
+    #[error(
+        "the file does not have the sha256 of its Upload-Metadata: bytes were damaged, or are of another file; send it again"
+    )]
+    FileMismatch,
     #[error("the service is stopping; retry in a few seconds")]
     Stopping,
     #[error("the body is too slow: {0}; ask for the offset (HEAD) and go on there")]
@@ -59,6 +63,9 @@ impl UploadRefusal {
                 // Status of the checksum extension of tus.
                 let status = S::from_u16(460).unwrap_or(S::BAD_REQUEST);
                 (status, "checksum_mismatch", "The body was damaged on its way")
+            }
+            UploadRefusal::FileMismatch => {
+                (S::UNPROCESSABLE_ENTITY, "checksum_mismatch", "The body was damaged on its way")
             }
             UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
             UploadRefusal::Stalled(_) => {
@@ -123,6 +130,7 @@ impl UploadRefusal {
             ) => Some("Upload-Concat"),
             UploadRefusal::State(UploadError::WrongOffset { .. }) => Some("Upload-Offset"),
             UploadRefusal::OtherChecksum | UploadRefusal::ChecksumMismatch => Some("Upload-Checksum"),
+            UploadRefusal::FileMismatch => Some("Upload-Metadata"),
             UploadRefusal::OtherVersion => Some("Tus-Resumable"),
             UploadRefusal::MediaType { .. } => Some("Content-Type"),
             _ => None,

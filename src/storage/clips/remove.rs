@@ -3,7 +3,7 @@
 use super::super::changes::{self, Changed};
 use super::super::database::query;
 use super::super::{HomeId, Storage, StorageError, home_maps, homes, pending_deletes};
-use super::{Clip, blobs_of, find_locked, owner};
+use super::{Clip, find_locked, owner};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -31,13 +31,12 @@ impl Storage {
             return Err(StorageError::Changed { what: "clip" });
         }
         query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
-        homes::grow(&mut transaction, home, -((clip.size_bytes + clip.result_bytes) as i64)).await?;
+        homes::grow(&mut transaction, home, -(clip.stored_bytes() as i64)).await?;
         if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
         }
         changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
-        pending_deletes::add(&mut transaction, &owner, &blobs_of(id, clip.result_key.as_deref()), now)
-            .await?;
+        pending_deletes::add(&mut transaction, &owner, &clip.blobs(), now).await?;
         transaction.commit().await?;
         self.delete_pending(&owner).await?;
         Ok(())

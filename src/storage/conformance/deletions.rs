@@ -31,6 +31,7 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
         metadata: String::new(),
         concat: Some("partial".to_owned()),
         length_bytes: Some(8),
+        content_key: None,
     };
     let limits = UploadLimits::default();
     let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
@@ -153,7 +154,8 @@ async fn a_deletion_is_of_the_resource_as_it_was_read(mut storage: Storage) {
     let map_as_read = storage.lidar_map(&id, upper).await.unwrap();
     let clip_as_read = storage.clip(&id, clip.id).await.unwrap();
     put_level(&storage, &id, upper, b"newer").await.unwrap();
-    storage.rename_clip(&id, clip.id, Some("Kitchen"), |_| true, at(1)).await.unwrap();
+    let title = ClipEdit { title: Some(Some("Kitchen".to_owned())), ..ClipEdit::default() };
+    storage.edit_clip(&id, clip.id, title, |_| true, at(1)).await.unwrap();
     storage.put_home(&id, Some("Elm"), |_| true, at(1)).await.unwrap();
     let as_read = |map: Option<&LidarMapRevision>| map == Some(&map_as_read);
     assert!(is_changed(storage.delete_lidar_map(&id, upper, as_read, at(2)).await));
@@ -184,6 +186,7 @@ async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut stora
             metadata: String::new(),
             concat: Some("partial".to_owned()),
             length_bytes: Some(8),
+            content_key: None,
         };
         let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
         let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();

@@ -286,6 +286,7 @@ async fn cancelling_ends_what_waits_or_runs(storage: Storage) {
     let waiting = clip.job.unwrap().id;
     let cancelled = storage.cancel_job(waiting, at(1)).await.unwrap().unwrap();
     assert_eq!((cancelled.state, cancelled.finished_at), (JobState::Cancelled, Some(at(1))));
+    assert_eq!(cancelled.error.as_ref().map(|reason| reason.code.as_str()), Some("cancelled"));
     assert!(due(&storage, 2).await.is_none());
     let clip = storage.clip(&id, clip.id).await.unwrap();
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Uploaded, "cancelled"));

@@ -23,7 +23,7 @@ async fn stored_bytes(storage: &Storage) -> u64 {
     sum
 }
 
-async fn check(storage: &Storage, what: &str) {
+pub(super) async fn check(storage: &Storage, what: &str) {
     let counted = storage.tenant_bytes(&Tenant::default()).await.unwrap();
     assert_eq!(counted, stored_bytes(storage).await, "after {what}");
 }
@@ -60,7 +60,8 @@ async fn every_file_of_a_tenant_counts(storage: Storage) {
 fn upload(tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
     let concat = Some("partial".to_owned());
     let (metadata, tenant) = (String::new(), tenant.clone());
-    NewUpload { kind: UploadKind::Partial, tenant, home: None, metadata, concat, length_bytes }
+    let (kind, home, content_key) = (UploadKind::Partial, None, None);
+    NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key }
 }
 
 async fn announced_bytes_count_until_they_have_arrived(storage: Storage) {

@@ -1,5 +1,6 @@
 //! Filters and pages of lists.
 
+use super::home_maps::{align, due};
 use super::*;
 
 on_every_back_end!(
@@ -7,7 +8,8 @@ on_every_back_end!(
     homes_by_time_of_anything_in_them,
     homes_by_text_and_need,
     the_same_file_twice_is_told,
-    a_clip_is_renamed,
+    clips_of_all_homes_by_reason,
+    a_clip_is_corrected,
     an_earlier_lidar_map_comes_back,
 );
 
@@ -36,7 +38,8 @@ async fn clips_by_state_and_time(storage: Storage) {
         (&[], Some(40), &[]),
     ];
     for (states, updated_after, expected) in cases {
-        let filter = ClipFilter { states: states.to_vec(), updated_after: updated_after.map(at) };
+        let updated_after = updated_after.map(at);
+        let filter = ClipFilter { states: states.to_vec(), updated_after, ..ClipFilter::default() };
         // One at a time, so that every filter meets a cursor.
         let (mut seen, mut page) = (Vec::new(), Page { limit: 1, after: None });
         while let Some(clip) = storage.clips(&id, &filter, &page).await.unwrap().pop() {
@@ -151,16 +154,104 @@ async fn the_same_file_twice_is_told(storage: Storage) {
     assert_eq!(storage.clip(&id, second.id).await.unwrap().duplicate_of, None);
 }
 
-async fn a_clip_is_renamed(storage: Storage) {
+async fn clips_of_all_homes_by_reason(storage: Storage) {
+    let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
+    let homes = [acme.home(&home("a")), acme.home(&home("b")), bolt.home(&home("a"))];
+    let mut clips = Vec::new();
+    for id in &homes {
+        storage.put_home(id, None, |_| true, at(0)).await.unwrap();
+        for n in 0..2u8 {
+            clips.push(add(&storage, id, &[n]).await.id);
+        }
+    }
+    let [a, b, c, d, e, f] = clips[..] else { unreachable!() };
+    // The first clip has an answer with the reason `two_modes`, and another one only names it.
+    put_map(&storage, &homes[0], b"map").await;
+    let claim = storage.claim(LEASE, at(10)).await.unwrap().unwrap();
+    let ambiguous = answer(AlignmentState::Ambiguous);
+    assert!(storage.finish(&claim, &ambiguous, &RetryPolicy::default(), at(10)).await.unwrap());
+    assert_eq!(claim.job.clip, a);
+    let quoting =
+        r#"UPDATE clips SET reasons = '[{"code":"other","detail":"\"code\":\"two_modes\""}]' WHERE id = $1"#;
+    execute(&storage, quoting, &b.to_string()).await;
+    let similar = r#"UPDATE clips SET reasons = '[{"code":"twoxmodes","detail":"x"}]' WHERE id = $1"#;
+    execute(&storage, similar, &d.to_string()).await;
+    use ClipState::{Ambiguous, Queued, Uploaded};
+    // The tenant, the states and codes of the filter, and the clips of the list.
+    type Case<'a> = (&'a Tenant, &'a [ClipState], &'a [&'a str], &'a [Uuid]);
+    let cases: [Case; 10] = [
+        (&acme, &[], &[], &[a, b, c, d]),
+        (&bolt, &[], &[], &[e, f]),
+        (&acme, &[Uploaded], &[], &[c, d]),
+        (&acme, &[Ambiguous, Queued], &[], &[a, b]),
+        (&acme, &[], &["two_modes"], &[a]),
+        (&acme, &[], &["no_lidar_map"], &[c]),
+        (&acme, &[], &["no_lidar_map", "two_modes"], &[a, c]),
+        (&acme, &[Uploaded], &["two_modes"], &[]),
+        (&acme, &[], &["%"], &[]),
+        (&bolt, &[], &["two_modes", "other", "no_lidar_map", "x"], &[e, f]),
+    ];
+    for (tenant, states, codes, expected) in cases {
+        let codes = codes.iter().map(|code| (*code).to_owned()).collect();
+        let filter = ClipFilter { states: states.to_vec(), codes, updated_after: None };
+        let (mut seen, mut page) = (Vec::new(), Page { limit: 1, after: None });
+        while let Some(clip) = storage.clips_of_tenant(tenant, &filter, &page).await.unwrap().pop() {
+            assert_eq!(clip.job.as_ref().map_or(clip.id, |job| job.clip), clip.id);
+            page.after = Some(clip.id);
+            seen.push(clip.id);
+        }
+        assert_eq!(seen, expected, "{filter:?}");
+        let all = Page { limit: 9, after: None };
+        let all = storage.clips_of_tenant(tenant, &filter, &all).await.unwrap();
+        assert_eq!(all.iter().map(|clip| clip.id).collect::<Vec<_>>(), expected, "{filter:?}");
+    }
+    let filter = ClipFilter { updated_after: Some(at(9)), ..ClipFilter::default() };
+    let page = Page { limit: 9, after: None };
+    assert_eq!(storage.clips_of_tenant(&acme, &filter, &page).await.unwrap().len(), 1);
+    // Of one home, too.
+    let filter = ClipFilter { codes: vec!["two_modes".to_owned()], ..ClipFilter::default() };
+    assert_eq!(storage.clips(&homes[0], &filter, &page).await.unwrap().len(), 1);
+    assert!(storage.clips(&homes[1], &filter, &page).await.unwrap().is_empty());
+}
+
+async fn a_clip_is_corrected(storage: Storage) {
     let (id, clip) = one_job(&storage).await;
     let expected = |title: Option<&'static str>| move |clip: &Clip| clip.title.as_deref() == title;
-    let renamed = storage.rename_clip(&id, clip.id, Some("Kitchen"), expected(None), at(5)).await.unwrap();
+    let named =
+        |title: Option<&str>| ClipEdit { title: Some(title.map(str::to_owned)), ..ClipEdit::default() };
+    let kitchen = || named(Some("Kitchen"));
+    let renamed = storage.edit_clip(&id, clip.id, kitchen(), expected(None), at(5)).await.unwrap();
     assert_eq!((renamed.title.as_deref(), renamed.updated_at), (Some("Kitchen"), at(5)));
-    let again = storage.rename_clip(&id, clip.id, Some("Kitchen"), |_| true, at(6)).await.unwrap();
+    let again = storage.edit_clip(&id, clip.id, kitchen(), |_| true, at(6)).await.unwrap();
     assert_eq!(again.updated_at, at(5));
-    let refused = storage.rename_clip(&id, clip.id, None, expected(None), at(7)).await;
+    let refused = storage.edit_clip(&id, clip.id, named(None), expected(None), at(7)).await;
     assert!(matches!(refused, Err(StorageError::Changed { .. })));
-    assert_eq!(storage.rename_clip(&id, clip.id, None, |_| true, at(8)).await.unwrap().title, None);
+    assert_eq!(storage.edit_clip(&id, clip.id, named(None), |_| true, at(8)).await.unwrap().title, None);
+
+    // The time of a clip counts in the home's map, once the clip has an answer.
+    let timed = |recorded_at| ClipEdit { recorded_at: Some(recorded_at), ..kitchen() };
+    let edit = async |edit: ClipEdit| storage.edit_clip(&id, clip.id, edit, |_| true, at(300)).await.unwrap();
+    let early = edit(timed(Some(at(-50)))).await;
+    assert_eq!((early.recorded_at, early.title.as_deref()), (Some(at(-50)), Some("Kitchen")));
+    align(&storage, AlignmentState::Aligned).await;
+    let claim = due(&storage, 301).await.expect("a clip has an answer");
+    assert_eq!(claim.members[0].recorded_at_ms, Some(at(-50).as_millisecond()));
+    assert!(storage.finish_merge(&claim, None, at(302)).await.unwrap());
+    for (change, recorded_at) in [
+        (timed(Some(at(-50))), Some(None)),
+        (named(Some("Hall")), Some(None)),
+        (timed(Some(at(-40))), Some(Some(at(-40).as_millisecond()))),
+        (timed(None), Some(None)),
+    ] {
+        let is_changed = change.recorded_at.is_some_and(|time| time != Some(at(-50)));
+        edit(change).await;
+        let claim = due(&storage, 303).await;
+        assert_eq!(claim.is_some(), is_changed, "{recorded_at:?}");
+        if let Some(claim) = claim {
+            assert_eq!(Some(claim.members[0].recorded_at_ms), recorded_at);
+            assert!(storage.finish_merge(&claim, None, at(304)).await.unwrap());
+        }
+    }
 }
 
 async fn an_earlier_lidar_map_comes_back(storage: Storage) {

@@ -161,7 +161,9 @@ async fn a_new_map_queues_every_clip_anew(storage: Storage) {
     assert_eq!((clip.state, &clip.alignment), (ClipState::Queued, &None));
     let fresh = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
     assert_eq!((fresh.job.lidar_map_revision, fresh.job.attempts), (2, 1));
-    assert_eq!(storage.job(late.job.id).await.unwrap().unwrap().state, JobState::Cancelled);
+    let replaced = storage.job(late.job.id).await.unwrap().unwrap();
+    let code = replaced.error.map(|reason| reason.code);
+    assert_eq!((replaced.state, code.as_deref()), (JobState::Cancelled, Some("superseded")));
 }
 
 async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
@@ -199,9 +201,16 @@ async fn aligning_again_replaces_the_answer(storage: Storage) {
     let again = storage.align_clip(&id, clip.id, at(3)).await.unwrap();
     assert_eq!((again.state, &again.alignment), (ClipState::Queued, &None));
     assert_ne!(again.job.as_ref().unwrap().id, claim.job.id);
+    assert!(storage.clip_result(&again, "overlay.png").await.unwrap().is_some());
+    let claim = storage.claim(LEASE, at(4)).await.unwrap().unwrap();
+    storage.put_result(&claim, "scan.json", b"a scan".to_vec()).await.unwrap();
+    let ending = answer(AlignmentState::Aligned);
+    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(5)).await.unwrap());
+    let newer = storage.clip(&id, clip.id).await.unwrap();
     // Neither the new record nor the one read before finds the old picture.
-    assert!(storage.clip_result(&again, "overlay.png").await.unwrap().is_none());
+    assert!(storage.clip_result(&newer, "overlay.png").await.unwrap().is_none());
     assert!(storage.clip_result(&done, "overlay.png").await.unwrap().is_none());
+    assert_eq!(bytes_of(storage.clip_result(&newer, "scan.json").await.unwrap()).await, b"a scan");
 }
 
 async fn deleting_leaves_no_byte(storage: Storage) {

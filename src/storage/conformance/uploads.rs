@@ -13,6 +13,7 @@ on_every_back_end!(
     joining_is_all_or_nothing,
     what_is_abandoned_goes_and_what_has_arrived_stays,
     deleting_a_home_deletes_its_uploads,
+    the_same_content_has_one_upload,
 );
 
 const HOUR: i64 = 3600;
@@ -29,7 +30,8 @@ async fn begin_of(storage: &Storage, tenant: Tenant, kind: UploadKind, length_by
     let of = tenant.home(&home("h"));
     storage.put_home(&of, None, |_| true, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
-    let new = NewUpload { kind, tenant, home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
+    let (metadata, concat, content_key) = ("home aA==".to_owned(), None, None);
+    let new = NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key };
     storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id
 }
 
@@ -293,6 +295,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
             metadata: String::new(),
             concat: None,
             length_bytes: None,
+            content_key: None,
         };
         storage.create_upload(new, &limits(), None, at(0)).await.unwrap();
     }
@@ -308,6 +311,62 @@ async fn deleting_a_home_deletes_its_uploads(storage: Storage) {
     let late = storage.finish_upload(&claim, new_clip(file), Duration::from_secs(60), at(4)).await;
     assert!(matches!(late, Err(StorageError::NoSuchHome)), "{late:?}");
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
+}
+
+async fn the_same_content_has_one_upload(storage: Storage) {
+    let ids = ["h", "other"].map(home);
+    for id in &ids {
+        storage.put_home(id, None, |_| true, at(0)).await.unwrap();
+    }
+    let new = |of: &HomeId, content_key: Option<&str>, length_bytes: Option<u64>| NewUpload {
+        kind: UploadKind::Whole,
+        tenant: Tenant::default(),
+        home: Some(of.clone()),
+        metadata: String::new(),
+        concat: None,
+        length_bytes,
+        content_key: content_key.map(str::to_owned),
+    };
+    let storage = &storage;
+    let same = async |new: NewUpload, seconds| storage.same_upload(&new, at(seconds)).await.unwrap();
+    let begin = async |new: NewUpload| storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id;
+    assert_eq!(same(new(&ids[0], Some("a"), Some(6)), 1).await, None);
+    begin(new(&ids[0], None, Some(6))).await;
+    let id = begin(new(&ids[0], Some("a"), Some(6))).await;
+    // The same file by the same home, whether its length is known or not.
+    let cases = [
+        (&ids[0], Some("a"), Some(6), Some(id)),
+        (&ids[0], Some("a"), None, Some(id)),
+        (&ids[0], Some("a"), Some(7), None),
+        (&ids[0], Some("b"), Some(6), None),
+        (&ids[0], None, Some(6), None),
+        (&ids[1], Some("a"), Some(6), None),
+    ];
+    let check = async |state: &str| {
+        for (of, key, length, expected) in cases {
+            assert_eq!(same(new(of, key, length), 3).await, expected, "{state}: {of} {key:?} {length:?}");
+        }
+    };
+    check("begun").await;
+    write(storage, &mut writer(storage, id, 0).await.unwrap(), b"a cl").await.unwrap();
+    check("arriving").await;
+    write(storage, &mut writer(storage, id, 4).await.unwrap(), b"ip").await.unwrap();
+    check("arrived").await;
+    assert_eq!(same(new(&ids[0], Some("a"), None), 99 * HOUR).await, Some(id), "it never expires");
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    let Some(Added::New(clip)) = finish(storage, &claim).await else { panic!("a clip is made") };
+    check("finished").await;
+    // The record of its end expires, and it goes with its clip.
+    assert_eq!(same(new(&ids[0], Some("a"), None), 63).await, None);
+    storage.delete_clip(&ids[0], clip.id, |_| true, at(4)).await.unwrap();
+    assert_eq!(same(new(&ids[0], Some("a"), None), 5).await, None);
+    // A refused one is no upload of the file.
+    let refused = begin(new(&ids[0], Some("a"), Some(6))).await;
+    write(storage, &mut writer(storage, refused, 0).await.unwrap(), b"a clip").await.unwrap();
+    let claim = storage.claim_upload(refused, LEASE, at(3)).await.unwrap().expect("it is due");
+    let problem = serde_json::json!({"type": "no-clip"});
+    storage.refuse_upload(&claim, &problem, Duration::from_secs(60), at(3)).await.unwrap();
+    assert_eq!(same(new(&ids[0], Some("a"), Some(6)), 3).await, None);
 }
 
 #[tokio::test]

@@ -93,18 +93,25 @@ impl Storage {
 
     /// Gives the jobs that were queued while the clock was ahead the turns of jobs that are queued now.
     async fn advance_turns(&self, now: Timestamp) -> Result<(), StorageError> {
-        let ahead = query("SELECT id FROM jobs WHERE state = 'queued' AND order_at > $1 LIMIT 1");
-        let ahead = ahead.bind(clock::no_turn_after(now));
+        // Two reads of indexes: a new LiDAR map may leave thousands of jobs with late turns.
+        let ahead = query(
+            "SELECT id FROM jobs WHERE state = 'queued' AND again = 0 AND order_at > $1
+            UNION ALL SELECT id FROM jobs WHERE state = 'queued' AND order_at > $2 LIMIT 1",
+        );
+        let (late, late_again) = (clock::no_turn_after(now), clock::no_turn_again_after(now));
+        let ahead = ahead.bind(late).bind(late_again);
         if ahead.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
             return Ok(());
         }
         let mut transaction = self.database.begin().await?;
         let advance = transaction.either(
-            "UPDATE jobs SET order_at = $2 WHERE state = 'queued' AND order_at > $1",
-            "UPDATE jobs SET order_at = $2 WHERE id IN (SELECT id FROM jobs
-                WHERE state = 'queued' AND order_at > $1 ORDER BY id FOR UPDATE SKIP LOCKED)",
+            "UPDATE jobs SET order_at = $3
+            WHERE state = 'queued' AND order_at > $1 AND (again = 0 OR order_at > $2)",
+            "UPDATE jobs SET order_at = $3 WHERE id IN (SELECT id FROM jobs
+                WHERE state = 'queued' AND order_at > $1 AND (again = 0 OR order_at > $2)
+                ORDER BY id FOR UPDATE SKIP LOCKED)",
         );
-        let advance = query(advance).bind(clock::no_turn_after(now)).bind(now.as_millisecond());
+        let advance = query(advance).bind(late).bind(late_again).bind(now.as_millisecond());
         advance.execute(&mut transaction).await?;
         transaction.commit().await
     }

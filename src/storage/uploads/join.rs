@@ -48,6 +48,7 @@ impl Storage {
             metadata: joining.metadata.clone(),
             concat: Some(joining.concat.clone()),
             length_bytes: None,
+            content_key: None,
         };
         let expires_at = later(now, limits.patience);
         insert(&mut transaction, id, &new, expires_at, now).await?;

@@ -44,6 +44,7 @@ const ADVICE: Record<string, string> = {
   storage_error: NOT_THE_CLIP,
   internal_error: NOT_THE_CLIP,
   cancelled: "Align it again.",
+  superseded: "Nothing is to be done: a newer job aligns the clip.",
   worker_died: "The recording may be too large for this machine. Split it into several clips.",
   too_large: SEVERAL_CLIPS,
   took_too_long: SEVERAL_CLIPS,

@@ -4,10 +4,10 @@ import { clipPath } from "../api.ts";
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";
 
-/** The picture comes with the clip's answer; a clip without colour has none. */
+/** The picture comes with the clip's answer, and stays while the clip is aligned again; a clip without colour has none. */
 export function thumbnail(clip: Clip, name: string): HTMLElement {
   const frame = h("span", { class: "clip-picture" });
-  if (!clip.alignment) return frame;
+  if (!clip.alignment && !clip.last_answer) return frame;
   const picture = h("img", {
     // Another job may have taken another frame.
     src: `${clipPath(clip, "thumbnail.jpg")}?job=${clip.job?.id ?? ""}`,

@@ -1,0 +1,78 @@
+//! Lists of clips across homes, and corrections of clips.
+
+use crate::clips::small_clip;
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::{Value, json};
+use viola_testing::room;
+
+#[tokio::test]
+async fn clips_are_listed_across_homes_by_state_and_reason() {
+    let server = Server::without_workers().await;
+    let mut ids = Vec::new();
+    for home in ["b", "a"] {
+        let home = server.make_home(home).await;
+        for _ in 0..2 {
+            ids.push(server.post(&format!("{home}/clips"), small_clip()).await.ok(201)["id"].clone());
+        }
+    }
+    server.put("/v1/homes/a/lidar-map", room::lidar_csv()).await.ok(201);
+    let queued = server.get(&format!("/v1/homes/a/clips/{}", ids[2].as_str().unwrap())).await.ok(200);
+    let job = queued["job"]["id"].as_str().unwrap();
+    server.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
+    let listed = async |path: &str| {
+        let page = server.get(path).await.ok(200);
+        page["items"].as_array().unwrap().iter().map(|clip| clip["id"].clone()).collect::<Vec<_>>()
+    };
+    let cases: [(&str, &[usize]); 7] = [
+        ("/v1/clips", &[0, 1, 2, 3]),
+        ("/v1/clips?state=uploaded", &[0, 1, 2]),
+        ("/v1/clips?code=no_lidar_map", &[0, 1]),
+        ("/v1/clips?state=uploaded&code=cancelled,no_floor", &[2]),
+        ("/v1/clips?code=no_floor", &[]),
+        ("/v1/homes/a/clips?code=cancelled", &[2]),
+        ("/v1/homes/b/clips?code=cancelled", &[]),
+    ];
+    for (path, expected) in cases {
+        let expected: Vec<Value> = expected.iter().map(|at| ids[*at].clone()).collect();
+        assert_eq!(listed(path).await, expected, "{path}");
+    }
+    let first = server.get("/v1/clips?state=uploaded&limit=2").await.ok(200);
+    assert_eq!((&first["items"][0]["home"], &first["items"][1]["id"]), (&json!("b"), &ids[1]));
+    let next = first["next"].as_str().unwrap();
+    let rest = server.get(&format!("/v1/clips?state=uploaded&limit=2&after={next}")).await.ok(200);
+    assert_eq!((&rest["items"][0]["id"], &rest["next"]), (&ids[2], &Value::Null));
+    for bad in ["", "no_flor", "no_floor,", "no_floor,no_floor,no_floor,no_floor,no_floor"] {
+        let refused = server.get(&format!("/v1/clips?code={bad}")).await.problem(400, "invalid-query");
+        assert_eq!(refused["field"], "code", "{bad}");
+    }
+}
+
+#[tokio::test]
+async fn the_time_of_a_recording_is_corrected() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let clip = server.post(&format!("{home}/clips?title=Hall"), small_clip()).await;
+    let clip = clip.header("location").to_owned();
+    let patch = async |body: Value| server.send(server.request(Method::PATCH, &clip).json(&body)).await;
+    let time = "2026-03-14T15:09:26Z";
+    let corrected = patch(json!({"recorded_at": "2026-03-14T17:09:26+02:00"})).await.ok(200);
+    assert_eq!((&corrected["recorded_at"], &corrected["title"]), (&json!(time), &json!("Hall")));
+    assert_eq!(server.get(&clip).await.ok(200), corrected);
+    // The same time again changes nothing; a title leaves the time.
+    assert_eq!(patch(json!({"recorded_at": time})).await.ok(200), corrected);
+    assert_eq!(patch(json!({"title": "Kitchen"})).await.ok(200)["recorded_at"], time);
+    for wrong in [
+        json!(""),
+        json!("yesterday"),
+        json!(7),
+        json!("1999-12-31T23:59:59Z"),
+        json!("2399-01-01T00:00:00Z"),
+    ] {
+        let problem = patch(json!({"recorded_at": wrong})).await.problem(422, "invalid-body");
+        assert_eq!(problem["field"], "recorded_at");
+    }
+    // The file has no time of its own.
+    let both = patch(json!({"recorded_at": null, "title": null})).await.ok(200);
+    assert_eq!((&both["recorded_at"], &both["title"]), (&Value::Null, &Value::Null));
+}
