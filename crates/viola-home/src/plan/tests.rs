@@ -4,8 +4,10 @@ mod corrected;
 mod filmed;
 mod furniture;
 mod gaps;
+mod leaves;
 mod oblique;
 mod pages;
+mod robot_rooms;
 
 use super::*;
 use crate::rooms::RoomSource;
