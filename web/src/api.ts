@@ -1,5 +1,6 @@
 // Talks to the service, which is always the host that this page came from.
 
+import { wordsFor } from "./problems.ts";
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
 import type {
@@ -19,6 +20,8 @@ export class Refusal extends Error {
     message: string,
     /** The service's own delay until the next attempt, if it gave one. */
     readonly retryAfter_s: number | null = null,
+    /** The service's own words, if the message is the page's. */
+    readonly detail: string | null = null,
   ) {
     super(message);
   }
@@ -29,19 +32,27 @@ export class Refusal extends Error {
   }
 }
 
-/** The explanation in a problem document, or the status where there is none. */
+/** The explanation of a problem document in the words of the page, else in its own; the status where there is none. */
 export function explanation(status: number, body: string): string {
+  return refusalOf(status, body, null).message;
+}
+
+/** The refusal of an answer that is no success. */
+export function refusalOf(status: number, body: string, retryAfter: string | null): Refusal {
+  const delay = delay_s(retryAfter);
   try {
     const problem: unknown = JSON.parse(body);
     if (typeof problem === "object" && problem !== null) {
-      const { detail, title } = problem as { detail?: unknown; title?: unknown };
-      if (typeof detail === "string" && detail) return detail;
-      if (typeof title === "string" && title) return title;
+      const { type, detail, title } = problem as { type?: unknown; detail?: unknown; title?: unknown };
+      const own = [detail, title].find((text): text is string => typeof text === "string" && text !== "");
+      const words = wordsFor(type);
+      if (words) return new Refusal(status, words, delay, own ?? null);
+      if (own) return new Refusal(status, own, delay);
     }
   } catch {
     // Not a problem document: something between this page and the service answered.
   }
-  return status === 0 ? "The service does not answer." : `The service answered with status ${status}.`;
+  return new Refusal(status, status === 0 ? "The service does not answer." : `The service answered with status ${status}.`, delay);
 }
 
 /** The seconds of a header `Retry-After`; null if it is missing or a date. */
@@ -55,11 +66,11 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     answer = await fetch(path, options);
   } catch (error) {
     if (options.signal?.aborted) throw error;
-    throw new Refusal(0, "The service does not answer. Is it still running?");
+    throw new Refusal(0, `${explanation(0, "")} Check the network of this device.`);
   }
   // 304 comes only to a request with a condition.
   if (answer.ok || answer.status === 304) return answer;
-  throw new Refusal(answer.status, explanation(answer.status, await answer.text()), delay_s(answer.headers.get("retry-after")));
+  throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
 }
 
 /** Reads a document with its headers. An answer that stalls counts as none. */

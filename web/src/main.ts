@@ -3,14 +3,16 @@
 import { Refusal, signOut } from "./api.ts";
 import { h, put } from "./dom.ts";
 import { showClip } from "./pages/clip.ts";
+import { SessionFollower } from "./pages/follow.ts";
 import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
 import { showUploader } from "./pages/uploader.ts";
 import { confirm } from "./parts/dialog.ts";
 import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
+import { type Place, setCrumbs } from "./pages/page.ts";
 import { parse, toHomes } from "./route.ts";
-import { readSession } from "./session.ts";
+import { isSessionEnd, readSession } from "./session.ts";
 import { themeButton } from "./theme.ts";
 import { refuseDrops } from "./upload/panel.ts";
 import { stopUploads, unsentFiles } from "./upload/queue.ts";
@@ -27,6 +29,7 @@ leave.addEventListener("click", () => void attempt(leave, async () => {
   if (unsent > 0 && !(await confirm("Sign out and stop the uploads?", text, "Sign out"))) return;
   await signOut();
   stopUploads();
+  session.ended();
   await show();
 }));
 
@@ -38,8 +41,16 @@ document.body.append(
   main, noticeBoard(),
 );
 
+/** Titles and advice for pages that cannot be shown, by the status of the answer. */
+const FAILURES: Record<string, [title: string, advice: string]> = {
+  0: ["This cannot be shown", "Check the network of this device. If other pages open, tell the person who runs the service."],
+  403: ["This key may not see this", "Sign out to enter another key, or ask the operator of the service for one."],
+  404: ["This is not here", "Check the address, or look for the home in the list."],
+  };
+
 let page = new AbortController();
 let lastTenant: string | null = null;
+const session = new SessionFollower(() => void show());
 
 async function show(): Promise<void> {
   page.abort();
@@ -51,7 +62,9 @@ async function show(): Promise<void> {
   const route = parse(location.hash);
   const place = { main, crumbs, signal, again: () => void show() };
   try {
-    const { role, tenant, with_key } = await readSession(signal);
+    const now = await readSession(signal);
+    const { role, tenant, with_key } = now;
+    session.began(now);
     leave.hidden = !with_key;
     // Waiting files of one tenant are not sent with a key of another.
     if (lastTenant !== null && lastTenant !== tenant) stopUploads();
@@ -63,17 +76,27 @@ async function show(): Promise<void> {
     else throw new Error("There is nothing at this address.");
   } catch (error) {
     if (signal.aborted) return;
-    if (error instanceof Refusal && error.status === 401) {
+    if (isSessionEnd(error)) {
       leave.hidden = true;
-      showSignIn(place, place.again);
+      showSignIn(place, place.again, session.ended());
       return;
     }
-    put(main, h("section", { class: "empty" },
-      h("h1", {}, "This cannot be shown"), h("p", {}, messageOf(error)),
-      h("p", { class: "row" },
-        h("button", { type: "button", class: "primary", onclick: () => void show() }, "Try again"),
-        h("a", { class: "button", href: toHomes() }, "All homes"))));
+    showFailure(place, error);
   }
+}
+
+/** Tells why a page cannot be shown, and the next step. */
+function showFailure(place: Place, error: unknown): void {
+  const status = error instanceof Refusal ? error.status : null;
+  const [title, advice] = FAILURES[String(status)] ?? ["This cannot be shown", ""];
+  if (status === 404) setCrumbs(place, [{ word: "Homes", href: toHomes() }], "Not here");
+  put(main, h("section", { class: "empty" },
+    h("h1", {}, title), h("p", {}, messageOf(error)), advice && h("p", {}, advice),
+    h("p", { class: "row" },
+      h("button", { type: "button", class: "primary", onclick: () => void show() }, "Try again"),
+      h("a", { class: "button", href: toHomes() }, "All homes"))));
+  // A person who has no network needs no button when it is back.
+  if (status === 0) addEventListener("online", () => void show(), { once: true, signal: place.signal });
 }
 
 /** The address belongs to the router, so the link moves the focus itself. */

@@ -1,6 +1,8 @@
 // The service draws the LiDAR map dark on white paper. Here the paper is removed, so the picture lies on
 // any ground, and in the dark its inks are turned light.
 
+import { explanation, Refusal, refusalOf } from "./api.ts";
+
 /** Takes white away from every pixel: what remains is ink with as much opacity as it has darkness. */
 export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
   for (let i = 0; i < pixels.length; i += 4) {
@@ -24,8 +26,7 @@ export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
 
 /** A picture without its paper. */
 export async function inkOf(path: string, isDark: boolean, signal: AbortSignal): Promise<HTMLCanvasElement> {
-  const answer = await fetch(path, { signal });
-  if (!answer.ok) throw new Error(`The picture could not be loaded (status ${answer.status}).`);
+  const answer = await askPicture(path, signal);
   const picture = await createImageBitmap(await answer.blob());
   const canvas = document.createElement("canvas");
   canvas.width = picture.width;
@@ -38,6 +39,17 @@ export async function inkOf(path: string, isDark: boolean, signal: AbortSignal):
   takePaper(image.data, isDark);
   context.putImageData(image, 0, 0);
   return canvas;
+}
+
+async function askPicture(path: string, signal: AbortSignal): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, { signal });
+  } catch (error) {
+    throw signal.aborted ? error : new Refusal(0, explanation(0, ""));
+  }
+  if (!answer.ok) throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
+  return answer;
 }
 
 /** An address of the canvas's picture; revoke it when it is no longer shown. */

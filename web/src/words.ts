@@ -4,19 +4,20 @@ import type { Clip, ClipState, Job, Pose2 } from "./types.ts";
 
 export const STATES: ClipState[] = ["aligning", "queued", "uploaded", "ambiguous", "failed", "aligned"];
 
+/** The words of a page; programs use the names of the states. */
 const STATE_WORDS: Record<ClipState, string> = {
-  uploaded: "Not queued",
-  queued: "Queued",
-  aligning: "Aligning",
-  aligned: "Aligned",
-  ambiguous: "Ambiguous",
-  failed: "Failed",
+  uploaded: "Waiting",
+  queued: "In the queue",
+  aligning: "Being placed",
+  aligned: "Placed",
+  ambiguous: "Unclear",
+  failed: "Not placed",
 };
 
 const STATE_MEANING: Record<ClipState, string> = {
-  uploaded: "It waits for a LiDAR map, or its job was cancelled.",
+  uploaded: "It waits for a LiDAR map, or a person stopped it.",
   queued: "It waits for its turn.",
-  aligning: "Its place is being computed.",
+  aligning: "The service is finding its place in the map.",
   aligned: "Its place in the map is known.",
   ambiguous: "Its place is not certain.",
   failed: "It has no place in the map.",
@@ -28,17 +29,17 @@ export const STAGES = [
 ];
 
 const STAGE_WORDS: Record<string, string> = {
-  decode: "Reading frames",
-  track: "Tracking the camera",
-  fuse: "Fusing depth",
-  label: "Classifying surfaces",
+  decode: "Reading the recording",
+  track: "Following the camera",
+  fuse: "Building the surface",
+  label: "Recognising things",
   floor: "Finding the floor",
-  raycast: "Virtual LiDAR",
+  raycast: "Scanning as the vacuum does",
   search: "Searching the map",
-  refine: "Refining",
-  decide: "Scoring poses",
+  refine: "Refining the places",
+  decide: "Comparing the places",
   complete: "Filling gaps",
-  report: "Writing results",
+  report: "Saving the result",
 };
 
 export function stateWord(state: ClipState): string {
@@ -49,13 +50,18 @@ export function stateMeaning(state: ClipState): string {
   return STATE_MEANING[state] ?? "";
 }
 
+/** The meaning of a state with its name in the API, for the title of a badge. */
+export function stateTitle(state: ClipState): string {
+  return `${stateMeaning(state)} (${state})`;
+}
+
 export function stageWord(stage: string | null): string {
   return stage ? (STAGE_WORDS[stage] ?? plain(stage)) : "Starting";
 }
 
 /** The present work of a job. */
 export function jobWord(job: Job): string {
-  return job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : "Queued";
+  return job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : STATE_WORDS.queued;
 }
 
 /** `washing_machine` as people write it. */
@@ -67,10 +73,29 @@ export function plain(code: string): string {
 /** Letters of an id that is made of a name: an id has at most 64, and random letters may follow. */
 const MOST_LETTERS = 56;
 
-/** The id of a home of this name: "Flat 3, Elm Street" becomes "flat-3-elm-street". */
-export function idOf(name: string): string {
-  const letters = name.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase();
-  return letters.replace(/[^a-z0-9]+/g, "-").slice(0, MOST_LETTERS).replace(/^-+|-+$/g, "") || "home";
+/** Latin letters that no Unicode decomposition turns into plain ones. */
+const LATIN: Record<string, string> = { ß: "ss", æ: "ae", œ: "oe", ø: "o", đ: "d", ð: "d", ł: "l", þ: "th", ı: "i" };
+
+/**
+ * The id that is made of a name: "Flat 3, Elm Street" becomes "flat-3-elm-street". A name without Latin letters or
+ * digits becomes `otherwise`.
+ */
+export function idOf(name: string, most = MOST_LETTERS, otherwise = "home"): string {
+  const letters = name.toLowerCase().normalize("NFKD").replace(/\p{M}/gu, "").replace(/[^\x00-\x7f]/g, (letter) => LATIN[letter] ?? letter);
+  return letters.replace(/[^a-z0-9]+/g, "-").replace(/^-+/, "").slice(0, most).replace(/-+$/, "") || otherwise;
+}
+
+/** The name of a level for people: `first-floor` is "First floor". The service keeps no other name of a level. */
+export function levelWord(level: string): string {
+  return plain(level.replaceAll("-", " "));
+}
+
+/** Hebrew, Arabic and their neighbours. */
+const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]/;
+
+/** A person's own words within a sentence: letters from right to left do not turn the words around them. */
+export function named(name: string): string {
+  return RIGHT_TO_LEFT.test(name) ? `\u2068${name}\u2069` : name;
 }
 
 /** The name of a clip among the clips of its home; `number` counts from 1. */
@@ -90,15 +115,25 @@ export function percent(share: number | null | undefined): string {
   return value > 0 && value < 1 ? "< 1 %" : `${Math.round(value)} %`;
 }
 
+const decimals = new Map<number, Intl.NumberFormat>();
+
+/** A number as this browser's language writes it. Addresses and files have points instead. */
+export function decimal(value: number, digits: number): string {
+  const format = decimals.get(digits) ??
+    new Intl.NumberFormat(undefined, { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false });
+  decimals.set(digits, format);
+  return format.format(value);
+}
+
 export function bytes(size: number): string {
   if (size < 1e3) return `${size} B`;
-  if (size < 1e6) return `${(size / 1e3).toFixed(0)} kB`;
-  return size < 1e9 ? `${(size / 1e6).toFixed(1)} MB` : `${(size / 1e9).toFixed(2)} GB`;
+  if (size < 1e6) return `${decimal(size / 1e3, 0)} kB`;
+  return size < 1e9 ? `${decimal(size / 1e6, 1)} MB` : `${decimal(size / 1e9, 2)} GB`;
 }
 
 export function count(value: number): string {
-  if (value < 1e4) return String(value);
-  return value < 1e6 ? `${(value / 1e3).toFixed(0)} k` : `${(value / 1e6).toFixed(2)} M`;
+  if (value < 1e4) return decimal(value, 0);
+  return value < 1e6 ? `${decimal(value / 1e3, 0)} k` : `${decimal(value / 1e6, 2)} M`;
 }
 
 /** `3 clips`, `1 clip`. */
@@ -107,21 +142,26 @@ export function many(value: number, noun: string): string {
 }
 
 export function seconds(value: number): string {
-  if (value < 0.0995) return `${(value * 1000).toFixed(0)} ms`;
-  return value < 100 ? `${value.toFixed(value < 10 ? 2 : 1)} s` : `${(value / 60).toFixed(1)} min`;
+  if (value < 0.0995) return `${decimal(value * 1000, 0)} ms`;
+  return value < 100 ? `${decimal(value, value < 10 ? 2 : 1)} s` : `${decimal(value / 60, 1)} min`;
 }
 
 export function metres(value: number): string {
   const size = Math.abs(value);
-  return size < 0.995 ? `${(value * 100).toFixed(1)} cm` : `${value.toFixed(2)} m`;
+  return size < 0.995 ? `${decimal(value * 100, 1)} cm` : `${decimal(value, 2)} m`;
+}
+
+/** `12.4 m²` */
+export function area(value_m2: number): string {
+  return `${decimal(value_m2, 1)} m²`;
 }
 
 export function pose({ x_m, y_m, yaw_rad }: Pose2): string {
-  return `x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m, ${degrees(yaw_rad)}`;
+  return `x ${decimal(x_m, 2)} m, y ${decimal(y_m, 2)} m, ${degrees(yaw_rad)}`;
 }
 
 export function degrees(angle_rad: number): string {
-  return `${((angle_rad * 180) / Math.PI).toFixed(1)}°`;
+  return `${decimal((angle_rad * 180) / Math.PI, 1)}°`;
 }
 
 const FORMAT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });

@@ -5,6 +5,7 @@ import { readFile } from "node:fs/promises";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { cloudOf } from "./browser/cloud.mjs";
+import { fileSteps } from "./browser/files.mjs";
 import { homeSteps } from "./browser/home.mjs";
 import { lossSteps } from "./browser/losses.mjs";
 import { boxOf, dropFiles, isResponsive, recordProgress } from "./browser/page.mjs";
@@ -111,38 +112,6 @@ async function pointsAreColoured() {
   await page.locator("#view-3d").check({ force: true });
 }
 
-/** The map's file is chosen where clips are added: the page offers it as the map. */
-async function aMapAmongClipsIsOfferedAsTheMap() {
-  const { name, bytes } = await file("normal", "valetudo.json");
-  const revision = (await open("/v1/homes/flat")).lidar_map_revision;
-  await page.locator("#choose-clip").setInputFiles({ name, mimeType: "application/json", buffer: bytes });
-  await page.getByRole("dialog").getByText("looks like a LiDAR map").waitFor();
-  await page.getByRole("button", { name: "Cancel", exact: true }).click();
-  assert.equal(await page.locator(".uploads li").count(), 0);
-  assert.equal((await open("/v1/homes/flat")).lidar_map_revision, revision);
-}
-
-async function badFilesAreExplained() {
-  await dropFiles(page, [{ name: "notes.zip", bytes: Buffer.from("these are not frames") }]);
-  await page.getByRole("dialog").getByRole("button", { name: "A clip" }).click();
-  const row = page.locator(".uploads li.failed");
-  await row.waitFor();
-  const reason = await row.locator(".reason").textContent();
-  assert.ok(reason.length > 20, `the reason is "${reason}"`);
-  say(`a bad file: ${reason}`);
-  await shot("06-bad-file");
-  await row.getByRole("button", { name: "Cancel notes.zip" }).click();
-  assert.equal(await row.count(), 0);
-  // A script cannot drop a folder, so the browser's answer about a file is replaced.
-  const entryOf = await page.evaluateHandle(() => DataTransferItem.prototype.webkitGetAsEntry);
-  await page.evaluate(() => (DataTransferItem.prototype.webkitGetAsEntry = () => ({ isDirectory: true })));
-  await dropFiles(page, [{ name: "recording", bytes: Buffer.alloc(0) }]);
-  const alarm = page.locator(".toast.bad", { hasText: "recording is a folder; drop its zip archive." });
-  await alarm.getByRole("button", { name: "Dismiss" }).click();
-  await page.evaluate((entryOf) => (DataTransferItem.prototype.webkitGetAsEntry = entryOf), entryOf);
-  assert.equal(await row.count(), 0);
-}
-
 async function themesAndPhones() {
   for (const theme of ["light", "dark"]) {
     await page.getByRole("button", { name: /Theme/ }).click();
@@ -200,6 +169,13 @@ async function theCardLiesBelowTheMap() {
     return tools.bottom <= plan.top;
   });
   await page.locator("label:has(#view-3d)").click();
+  // A measurement has the whole map.
+  await page.getByRole("button", { name: "Measure" }).click();
+  await page.locator(".details").waitFor({ state: "hidden" });
+  await page.locator(".stage-foot").waitFor({ state: "hidden" });
+  const [stage, measured] = [await boxOf(page.locator(".stage")), await boxOf(page.locator(".views"))];
+  assert.equal(measured.height, stage.height);
+  await page.locator(".measure").getByRole("button", { name: "Done" }).click();
   await page.locator(".details").getByRole("button", { name: "Close" }).click();
 }
 
@@ -219,8 +195,8 @@ async function anAlternativeIsChosen() {
   assert.ok((await places.count()) > 1);
   await page.locator("svg.plan image.picture[href]").first().waitFor({ state: "attached" });
   await shot("10-alternatives");
-  await page.getByRole("button", { name: "Align again" }).waitFor();
-  assert.equal(await page.getByRole("button", { name: "Cancel alignment" }).count(), 0, "an aligned clip has a job to cancel");
+  await page.getByRole("button", { name: "Find its place again" }).waitFor();
+  assert.equal(await page.getByRole("button", { name: "Stop", exact: true }).count(), 0, "a settled clip has a job to stop");
   await page.getByRole("button", { name: "Rename" }).click();
   await page.getByRole("dialog").getByRole("textbox").fill("Corridor");
   await page.keyboard.press("Enter");
@@ -237,9 +213,13 @@ async function anAlternativeIsChosen() {
   await page.getByRole("button", { name: "Try again" }).click();
   await page.locator(".stage-facts", { hasText: "points" }).waitFor();
   await page.getByRole("button", { name: "Choose place 2" }).click();
+  await anImprobablePlaceAsksAgain();
   await page.locator(".head .badge.aligned").waitFor();
   await page.locator("[data-alternative='1'].chosen").waitFor();
   await page.locator(".reasons", { hasText: /^a person chose place 2/ }).waitFor();
+  // The other places are folded away.
+  await page.getByRole("heading", { name: "Its place: place 2" }).waitFor();
+  assert.equal(await page.locator("[data-alternative]:visible").count(), 1);
   await shot("11-chosen");
   await page.getByRole("button", { name: "Withdraw choice" }).click();
   await page.locator(".head .badge.ambiguous").waitFor();
@@ -252,12 +232,26 @@ async function anAlternativeIsChosen() {
   assert.equal(await page.evaluate(() => document.activeElement.textContent), "Delete clip");
 }
 
+/** A clip of rooms that look alike has places that are hardly probable: such a choice is confirmed. */
+async function anImprobablePlaceAsksAgain() {
+  const { items: [{ alignment, reasons }] } = await open("/v1/homes/hotel/clips");
+  const advice = await page.locator(".verdict .advice").allTextContents();
+  assert.equal(advice.length, 1, `the advice is told more than once: ${advice}`);
+  assert.ok(reasons.some(({ code }) => code === "several_modes"));
+  assert.ok(!/film more/i.test(await page.locator(".verdict .reasons").textContent()), "the reason repeats the advice");
+  if (alignment.alternatives[1].probability >= 0.2) return;
+  await page.getByRole("dialog").getByText("The clip may be of another home.").waitFor();
+  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Cancel");
+  await page.getByRole("dialog").getByRole("button", { name: "Choose place 2" }).click();
+}
+
 async function homesAreSearched() {
   // As a person types it, without the `#`.
   await page.goto(`${base}/homes/hotel`);
   await page.getByRole("heading", { level: 1, name: "Hotel" }).waitFor();
   await go("#/");
-  await page.getByRole("link", { name: /^Hotel .*1 ambiguous/ }).waitFor();
+  await page.getByRole("link", { name: /^Hotel .*1 unclear.*1 clip has no certain place: choose it/ }).waitFor();
+  assert.equal(await page.locator(".home-card").first().getAttribute("data-key"), "hotel", "the home that needs attention is not the first");
   await dropFiles(page, [{ name: "clip.zip", bytes: Buffer.alloc(1) }]);
   await page.getByText("Open a home to add files.").waitFor();
   await page.getByLabel("Search homes").fill("HOT");
@@ -365,8 +359,7 @@ try {
   const ofAHome = homeSteps({ browser, context, page, base, open, shot, serviceRests });
   const steps = [
     anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, ...ofAHome,
-    ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), aMapAmongClipsIsOfferedAsTheMap,
-    badFilesAreExplained, themesAndPhones,
+    ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), ...fileSteps({ page, open, file, say, shot }), themesAndPhones,
     anAlternativeIsChosen, homesAreSearched, ...placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }), aMillionPointsStayResponsive,
     aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, ...lossSteps({ page, base, go, file, shot }), aLostServerIsTold,
   ];

@@ -8,6 +8,8 @@ class FakeElement extends EventTarget {
   disabled = false;
   value: unknown = "";
   readonly dataset: Record<string, string> = {};
+  readonly style: Record<string, unknown> = { setProperty: () => {} };
+  readonly classList = { add: () => {}, remove: () => {}, toggle: () => {} };
   private readonly attributes = new Map<string, string>();
 
   constructor(readonly tag: string) {
@@ -17,6 +19,8 @@ class FakeElement extends EventTarget {
   setAttribute(name: string, value: string): void {
     this.attributes.set(name, value);
     if (name === "value") this.value = value;
+    if (name === "class") this.className = value;
+    if (name === "hidden") this.hidden = true;
   }
 
   getAttribute(name: string): string | null {
@@ -50,6 +54,24 @@ class FakeElement extends EventTarget {
 
   closest(): null {
     return null;
+  }
+
+  /** The tests look at elements by their tags. */
+  querySelector(): null {
+    return null;
+  }
+
+  getBoundingClientRect(): Record<string, number> {
+    return { x: 0, y: 0, top: 0, bottom: 0, width: 0, height: 0 };
+  }
+
+  /** Texts are as wide as without a canvas. */
+  getContext(): null {
+    return null;
+  }
+
+  contains(): boolean {
+    return false;
   }
 
   get isConnected(): boolean {

@@ -167,8 +167,8 @@ test("the figures of a level count its own clips, and say that the map is out of
 test("a map that cannot be made is told in the list of homes, and by the home", () => {
   const clips_by_state = { uploaded: 0, queued: 0, aligning: 0, aligned: 2, ambiguous: 0, failed: 0 };
   for (const [map_state, badges, title] of [
-    ["current", "2 aligned", "The map is being made"], ["due", "2 aligned", "The map is being made"],
-    ["failing", "2 alignedmap needs attention", "The map could not be made"],
+    ["current", "2 placed", "The map is being made"], ["due", "2 placed", "The map is being made"],
+    ["failing", "2 placedmap needs attention", "The map could not be made"],
   ] as const) {
     assert.equal(states({ clips_by_state, map_state }).textContent, badges);
     const clips = [{ id: "a", state: "aligned" }];

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { explanation } from "../src/api.ts";
+import { explanation, refusalOf } from "../src/api.ts";
 import { clipColour, RAMP, rgb } from "../src/cloud/colours.ts";
 import { emptyPoints } from "../src/cloud/ply.ts";
 import { around, corners, place } from "../src/frames.ts";
@@ -8,10 +8,10 @@ import { takePaper } from "../src/paper.ts";
 import { frameOf, fromAbove, ramped } from "../src/plan/raster.ts";
 import { parse, toClip, toHome, toHomes } from "../src/route.ts";
 import { kindOfName, kindOfZip } from "../src/upload/kind.ts";
-import { bytes, idOf, percent, plain, seconds } from "../src/words.ts";
+import { area, bytes, count, decimal, degrees, idOf, metres, named, percent, plain, seconds } from "../src/words.ts";
 import { adviceOf } from "../src/clip/advice.ts";
 import { wantedRooms } from "../src/home/coverage.ts";
-import { FILES } from "../src/home/files.ts";
+import { FILES, FOR } from "../src/home/files.ts";
 import type { Clip, Coverage, Room } from "../src/types.ts";
 
 const close = (a: readonly number[], b: readonly number[]) =>
@@ -36,7 +36,8 @@ test("addresses are read as they are written", () => {
 
 test("a home's id is made of its name", () => {
   assert.equal(idOf("Flat 3, Elm Street"), "flat-3-elm-street");
-  assert.equal(idOf("  Größe & Café! "), "gro-e-cafe");
+  assert.equal(idOf("  Größe & Café! "), "grosse-cafe");
+  assert.equal(idOf("Łódź Ærø"), "lodz-aero");
   assert.equal(idOf("家"), "home");
   assert.ok(/^[a-z0-9-]{1,100}$/.test(idOf("long ".repeat(50))));
 });
@@ -94,7 +95,7 @@ test("from above the highest shown point is seen", () => {
   assert.deepEqual(at(fromAbove(points, 3, frame, { ...shown, clips: new Map() })), []);
 });
 
-test("files are sorted by name and, zips, by what they list", () => {
+test("files are told apart by name and, zips, by what they list", () => {
   for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply", "roborock.bin"]) assert.equal(kindOfName(name), "map");
   for (const name of ["clip.zip", "clip"]) assert.equal(kindOfName(name), null);
   for (const name of ["recording.r3d", "scan.db", "bag_0.mcap"]) assert.equal(kindOfName(name), "clip");
@@ -124,6 +125,29 @@ test("figures are short and never say more than is known", () => {
   assert.equal(plain("washing_machine"), "Washing machine");
 });
 
+test("numbers are written as the language of the browser writes them", () => {
+  const comma = new Intl.NumberFormat(undefined, { minimumFractionDigits: 1 }).format(0.5).slice(1, 2);
+  for (const [text, expected] of [
+    [decimal(1234.5, 2), "1234.50"], [bytes(4_200_000), "4.2 MB"], [count(12_345_678), "12.35 M"], [seconds(0.34), "0.34 s"],
+    [metres(2.5), "2.50 m"], [metres(0.025), "2.5 cm"], [area(12.34), "12.3 m²"], [degrees(Math.PI / 8), "22.5°"],
+  ] as const) {
+    assert.equal(text, expected.replace(".", comma));
+  }
+});
+
+test("a name from right to left does not turn the sentence around it", () => {
+  assert.equal(named("Kitchen 2"), "Kitchen 2");
+  for (const name of ["مطبخ", "מטבח 2"]) assert.equal(named(name), `\u2068${name}\u2069`);
+});
+
+test("problems that only programs understand are told in plain words", () => {
+  const detail = "PUT /v1/homes/{home} makes one";
+  const told = (code: string) => refusalOf(404, JSON.stringify({ type: `urn:viola:problem:${code}`, title: "No", detail }), "7");
+  const [known, other] = [told("home-not-found"), told("a-new-code")];
+  assert.match(known.message, /^There is no home at this address/);
+  assert.deepEqual([known.detail, known.retryAfter_s, other.message, other.detail], [detail, 7, detail, null]);
+});
+
 test("a clip without a certain place gets advice, and any other none", () => {
   const clip = (state: string, codes: string[], probability: number | null = null) => ({
     state, choice: null, placement: null, reasons: codes.map((code) => ({ code, detail: code })),
@@ -146,7 +170,8 @@ test("the room with the longest walls that no clip shows is wanted first", () =>
   assert.deepEqual(wantedRooms({ rooms, coverage: null }), []);
 });
 
-test("every file for download has a row and an address of its own", () => {
+test("every file for download has a group, a row and an address of its own", () => {
+  assert.deepEqual([...new Set(FILES.map(({ group }) => group))].sort(), [...FOR].sort());
   assert.equal(new Set(FILES.map(({ path }) => path.join("/"))).size, FILES.length);
   assert.equal(new Set(FILES.map(({ word, format }) => `${word} ${format}`)).size, FILES.length);
 });

@@ -46,6 +46,30 @@ async function signOut() {
   await form.waitFor();
 }
 
+// Two tabs: both ask for the key when one of them signs out, and both show the homes when one of them signs in.
+const second = await context.newPage();
+const secondForm = second.getByRole("heading", { name: "This service asks for a key" });
+const homes = (tab) => tab.getByRole("heading", { level: 1, name: "Homes" });
+await second.goto(base);
+await secondForm.waitFor();
+await signIn(key);
+await homes(page).waitFor();
+await homes(second).waitFor();
+await signOut();
+await secondForm.waitFor();
+await second.getByText("You are signed out").waitFor();
+assert.equal(await page.getByText("You are signed out").count(), 0, "the tab that signs out is told that it was signed out");
+
+// A tab that did not hear of it asks for the key after the first refused action.
+await signIn(key);
+await homes(second).waitFor();
+await context.clearCookies();
+await second.getByLabel("Name of the new home").fill("Never");
+await second.keyboard.press("Enter");
+await secondForm.waitFor();
+await form.waitFor();
+await second.close();
+
 // As without TLS: the browser drops the cookie.
 await page.route("**/v1/session", (route) => (route.request().method() === "PUT" ? route.fulfill({ status: 204 }) : route.continue()));
 await signIn(key);

@@ -1,11 +1,11 @@
 // Advice about a clip that has no certain place: the next step, by the reasons of the service.
 
 import type { Clip } from "../types.ts";
-import { isForeign } from "./alternatives.ts";
+import { isForeign, mayBeForeign } from "./plausible.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
-const NOT_THE_CLIP = "The clip is not at fault. Align it again later.";
+const NOT_THE_CLIP = "The clip is not at fault. Press “Find its place again” on its page later.";
 const SLOWER = "Film again and move more slowly.";
 const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
 const SEVERAL_CLIPS = "Split the recording into several clips, one for each room.";
@@ -28,7 +28,7 @@ const ADVICE: Record<string, string> = {
   scale_unknown: "Film again with some floor in sight, or record with a phone that measures depth.",
   nothing_fused: `The depth sensor saw no surface. ${CLOSER}`,
   no_posed_frame: "Record with an app that stores the poses of the phone.",
-  no_frame_in_range: "Align the clip again with frames that it has.",
+  no_frame_in_range: "Let its place be found again, with frames that it has.",
   sparse_frames: "Record at 10 frames a second or more.",
   track_dark: "Switch on the light and film again.",
   track_jump: SLOWER,
@@ -43,13 +43,15 @@ const ADVICE: Record<string, string> = {
   worker_lost: NOT_THE_CLIP,
   storage_error: NOT_THE_CLIP,
   internal_error: NOT_THE_CLIP,
-  cancelled: "Align it again.",
+  cancelled: "Press “Find its place again” on its page.",
   superseded: "Nothing is to be done: a newer job aligns the clip.",
   worker_died: "The recording may be too large for this machine. Split it into several clips.",
   too_large: SEVERAL_CLIPS,
   took_too_long: SEVERAL_CLIPS,
 };
 
+const MAY_BE_FOREIGN = "It may be of another home: no place stands out. If you recognise none of them, choose none: film again with " +
+  "more walls and corners, or delete the clip.";
 const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Upload a newer LiDAR map, or " +
   "film again with more walls and floor in sight.";
 
@@ -57,8 +59,13 @@ const FOREIGN = "Probably not this home, or a part of it that the robot has not 
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
   choice_carried_over: "Check its place once: it moved with the LiDAR map.",
-  choice_without_result: "Align the clip again; the choice then holds.",
+  choice_without_result: "Press “Find its place again” on its page; the choice then holds.",
 };
+
+/** The advice for a reason; null if the page has none. */
+export function adviceFor(code: string): string | null {
+  return ADVICE[code] ?? null;
+}
 
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
@@ -66,6 +73,7 @@ export function adviceOf(clip: Clip): string[] {
   if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set(clip.reasons.map(({ code }) => code));
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
+  if (mayBeForeign(clip)) return [MAY_BE_FOREIGN];
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;
   if (list.length > 0) return [...new Set(list)].slice(0, 2);
   if (clip.state !== "failed") return [];

@@ -6,13 +6,12 @@ import { around, place, type Point2 } from "../frames.ts";
 import { dots, line, wedge } from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
-import { degrees, many, metres, percent } from "../words.ts";
-import { chosenOf } from "./pose.ts";
+import { decimal, degrees, levelWord, many, metres, percent } from "../words.ts";
+import { isDoubtful, isForeign } from "./plausible.ts";
+import { chosenOf, poseInForce } from "./pose.ts";
 
 /** Places less probable than this are folded away. */
 const UNLIKELY = 0.01;
-/** A less probable place is not offered as the obvious choice. */
-const PLAUSIBLE = 0.2;
 
 /** The data that a plan with a pose is drawn from. */
 export interface Ground {
@@ -39,7 +38,17 @@ function planAt(ground: Ground, level: string, at: Pose2, label: string): PlanVi
   return plan;
 }
 
-/** One figure for each alternative. `onChoose` is null where nothing can be chosen. */
+/** The heading of the places: the answer, if there is one. */
+export function headingOf(clip: Clip): string {
+  const count = clip.alignment?.alternatives.length ?? 0;
+  if (clip.state === "failed" || isForeign(clip)) return "Places that were tried";
+  const chosen = chosenOf(clip);
+  if (chosen !== null) return clip.choice ? `Its place: place ${chosen + 1}, chosen by a person` : "Its place";
+  if (poseInForce(clip)) return "Places of the newest answer; the clip lies elsewhere";
+  return count === 1 ? "The place that was found" : `${count} places that may be right`;
+}
+
+/** One figure for each alternative, those that are not the answer folded away. `onChoose` is null where nothing can be chosen. */
 export function alternatives(
   clip: Clip,
   ground: Ground,
@@ -50,24 +59,22 @@ export function alternatives(
   const isOffered = chosen === null && !isForeign(clip) && clip.state !== "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
-    const isLikely = i < 2 || i === chosen || (one.probability ?? 1) >= UNLIKELY;
-    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isOffered }, ground, onChoose));
+    const isLikely = chosen === null ? i < 2 || (one.probability ?? 1) >= UNLIKELY : i === chosen;
+    const isPrimary = isOffered && i === 0 && !isDoubtful(clip, one);
+    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary }, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
-    h("summary", {}, `${many(others.length, "place")} of less than 1 %`),
+    h("summary", {}, chosen === null
+      ? `${many(others.length, "place")} of less than 1 %`
+      : `${many(others.length, "other place")} that ${others.length === 1 ? "was" : "were"} compared`),
     h("ol", { class: "alternatives" }, ...others));
   return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
-}
-
-/** True if the clip is probably of another home by its answer. */
-export function isForeign(clip: Clip): boolean {
-  return !clip.choice && !clip.placement && clip.reasons.some(({ code }) => code === "not_this_home");
 }
 
 function card(
   one: Alternative,
   index: number,
-  { isChosen, isOffered }: { isChosen: boolean; isOffered: boolean },
+  { isChosen, isPrimary }: { isChosen: boolean; isPrimary: boolean },
   ground: Ground,
   onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
 ): HTMLElement {
@@ -75,9 +82,8 @@ function card(
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, one.level, one.map_from_clip, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const kind = isOffered && index === 0 && (one.probability ?? 0) >= PLAUSIBLE ? "primary" : "";
   const word = isChosen ? "Chosen" : "Choose this";
-  const button = h("button", { type: "button", class: kind, disabled: isChosen, "data-key": name }, word);
+  const button = h("button", { type: "button", class: isPrimary ? "primary" : "", disabled: isChosen, "data-key": name }, word);
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
@@ -87,12 +93,14 @@ function card(
           h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
         bar,
         h("dl", { class: "facts small" },
-          ...(ground.lidars.length > 1 ? [h("dt", {}, "Level"), h("dd", {}, one.level)] : []),
-          h("dt", {}, "Position"), h("dd", {}, `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`),
-          h("dt", {}, "Turn"), h("dd", {}, degrees(yaw_rad)),
-          h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),
-          h("dt", {}, "Hits on walls"), h("dd", {}, percent(one.inliers)),
-          ...freeSpace(one), ...misplaced(one)),
+          ...(ground.lidars.length > 1 ? [h("dt", {}, "Level"), h("dd", {}, levelWord(one.level))] : []),
+          h("dt", { title: "inliers" }, "Fits the walls"), h("dd", {}, percent(one.inliers))),
+        h("details", { class: "technical" }, h("summary", {}, "More figures"),
+          h("dl", { class: "facts small" },
+            h("dt", {}, "Position"), h("dd", {}, `x ${decimal(x_m, 2)} m, y ${decimal(y_m, 2)} m`),
+            h("dt", {}, "Turned by"), h("dd", {}, degrees(yaw_rad)),
+            h("dt", { title: "loss_m" }, "Misfit"), h("dd", {}, metres(one.loss_m)),
+            ...freeSpace(one), ...misplaced(one))),
         onChoose || isChosen ? button : null)));
 }
 

@@ -1,6 +1,6 @@
 // A clip's own points, shown when one asks for them: they are megabytes.
 
-import { classes, clipPath, Refusal } from "../api.ts";
+import { classes, clipPath } from "../api.ts";
 import { COLOURING_WORDS, type Colouring } from "../cloud/colours.ts";
 import { load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
@@ -9,8 +9,10 @@ import { around } from "../frames.ts";
 import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
 import { oneOf } from "../parts/switches.ts";
+import { isSessionEnd } from "../session.ts";
 import type { Clip } from "../types.ts";
 import { count, percent } from "../words.ts";
+import { hasPoints } from "./facts.ts";
 
 /** The service fuses clips into voxels of this size. */
 const VOXEL_M = 0.03;
@@ -30,7 +32,7 @@ export class ClipCloud {
 
   /** Offers the points of the clip's newest answer. */
   show(clip: Clip): void {
-    const job = clip.alignment ? (clip.job?.id ?? "answer") : "";
+    const job = hasPoints(clip) ? (clip.job?.id ?? "answer") : "";
     if (job === this.job) return;
     this.job = job;
     this.stop();
@@ -61,7 +63,7 @@ export class ClipCloud {
   }
 
   private fail(clip: Clip, error: unknown): void {
-    if (error instanceof Refusal && error.status === 401) return this.onSessionEnded();
+    if (isSessionEnd(error)) return this.onSessionEnded();
     this.stop();
     this.offer(clip, "Try again", messageOf(error));
   }

@@ -3,13 +3,21 @@
 import { clipPath } from "../api.ts";
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";
-import { bytes, count, metres, percent, plain, pose, seconds, STAGES, stageWord, time } from "../words.ts";
+import { bytes, count, levelWord, metres, percent, plain, pose, seconds, STAGES, stageWord, time } from "../words.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
 type Fact = [string, string | null | undefined];
 
 function facts(list: Fact[]): HTMLElement {
-  const shown = list.filter((fact): fact is [string, string] => !!fact[1]);
+  return definitions(known(list));
+}
+
+/** The facts that have a value. */
+function known(list: Fact[]): [string, string][] {
+  return list.filter((fact): fact is [string, string] => !!fact[1]);
+}
+
+function definitions(shown: [string, string][]): HTMLElement {
   return h("dl", { class: "facts" }, ...shown.flatMap(([word, value]) => [h("dt", {}, word), h("dd", {}, value)]));
 }
 
@@ -20,15 +28,38 @@ export function recording(clip: Clip): HTMLElement {
   return facts([
     ["Recorded", clip.recorded_at && time(clip.recorded_at)],
     ["Uploaded", time(clip.created_at)],
-    ["Layout", plain(info.layout)],
-    ["Frames", allPosed ? count(info.frames) : `${info.frames}, ${info.frames_with_pose} with a pose`],
+    ["App or format", plain(info.layout)],
+    ["Frames", allPosed ? count(info.frames) : `${count(info.frames)}, ${count(info.frames_with_pose)} with a known camera`],
     ["Length", info.duration_s ? seconds(info.duration_s) : null],
     ["Pictures", [colour, `depth ${info.depth_width} × ${info.depth_height}`].filter(Boolean).join(", ")],
-    ["Poses", plain(info.pose_convention)],
-    ["Gravity", plain(info.gravity)],
     ["Size", bytes(clip.size_bytes)],
     ["Notes", info.notes.join(" ")],
   ]);
+}
+
+/** Names and codes of the API, for the person who looks into a fault. */
+export function technical(clip: Clip): HTMLElement {
+  const { info, alignment } = clip;
+  const list = facts([
+    ["Clip", clip.id],
+    ["State", clip.state],
+    ["Reasons", clip.reasons.map(({ code }) => code).join(", ")],
+    ["Last job", clip.job?.id],
+    ["Layout", info.layout],
+    ["Poses", info.pose_convention],
+    ["Gravity", info.gravity],
+    ["Intrinsics", info.intrinsics],
+    ["Depth", info.depth_unit],
+    ["Key frames", alignment && count(alignment.key_frames)],
+    ["Classes by", alignment?.labels?.by],
+    ["SHA-256", clip.sha256],
+  ]);
+  return h("details", { class: "technical", "data-key": "technical" }, h("summary", {}, "Technical details"), list);
+}
+
+/** True if the clip has points: without a surface, the answer has an empty cloud. */
+export function hasPoints({ alignment }: Clip): boolean {
+  return alignment !== null && (alignment.labels !== null || alignment.hits > 0);
 }
 
 /** Links to the files of a clip. */
@@ -37,9 +68,10 @@ export function files(clip: Clip): HTMLElement {
     h("li", {}, h("a", { href: clipPath(clip, name), download: "" }, word), h("span", { class: "hint" }, format));
   return h("ul", { class: "downloads" },
     link("Download the recording", "recording", bytes(clip.size_bytes)),
-    clip.alignment && link("Download the points", "cloud.ply", "PLY"));
+    hasPoints(clip) && link("Download the points", "cloud.ply", "PLY"));
 }
 
+/** The figures of the answer; null if it has none. */
 export function answer(clip: Clip): HTMLElement | null {
   const { alignment, choice } = clip;
   if (!alignment) return null;
@@ -47,17 +79,16 @@ export function answer(clip: Clip): HTMLElement | null {
   const { level, map_from_clip: at } = poseInForce(clip) ?? alignment;
   const figures = figuresOf(clip, alignment);
   const camera = floor && `${metres(floor.camera_height_m)} above the floor${floor.assumed ? " (assumed)" : ""}`;
-  return facts([
-    ["Level", level === "main" ? null : level],
+  const list = known([
+    ["Level", level === "main" ? null : levelWord(level)],
     ["Place", at && pose(at)],
-    ["Probability", choice ? "chosen by a person" : percent(alignment.probability)],
-    ["Loss", figures.loss_m === null ? null : metres(figures.loss_m)],
-    ["Hits on walls", figures.inliers === null ? null : `${percent(figures.inliers)} of ${count(alignment.hits)}`],
-    ["Map explained", figures.coverage === null ? null : percent(figures.coverage)],
-    ["Key frames", count(alignment.key_frames)],
+    ["Probability", choice ? "chosen by a person" : alignment.probability === null ? null : percent(alignment.probability)],
+    ["Misfit", figures.loss_m === null ? null : metres(figures.loss_m)],
+    ["Fits the walls", figures.inliers === null ? null : `${percent(figures.inliers)} of ${count(alignment.hits)} points`],
+    ["Of the LiDAR map", figures.coverage === null ? null : `${percent(figures.coverage)} seen`],
     ["First camera", camera],
-    ["Classes by", alignment.labels?.by],
   ]);
+  return list.length > 0 ? definitions(list) : null;
 }
 
 type Answer = NonNullable<Clip["alignment"]>;

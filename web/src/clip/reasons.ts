@@ -1,10 +1,14 @@
 // The reasons of a clip's state, in the words of the page.
 
 import type { Clip } from "../types.ts";
+import { adviceFor, adviceOf } from "./advice.ts";
 import { chosenOf } from "./pose.ts";
 
 /** Codes of reasons that ask a person to look at a choice again. */
 const WARNINGS = new Set(["choice_of_earlier_lidar_map", "choice_carried_over"]);
+
+/** Codes of reasons whose details speak of poses; the page calls them places. */
+const OF_PLACES = new Set(["several_modes", "weak_evidence", "not_this_home"]);
 
 export interface Told {
   code: string;
@@ -14,10 +18,19 @@ export interface Told {
 
 /** The reasons of a clip, warnings first. */
 export function reasonsOf(clip: Clip): Told[] {
-  const told = clip.reasons.map(({ code, detail }) => ({
-    code, text: code === "chosen_by_person" ? choiceOf(clip, detail) : detail, isWarning: WARNINGS.has(code),
-  }));
+  const given = adviceOf(clip);
+  const textOf = (code: string, detail: string) => {
+    if (code === "chosen_by_person") return choiceOf(clip, detail);
+    const text = OF_PLACES.has(code) ? detail.replace(/\bpose(s?)\b/g, "place$1") : detail;
+    return given.length > 0 && adviceFor(code) !== null ? withoutAdvice(text) : text;
+  };
+  const told = clip.reasons.map(({ code, detail }) => ({ code, text: textOf(code, detail), isWarning: WARNINGS.has(code) }));
   return told.sort((a, b) => Number(b.isWarning) - Number(a.isWarning));
+}
+
+/** The service ends the detail of some reasons with advice; the page gives its own. */
+function withoutAdvice(detail: string): string {
+  return detail.replace(/; (film|include|record|align|choose|check|send|split|hold|move|is it) [^;]*$/, "");
 }
 
 /** The page counts places from 1, the service counts them from 0. */

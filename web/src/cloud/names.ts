@@ -27,13 +27,20 @@ export class Names {
   set(names: Name[]): void {
     const toolbar = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
     this.top = toolbar ? toolbar.offsetTop + toolbar.offsetHeight : 0;
-    this.shown = names.map(({ text, at_m, kind }) => ({
-      element: h("span", { class: `name ${kind}` }, text),
+    this.shown = names.map(({ text, at_m, kind }, i) => ({
+      element: this.elementOf(i, text, `name ${kind}`),
       at: new THREE.Vector3(...at_m),
       width: Math.min(textWidth(text, FONTS[kind]) + PADDING_PX, MAX_WIDTH_PX),
       isBehind: false,
     }));
     this.element.replaceChildren(...this.shown.map(({ element }) => element));
+  }
+
+  /** The element of the same name stays where it is; a new one is hidden until the next picture places it. */
+  private elementOf(index: number, text: string, kind: string): HTMLElement {
+    const old = this.shown[index]?.element;
+    if (old && old.textContent === text && old.className === kind) return old;
+    return h("span", { class: kind, dir: "auto", hidden: true }, text);
   }
 
   /** Finds the names that are behind something. */
@@ -46,7 +53,7 @@ export class Names {
     const labels = this.shown.map((name) => {
       const seen = name.at.clone().project(camera);
       const [x, y] = [((seen.x + 1) / 2) * width, ((1 - seen.y) / 2) * height];
-      const isOut = seen.z > 1 || x < 0 || y < this.top || x > width || y > height;
+      const isOut = !Number.isFinite(x + y) || seen.z > 1 || x < 0 || y < this.top || x > width || y > height;
       // A name at the edge stays whole.
       const inner = Math.min(Math.max(x, name.width / 2), Math.max(width - name.width / 2, 0));
       return isOut || name.isBehind ? null : { x: inner, y, width: name.width, height: HEIGHT_PX };

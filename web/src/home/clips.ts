@@ -12,7 +12,7 @@ import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
-import { isUnderWay, jobWord, percent, STATES, stateMeaning, stateWord, time } from "../words.ts";
+import { isUnderWay, jobWord, levelWord, many, named, percent, STATES, stateMeaning, stateTitle, stateWord, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { type Looks, put } from "./looks.ts";
 
@@ -51,7 +51,7 @@ export class ClipsPanel {
     const shown = clips.filter((clip) => !filter || clip.state === filter).reverse();
     const rows = shown.map((clip) => this.row(clip));
     if (clips.length === 0) {
-      const advice = mayChange() ? " Press “Add clips”, or drop zips of RGB-D recordings anywhere on this page." : "";
+      const advice = mayChange() ? " Press “Add clips”, or drop recordings with depth anywhere on this page." : "";
       fill(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
     } else if (!sameChildren(this.list, rows)) {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
@@ -70,7 +70,7 @@ export class ClipsPanel {
   private tellChanges(clips: Clip[]): void {
     clips.forEach((clip) => {
       const before = this.states.get(clip.id);
-      if (before && before !== clip.state) this.said.textContent = `${this.data.nameOf(clip)}: ${stateWord(clip.state)}`;
+      if (before && before !== clip.state) this.said.textContent = `${named(this.data.nameOf(clip))}: ${stateWord(clip.state)}`;
       this.states.set(clip.id, clip.state);
     });
   }
@@ -78,7 +78,7 @@ export class ClipsPanel {
   private drawFilters(present: (readonly [ClipState, number])[], all: number, filter: ClipState | null): void {
     if (present.length < 2) return this.filters.replaceChildren();
     const chip = (state: ClipState | null, word: string, count: number) => {
-      const button = h("button", { type: "button", class: "chip", "data-key": state ?? "all" },
+      const button = h("button", { type: "button", class: "chip", "data-key": state ?? "all", title: state && stateTitle(state) },
         word, h("span", { class: "hint" }, count));
       button.setAttribute("aria-pressed", String(filter === state));
       button.addEventListener("click", () => {
@@ -125,11 +125,12 @@ export class ClipsPanel {
     // A queued clip has a reason if a fault of the service holds it up.
     const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : stateMeaning(clip.state)));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
-    const level = this.data.hasLevels ? this.data.levelOf(clip) : null;
-    const same = twin ? `Same file as ${this.data.nameOf(twin)}` : null;
-    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
+    const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
+    const level = levelId && levelWord(levelId);
+    const same = twin ? `Same file as ${named(this.data.nameOf(twin))}` : null;
+    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
     const [advice] = adviceOf(clip);
-    const title = h("a", { class: "title", title: name, href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
+    const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
       // The title is the same link.
       h("a", { href: toClip(clip.home, clip.id), tabindex: -1, "aria-hidden": "true" }, thumbnail(clip, name)),
@@ -145,10 +146,10 @@ export class ClipsPanel {
 
   private async remove(clip: Clip, name: string, button: HTMLButtonElement): Promise<void> {
     const text = "Its recording, its place and its points are removed for good, and the map is rebuilt without it.";
-    if (!(await confirm(`Delete ${name}?`, text, "Delete clip"))) return;
+    if (!(await confirm(`Delete ${named(name)}?`, text, "Delete clip"))) return;
     await attempt(button, async () => {
       await deleteClip(clip);
-      say(`${name} is deleted.`);
+      say(`${named(name)} is deleted.`);
       this.onDeleted();
     });
   }

@@ -4,7 +4,7 @@ import * as api from "../api.ts";
 import { h, put } from "../dom.ts";
 import { messageOf } from "../parts/notices.ts";
 import type { MapChanges, Thing } from "../types.ts";
-import { many, metres, time } from "../words.ts";
+import { levelWord, many, metres, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { roomName, type Selection, thingName } from "./selection.ts";
 
@@ -91,7 +91,8 @@ export class Compare {
     const list = (title: string, rows: HTMLElement[]) =>
       rows.length > 0 ? [h("h3", {}, title), h("ul", { class: "things" }, ...rows)] : [];
     const missing = ({ reason, object }: { reason: string; object: Thing }) =>
-      h("li", { class: "gone" }, thingName(object), h("span", { class: "hint" }, REASON_WORDS[reason] ?? reason));
+      h("li", { class: "gone" }, h("span", { class: "word", dir: "auto" }, thingName(object)),
+        h("span", { class: "hint" }, REASON_WORDS[reason] ?? plain(reason).toLowerCase()));
     return [
       ...list(`${many(added.length, "object")} added`, added.map((thing) => this.row(thing, this.roomOf(thing)))),
       ...list(`${many(moved.length, "object")} moved`, moved.map(({ from, to }) =>
@@ -112,8 +113,8 @@ export class Compare {
     // Only the objects of the level that is shown can be shown.
     const isHere = thing.level === this.data.level;
     const button = h("button", { type: "button", class: "thing-row", disabled: !isHere },
-      h("span", { class: "word" }, thingName(thing)),
-      h("span", { class: "hint" }, isHere ? note : [thing.level, note].filter((word) => word).join(", ")));
+      h("span", { class: "word", dir: "auto" }, thingName(thing)),
+      h("span", { class: "hint" }, isHere ? note : [levelWord(thing.level), note].filter((word) => word).join(", ")));
     button.addEventListener("click", () => this.onChosen({ kind: "object", id: thing.id }));
     return h("li", {}, button);
   }

@@ -4,7 +4,7 @@ import { css, type Rgb } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
 import { ramped } from "../plan/raster.ts";
 import type { Room } from "../types.ts";
-import { percent } from "../words.ts";
+import { named, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { roomName, type Selection } from "./selection.ts";
 
@@ -55,13 +55,14 @@ export class CoveragePanel {
   draw(): void {
     const rooms = filmedRooms(this.data);
     const [next] = wantedRooms(this.data);
-    const drawn = JSON.stringify(rooms.map(({ room, ...shares }) => [room.id, roomName(room), shares]));
+    const drawn = JSON.stringify([this.data.map !== null, ...rooms.map(({ room, ...shares }) => [room.id, roomName(room), shares])]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, "Coverage appears with the first map."));
+    if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, this.data.map
+      ? "This level has no rooms whose coverage is known." : "Coverage appears with the first map."));
     put(this.element,
       h("p", { class: "hint" }, next
-        ? `Film ${roomName(next)} next: the clips show ${percent(rooms.find(({ room }) => room === next)?.walls)} of its walls.`
+        ? `Film ${named(roomName(next))} next: the clips show ${percent(rooms.find(({ room }) => room === next)?.walls)} of its walls.`
         : "The clips show at least half of the walls of every room."),
       h("ul", { class: "things" }, ...rooms.map((filmed) => this.row(filmed, filmed.room === next))));
   }
@@ -71,8 +72,8 @@ export class CoveragePanel {
     bar.style.setProperty("--share", percentOf(walls));
     bar.style.setProperty("--paint", css(ramped(walls)));
     const button = h("button", { type: "button", class: "coverage-row", title: `${percent(floor)} of its floor` },
-      h("span", { class: "word" }, roomName(room), isNext ? h("strong", { class: "next" }, " · film here next") : null),
-      bar, h("span", { class: "hint figure" }, percent(walls)));
+      h("span", { class: "word" }, h("bdi", {}, roomName(room)), isNext ? h("strong", { class: "next" }, " · film here next") : null),
+      bar, h("span", { class: "hint figure" }, percent(walls)), h("span", { class: "hidden-text" }, `of its walls, ${percent(floor)} of its floor`));
     button.addEventListener("click", () => this.onChosen({ kind: "room", id: room.id }));
     return h("li", {}, button);
   }

@@ -28,6 +28,10 @@ export class HomeData {
 
   /** The map and the level that the rooms, the objects and the coverage were read of. */
   described = "";
+  /** Objects that a person removed here, by id: the newest map may still have them. */
+  private readonly removed = new Map<string, Thing>();
+  /** The number of objects that were removed or brought back here. */
+  removals = 0;
   private isReading = false;
 
   private constructor(
@@ -65,29 +69,60 @@ export class HomeData {
     ]);
     const { levels } = this;
     if (!levels.includes(this.level)) this.level = levels.includes(MAIN) ? MAIN : (levels[0] ?? MAIN);
-    const { level } = this;
-    this.lidar = this.lidars.find((map) => map.level === level) ?? null;
-    await this.describe(level, signal);
+    this.takeLevel();
+    await this.describe(signal);
   }
 
-  /** Reads what the map has on a level, unless it is known. */
-  private async describe(level: string, signal: AbortSignal): Promise<void> {
-    const { map, home: { id } } = this;
+  /** Shows another level. Its LiDAR map is there at once; its rooms and objects come with the next `refresh`. */
+  showLevel(level: string): void {
+    if (level === this.level) return;
+    this.level = level;
+    this.takeLevel();
+    [this.rooms, this.things, this.coverage, this.described] = [[], [], null, ""];
+  }
+
+  /** Takes the LiDAR map and the figures of the shown level. */
+  private takeLevel(): void {
+    const { map, level } = this;
+    this.lidar = this.lidars.find((one) => one.level === level) ?? null;
     const shown = map?.levels.find((one) => one.level === level);
     if (map) map.info = shown?.info ?? { ...map.info, points: 0, classes: [], min_m: null, max_m: null };
-    const described = map && shown ? `${map.revision} ${map.created_at} ${level}` : "";
+  }
+
+  /** Reads what the map has on the shown level, unless it is known. */
+  private async describe(signal: AbortSignal): Promise<void> {
+    const { map, level, home: { id } } = this;
+    const isThere = map?.levels.some((one) => one.level === level);
+    const described = map && isThere ? `${map.revision} ${map.created_at} ${level}` : "";
     if (described === this.described) return;
     if (described) {
       const [rooms, things, coverage] = await Promise.all([
         api.rooms(id, signal), api.things(id, signal), api.coverage(id, level, signal),
       ]);
+      // Another level was chosen meanwhile; its own reading follows.
+      if (level !== this.level) return;
+      for (const gone of this.removed.keys()) if (!things.some((thing) => thing.id === gone)) this.removed.delete(gone);
       this.rooms = rooms.filter((room) => room.level === level);
-      this.things = things.filter((thing) => thing.level === level);
+      this.things = things.filter((thing) => thing.level === level && !this.removed.has(thing.id));
       this.coverage = coverage;
     } else {
       [this.rooms, this.things, this.coverage] = [[], [], null];
     }
     this.described = described;
+  }
+
+  /** Takes an object out of the lists at once: the map without it comes later. */
+  remove(thing: Thing): void {
+    this.removals++;
+    this.removed.set(thing.id, thing);
+    this.things = this.things.filter(({ id }) => id !== thing.id);
+  }
+
+  /** Puts an object back that was removed; null for one that was removed elsewhere, which comes with the next map. */
+  bringBack(id: string, thing = this.removed.get(id) ?? null): void {
+    this.removals++;
+    this.removed.delete(id);
+    if (thing?.level === this.level && !this.things.some((other) => other.id === id)) this.things = [...this.things, thing];
   }
 
   /** Reads the ways of the cameras that are not known; `onRead` is called after some. They do not change. */
@@ -151,6 +186,6 @@ export class HomeData {
   /** Key of the picture: the same text means the same picture. */
   get drawn(): string {
     const poses = this.clips.map((clip) => [clip.id, this.poseOf(clip), this.scans.has(clip.id)]);
-    return JSON.stringify([this.level, this.map?.revision, this.map?.created_at, this.lidar?.revision, poses]);
+    return JSON.stringify([this.level, this.map?.revision, this.map?.created_at, this.lidar?.revision, this.removals, poses]);
   }
 }

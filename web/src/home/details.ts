@@ -7,7 +7,7 @@ import { attempt, offer, say } from "../parts/notices.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
-import { percent, plain, time } from "../words.ts";
+import { area, decimal, named, percent, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import type { Measure } from "./measure.ts";
@@ -59,7 +59,7 @@ export class Details {
   private head(name: string): HTMLElement {
     const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close", "data-key": "Close" }, "✕");
     close.addEventListener("click", () => this.close());
-    return h("div", { class: "row between" }, h("h2", {}, name), close);
+    return h("div", { class: "row between" }, h("h2", { dir: "auto" }, name), close);
   }
 
   /** Closes the card. The focus goes to the row of its object or room, or else to the map; a removed object loses its row. */
@@ -79,17 +79,17 @@ export class Details {
     const room = data.rooms.find(({ id }) => id === thing.room);
     const clips = thing.clips.flatMap((id, i) => {
       const clip = data.clips.find((clip) => clip.id === id);
-      const link = h("a", { href: toClip(data.home.id, id), "data-key": id }, clip ? data.nameOf(clip) : "a clip");
+      const link = h("a", { href: toClip(data.home.id, id), "data-key": id, dir: "auto" }, clip ? data.nameOf(clip) : "a clip");
       return i > 0 ? [", ", link] : [link];
     });
     const facts: [string, Node | string][] = [
       ["Class", `${plain(thing.class)}, ${percent(thing.confidence)} sure`],
-      ["Size", thing.size_m.map((side) => side.toFixed(2)).join(" × ") + " m"],
+      ["Size", thing.size_m.map((side) => decimal(side, 2)).join(" × ") + " m"],
       ["Room", room ? this.linkTo(room) : "–"],
       ["Seen by", clips.length > 0 ? h("span", {}, ...clips) : "no clip of this map"],
     ];
     if (thing.last_seen) facts.push(["Last seen", time(thing.last_seen)]);
-    if (thing.corrected.length > 0) facts.push(["Corrected", thing.corrected.map((field) => plain(field)).join(", ")]);
+    if (thing.corrected.length > 0) facts.push(["Corrected", thing.corrected.map(fieldWord).join(", ")]);
     return [
       this.head(thingName(thing)), definitions(facts),
       h("div", { class: "row" },
@@ -116,12 +116,12 @@ export class Details {
     const things = data.things.filter((thing) => thing.room === room.id);
     const seen = data.coverage?.by_room.find(({ room: id }) => id === room.id);
     const facts: [string, Node | string][] = [
-      ["Area", `${room.area_m2.toFixed(1)} m²`],
+      ["Area", area(room.area_m2)],
       ["Objects", things.length > 0 ? counted(things.map(thingName)) : "none"],
       ["From", room.source === "lidar_map" ? "the robot's map" : "the walls of the map"],
     ];
     if (seen) facts.push(["Filmed", `${percent(seen.seen)} of its walls, ${percent(seen.floor_seen)} of its floor`]);
-    if (room.corrected.length > 0) facts.push(["Corrected", room.corrected.map((field) => plain(field)).join(", ")]);
+    if (room.corrected.length > 0) facts.push(["Corrected", room.corrected.map(fieldWord).join(", ")]);
     const neighbours = data.rooms.filter((other) => other !== room && areNear(room, other));
     return [
       this.head(roomName(room)), definitions(facts),
@@ -131,7 +131,7 @@ export class Details {
           if (name !== null) await this.correctRoom(room, { name: name || null }, "The name is kept.");
         }),
         neighbours.length > 0 && this.action("Merge", async () => {
-          const other = await ask("Merge rooms", `${roomName(room)} and this room become one:`,
+          const other = await ask("Merge rooms", `${named(roomName(room))} and this room become one:`,
             [...neighbours.map((near) => ({ word: roomName(near), value: near.id })), { word: "Cancel", value: null }]);
           if (other) await this.correctRoom(room, { merge_with: [other] }, "The rooms are one.");
         }),
@@ -153,7 +153,7 @@ export class Details {
   }
 
   private linkTo(room: Room): HTMLElement {
-    const button = h("button", { type: "button", class: "link", "data-key": room.id }, roomName(room));
+    const button = h("button", { type: "button", class: "link", "data-key": room.id, dir: "auto" }, roomName(room));
     button.addEventListener("click", () => this.looks.select({ kind: "room", id: room.id }));
     return button;
   }
@@ -161,7 +161,7 @@ export class Details {
   /** A button of the card. Buttons that replace each other have the same key. */
   private action(word: string, act: () => Promise<void>, kind = "", key = word): HTMLElement | null {
     if (!mayChange()) return null;
-    const button = h("button", { type: "button", class: `small ${kind}`, "data-key": key }, word);
+    const button = h("button", { type: "button", class: `small ${kind}`, "data-key": key, title: MEANINGS[word] }, word);
     button.addEventListener("click", () => void attempt(button, act));
     return button;
   }
@@ -183,9 +183,11 @@ export class Details {
 
   private async remove(thing: Thing): Promise<void> {
     await api.correctThing(this.data.home.id, thing.id, { hidden: true });
+    this.data.remove(thing);
     this.close(true);
-    offer(`${thingName(thing)} is removed from the map.`, "Undo", () => attempt(null, async () => {
+    offer(`${named(thingName(thing))} is removed from the map.`, "Undo", () => attempt(null, async () => {
       await api.correctThing(this.data.home.id, thing.id, { hidden: null });
+      this.data.bringBack(thing.id, thing);
       this.onCorrected();
     }));
     this.onCorrected();
@@ -201,6 +203,24 @@ export class Details {
       { word: "Change", value: () => select.value, kind: "primary" },
     ]).then((chosen) => (chosen ? chosen() : null));
   }
+}
+
+/** The meanings of buttons whose words do not tell it. */
+const MEANINGS: Record<string, string> = {
+  Pin: "Keep it as it is, whatever later clips show",
+  Unpin: "Let later clips change it again",
+  Merge: "Make one room of this one and a neighbour",
+  Split: "Divide the room by a line",
+  "Withdraw corrections": "Show it again as the service found it",
+};
+
+/** The fields of corrections in the words of the page. */
+const FIELD_WORDS: Record<string, string> = {
+  centre_m: "place", size_m: "size", yaw_rad: "direction", pinned: "pinned", hidden: "removed", merge_with: "merged", split_by: "divided",
+};
+
+function fieldWord(field: string): string {
+  return FIELD_WORDS[field] ?? plain(field).toLowerCase();
 }
 
 /** Classes of surfaces and of what moves by itself. */

@@ -3,10 +3,10 @@
 import { homePath } from "../api.ts";
 import { h, put } from "../dom.ts";
 import type { HomeData } from "./data.ts";
-import { FILES, type HomeFile } from "./files.ts";
+import { FILES, FOR, type HomeFile } from "./files.ts";
 
 export class Downloads {
-  readonly element = h("ul", { class: "downloads" });
+  readonly element = h("div", { class: "download-groups" });
   private drawn = "";
 
   constructor(private readonly data: HomeData) {
@@ -20,9 +20,11 @@ export class Downloads {
     this.drawn = drawn;
     const isThere = { map: map !== null && map.info.points > 0, lidar: lidar !== null, anything: clips.length > 0 || lidar !== null };
     const files = FILES.filter(({ needs }) => isThere[needs]);
-    put(this.element, ...(files.length > 0
-      ? files.map((file) => this.link(file))
-      : [h("li", { class: "hint" }, "Nothing to download yet.")]));
+    if (files.length === 0) return put(this.element, h("p", { class: "hint" }, "Files appear with the LiDAR map and the first clip."));
+    put(this.element, ...FOR.flatMap((group) => {
+      const rows = files.filter((file) => file.group === group);
+      return rows.length > 0 ? [h("h3", {}, group), h("ul", { class: "downloads" }, ...rows.map((file) => this.link(file)))] : [];
+    }));
   }
 
   private link({ word, format, path, ofLevel }: HomeFile): HTMLElement {

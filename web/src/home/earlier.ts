@@ -4,7 +4,7 @@ import * as api from "../api.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
 import type { LidarRevision } from "../types.ts";
-import { time } from "../words.ts";
+import { levelWord, named, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
 export class EarlierMaps {
@@ -42,10 +42,10 @@ export class EarlierMaps {
     button.setAttribute("aria-label", `Restore ${word} of ${time(created_at)}`);
     button.addEventListener("click", () => void attempt(button, async () => {
       await api.restoreLidarMap(this.data.home.id, level, revision);
-      say(`${word} is the LiDAR map of the level ${level} again. All clips are aligned again.`);
+      say(`${named(word)} is the LiDAR map of the level “${levelWord(level)}” again. All clips are placed again.`);
       this.onRestored();
     }));
-    return h("li", {}, h("span", { class: "word" }, word), h("span", { class: "hint" }, time(created_at)), button);
+    return h("li", {}, h("span", { class: "word", dir: "auto" }, word), h("span", { class: "hint" }, time(created_at)), button);
   }
 }
 

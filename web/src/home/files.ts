@@ -1,6 +1,12 @@
-// The files of a home that the service gives for other programs: one row each.
+// The files of a home that the service gives for other programs: one row each, in the groups of people who want them.
+
+export const FOR = [
+  "To look at and to print", "For drawings and 3D programs", "For robots and smart homes", "For surveyors", "For programmers", "To keep",
+] as const;
 
 export interface HomeFile {
+  /** The people that it is for. */
+  group: (typeof FOR)[number];
   word: string;
   format: string;
   /** Below the home's path. */
@@ -11,32 +17,34 @@ export interface HomeFile {
   ofLevel?: boolean;
 }
 
-const map = (word: string, format: string, path: string, ofLevel = true): HomeFile =>
-  ({ word, format, path: ["map", path], needs: "map", ofLevel });
+const [LOOK, DRAW, ROBOT, SURVEY, PROGRAM, KEEP] = FOR;
+
+const map = (group: HomeFile["group"], word: string, format: string, path: string, ofLevel = true): HomeFile =>
+  ({ group, word, format, path: ["map", path], needs: "map", ofLevel });
 
 export const FILES: readonly HomeFile[] = [
-  map("Floor plan, vector", "SVG", "plan?format=svg"),
-  map("Floor plan, picture", "PNG", "plan?format=png"),
-  map("Floor plan to print", "PDF", "plan?format=pdf"),
-  map("Floor plan for CAD", "DXF", "plan?format=dxf"),
-  map("Floor plan for maps", "GeoJSON", "plan?format=geojson"),
-  map("Floor plan, model", "JSON", "plan?format=json"),
-  map("Surface for 3D programs", "GLB", "mesh?format=glb"),
-  map("Surface for phones", "USDZ", "mesh?format=usdz"),
-  map("Surface as text", "OBJ", "mesh?format=obj"),
-  map("Points with classes", "PLY", "points?format=ply"),
-  map("Points for 3D programs", "GLB", "points?format=glb"),
-  map("Points for surveyors", "E57", "points?format=e57"),
-  map("Points for surveyors, packed", "LAZ", "points?format=laz"),
-  map("Recording for Foxglove", "MCAP", "recording?format=mcap"),
-  map("Masks for Nav2", "ZIP", "robot?format=nav2"),
-  map("Zones and goals for Valetudo", "JSON", "robot?format=valetudo"),
-  map("Map card of Home Assistant", "JSON", "robot?format=calibration"),
-  map("Areas for Matter", "JSON", "robot?format=matter", false),
-  map("Objects", "JSON", "objects"),
-  map("Rooms", "JSON", "rooms"),
-  map("Coverage", "JSON", "coverage"),
-  map("Corrections", "JSON", "corrections", false),
-  { word: "Picture of the LiDAR map", format: "PNG", path: ["lidar-maps", "{level}", "image.png"], needs: "lidar" },
-  { word: "Everything, with recordings", format: "ZIP", path: ["export"], needs: "anything" },
+  map(LOOK, "Floor plan to print", "PDF", "plan?format=pdf"),
+  map(LOOK, "Floor plan, picture", "PNG", "plan?format=png"),
+  { group: LOOK, word: "Picture of the LiDAR map", format: "PNG", path: ["lidar-maps", "{level}", "image.png"], needs: "lidar" },
+  map(LOOK, "Surface for phones", "USDZ", "mesh?format=usdz"),
+  map(DRAW, "Floor plan, vector", "SVG", "plan?format=svg"),
+  map(DRAW, "Floor plan for CAD", "DXF", "plan?format=dxf"),
+  map(DRAW, "Surface for 3D programs", "GLB", "mesh?format=glb"),
+  map(DRAW, "Surface as text", "OBJ", "mesh?format=obj"),
+  map(DRAW, "Points for 3D programs", "GLB", "points?format=glb"),
+  map(ROBOT, "Masks for Nav2", "ZIP", "robot?format=nav2"),
+  map(ROBOT, "Zones and goals for Valetudo", "JSON", "robot?format=valetudo"),
+  map(ROBOT, "Map card of Home Assistant", "JSON", "robot?format=calibration"),
+  map(ROBOT, "Areas for Matter", "JSON", "robot?format=matter", false),
+  map(ROBOT, "Recording for Foxglove", "MCAP", "recording?format=mcap"),
+  map(SURVEY, "Points for surveyors", "E57", "points?format=e57"),
+  map(SURVEY, "Points for surveyors, packed", "LAZ", "points?format=laz"),
+  map(SURVEY, "Points with classes", "PLY", "points?format=ply"),
+  map(SURVEY, "Floor plan for maps", "GeoJSON", "plan?format=geojson"),
+  map(PROGRAM, "Floor plan, model", "JSON", "plan?format=json"),
+  map(PROGRAM, "Objects", "JSON", "objects"),
+  map(PROGRAM, "Rooms", "JSON", "rooms"),
+  map(PROGRAM, "Coverage", "JSON", "coverage"),
+  map(PROGRAM, "Corrections", "JSON", "corrections", false),
+  { group: KEEP, word: "Everything, with recordings", format: "ZIP", path: ["export"], needs: "anything" },
 ];

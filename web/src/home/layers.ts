@@ -2,7 +2,7 @@
 
 import { h, put as fill } from "../dom.ts";
 import { onOff } from "../parts/switches.ts";
-import { count, plain } from "../words.ts";
+import { count, decimal, plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { LAYERS, LAYER_WORDS, MAX_CUT_M, type Looks, put } from "./looks.ts";
 
@@ -40,7 +40,7 @@ export class LayersPanel {
       type: "range", min: 0.1, max: MAX_CUT_M, step: 0.05, value: this.looks.cut_m ?? MAX_CUT_M, "aria-label": "Cut at height",
     });
     const tell = (value: number) => {
-      word.textContent = value >= MAX_CUT_M ? "off" : `${value.toFixed(2)} m`;
+      word.textContent = value >= MAX_CUT_M ? "off" : `${decimal(value, 2)} m`;
       slider.setAttribute("aria-valuetext", word.textContent);
     };
     tell(this.looks.cut_m ?? MAX_CUT_M);
@@ -57,11 +57,12 @@ export class LayersPanel {
   /** Draws the classes again when the map has others. */
   draw(isForced = false): void {
     const classes = [...(this.data.map?.info.classes ?? [])].sort((a, b) => b.points - a.points);
-    const drawn = JSON.stringify(classes);
+    const drawn = JSON.stringify([classes, this.data.map !== null]);
     if (drawn === this.drawn && !isForced) return;
     this.drawn = drawn;
     this.both.hidden = classes.length === 0;
-    if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" }, "Classes appear with the first map."));
+    if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" },
+      this.data.map ? "This level has no points yet." : "Classes appear with the first map."));
     fill(this.classes, ...classes.map(({ class: name, points }) =>
       onOff(plain(name), !this.looks.hiddenClasses.has(name), (isOn) =>
         this.looks.change((looks) => put(looks.hiddenClasses, name, !isOn)),

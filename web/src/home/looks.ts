@@ -8,7 +8,7 @@ export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths
 export type Layer = (typeof LAYERS)[number];
 
 export const LAYER_WORDS: Record<Layer, string> = {
-  points: "Fused map",
+  points: "Map of the clips",
   lidar: "LiDAR map",
   objects: "Objects",
   rooms: "Rooms",

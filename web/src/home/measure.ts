@@ -2,7 +2,7 @@
 
 import type { Point3 } from "../cloud/pick.ts";
 import { h } from "../dom.ts";
-import { metres } from "../words.ts";
+import { decimal, metres } from "../words.ts";
 
 export class Measure {
   readonly element = h("div", { class: "measure", hidden: true });
@@ -126,8 +126,8 @@ export function progress([from, to]: readonly Point3[], aim: Point3 | null, prom
 }
 
 function place([x, y, z]: Point3): string {
-  const height = Math.abs(z) < 0.02 ? "" : `, z ${z.toFixed(2)} m`;
-  return `x ${x.toFixed(2)} m, y ${y.toFixed(2)} m${height}`;
+  const height = Math.abs(z) < 0.02 ? "" : `, z ${decimal(z, 2)} m`;
+  return `x ${decimal(x, 2)} m, y ${decimal(y, 2)} m${height}`;
 }
 
 /** `2.43 m (2.40 m along the floor, 38.0 cm up)` */

@@ -3,6 +3,7 @@
 
 import { homePath } from "../api.ts";
 import { type Cloud, load } from "../cloud/points.ts";
+import { isSessionEnd, reportSessionEnd } from "../session.ts";
 import { pause, retryDelay_ms } from "../upload/retry.ts";
 import { percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
@@ -119,7 +120,8 @@ export class HomePoints {
         // The next change of the home tries again.
         this.wanted = "";
         if (!this.isComplete) this.show(null);
-        onFailed(`The points: ${error.message}`);
+        if (isSessionEnd(error)) reportSessionEnd(error.message);
+        else onFailed(`The points: ${error.message}`);
       },
     }, signal, known);
   }

@@ -4,14 +4,14 @@ import * as api from "../api.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
 import type { Corrections } from "../types.ts";
-import { plain, time } from "../words.ts";
+import { named, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { withoutLevel } from "./selection.ts";
 
 export class RemovedPanel {
   readonly element = h("div", {});
-  /** Revision of the shown list; -1 before the first one. */
-  private shown = -1;
+  /** The map and the number of removals of the shown list; empty before the first one. */
+  private shown = "";
 
   constructor(
     private readonly data: HomeData,
@@ -19,11 +19,11 @@ export class RemovedPanel {
     private readonly signal: AbortSignal,
   ) {}
 
-  /** Reads the corrections again if the map has a new revision; the panel must be open for that. */
+  /** Reads the corrections again after a removal and with a new map; the panel must be open for that. */
   async draw(): Promise<void> {
-    const revision = this.data.map?.revision ?? 0;
-    if (revision === this.shown || this.element.closest("details")?.open !== true) return;
-    this.shown = revision;
+    const shown = `${this.data.map?.revision ?? 0} ${this.data.removals}`;
+    if (shown === this.shown || this.element.closest("details")?.open !== true) return;
+    this.shown = shown;
     await this.read();
   }
 
@@ -35,7 +35,7 @@ export class RemovedPanel {
       putAgain(this.element, h("ul", { class: "removed" }, ...removed.map((object) => this.row(object))));
     } catch (error) {
       if (this.signal.aborted) return;
-      this.shown = -1;
+      this.shown = "";
       put(this.element, h("p", { class: "reason", role: "status" }, messageOf(error)));
     }
   }
@@ -47,10 +47,11 @@ export class RemovedPanel {
     button.setAttribute("aria-label", `Bring back ${word}`);
     button.addEventListener("click", () => void attempt(button, async () => {
       await api.correctThing(this.data.home.id, id, { hidden: null });
-      say(`${word} is brought back. The map is being rebuilt.`);
-      await this.read();
+      this.data.bringBack(id);
+      say(`${named(word)} is brought back. The map is being rebuilt.`);
+      await this.draw();
       this.onCorrected();
     }));
-    return h("li", {}, h("span", { class: "word" }, word), h("span", { class: "hint" }, time(corrected_at)), button);
+    return h("li", {}, h("span", { class: "word", dir: "auto" }, word), h("span", { class: "hint" }, time(corrected_at)), button);
   }
 }

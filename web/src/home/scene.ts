@@ -9,18 +9,19 @@ import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
 import { around, type Box2, type Point2 } from "../frames.ts";
 import { addressOf, inkOf } from "../paper.ts";
-import { alarm, messageOf, say } from "../parts/notices.ts";
+import { alarm, say, tellFailure } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import { isDark, onTheme } from "../theme.ts";
 import { ramped } from "../plan/raster.ts";
 import type { Room, Thing } from "../types.ts";
-import { percent } from "../words.ts";
+import { named, percent } from "../words.ts";
 import { filmedRooms, WANTED, wantedRooms } from "./coverage.ts";
 import { Aim } from "./aim.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
+import { LevelPicture } from "./picture.ts";
 import { Pointing } from "./pointing.ts";
 import { HomePoints } from "./points.ts";
 import { boundsOf, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
@@ -44,9 +45,7 @@ export class HomeScene {
   private cloud: Cloud | null = null;
   private drawn = "";
   private level: string;
-  private picture = "";
-  /** The newest drawing of the picture; an older one that comes late is dropped. */
-  private drawing = 0;
+  private readonly picture: LevelPicture;
   readonly measure: Measure;
   /** What is loading now; empty texts for nothing. */
   private readonly loading = { points: "", surface: "" };
@@ -64,7 +63,7 @@ export class HomeScene {
     if (!this.cloudView) looks.view = "2d";
     this.level = data.level;
     this.top = new TopView(this.plan, signal);
-    this.surface = new HomeSurface(() => this.apply(), (text) => this.tell("surface", text), alarm, signal);
+    this.surface = new HomeSurface(() => this.apply(), (text) => this.tell("surface", text), (error) => tellFailure(error, "The surface"), signal);
     this.points = new HomePoints({
       onShown: () => this.showPoints(),
       onGrown: () => this.cloudView?.draw(),
@@ -75,6 +74,7 @@ export class HomeScene {
       },
     }, signal);
     this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
+    this.picture = this.pictureOf(signal);
     this.measure = new Measure(signal);
     const pointing = new Pointing(data, looks, this.measure, () => this.points.shown?.cloud ?? null, () => this.things());
     this.plan.onClick = (point) => pointing.clickInPlan(point);
@@ -84,7 +84,7 @@ export class HomeScene {
     }
     this.aimWith(pointing, signal);
     looks.onChange(() => this.apply());
-    onTheme(() => void this.drawPicture(), signal);
+    onTheme(() => this.drawPicture(), signal);
     this.update();
   }
 
@@ -168,11 +168,7 @@ export class HomeScene {
       const to = high.map((at, axis) => Math.min(at, (lidar?.info.max_m[axis] ?? Infinity) + AROUND_M));
       this.cloudView?.setBounds(from, to);
     } else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
-    const picture = `${this.level} ${lidar?.revision}`;
-    if (picture !== this.picture) {
-      this.picture = picture;
-      void this.drawPicture();
-    }
+    this.drawPicture();
     this.points.update(this.data);
     this.apply();
   }
@@ -186,6 +182,7 @@ export class HomeScene {
       else this.cloudView?.clear();
     }
     this.apply();
+    if (!shown) this.element.dataset.points = this.element.dataset.revision = "";
     if (!shown || !isComplete) return;
     this.element.dataset.points = String(shown.cloud.shown);
     this.element.dataset.revision = String(shown.map_revision);
@@ -197,26 +194,27 @@ export class HomeScene {
     return around(ends.map((end) => [end[0] ?? NaN, end[1] ?? NaN] as const));
   }
 
-  private async drawPicture(): Promise<void> {
-    const { lidar, home, level } = this.data;
-    if (!lidar) return;
-    const drawing = ++this.drawing;
-    const ink = isDark() ? "dark" : "light";
-    try {
-      const canvas = await inkOf(lidarPicture(home.id, level), ink === "dark", this.signal);
-      const address = await addressOf(canvas);
-      if (this.signal.aborted || drawing !== this.drawing) return URL.revokeObjectURL(address);
-      this.element.dataset.ink = ink;
-      const old = this.plan.element.querySelector("image.picture")?.getAttribute("href");
-      this.plan.setPicture(address, lidar.image);
-      if (old) URL.revokeObjectURL(old);
-      this.cloudView?.setFloor(canvas, lidar.image);
-      this.signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
-    } catch (error) {
-      if (this.signal.aborted || drawing !== this.drawing) return;
-      alarm(`The LiDAR map's picture: ${messageOf(error)}`);
-      [this.drawn, this.picture] = ["", ""];
-    }
+  private pictureOf(signal: AbortSignal): LevelPicture {
+    return new LevelPicture({
+      load: async (level, ink) => {
+        const canvas = await inkOf(lidarPicture(this.data.home.id, level), ink === "dark", signal);
+        return { canvas, address: await addressOf(canvas) };
+      },
+      show: (picture) => {
+        this.element.dataset.ink = picture?.ink ?? "";
+        this.plan.setPicture(picture?.address ?? null, picture?.frame ?? null);
+        this.cloudView?.setFloor(picture?.canvas ?? null, picture?.frame ?? null);
+      },
+      onFailed: (error) => {
+        tellFailure(error, "The LiDAR map's picture");
+        this.drawn = "";
+      },
+      revoke: (address) => URL.revokeObjectURL(address),
+    }, signal);
+  }
+
+  private drawPicture(): void {
+    this.picture.update(this.data.level, this.data.lidar, isDark() ? "dark" : "light");
   }
 
   private apply(): void {
@@ -236,7 +234,7 @@ export class HomeScene {
 
   private readWays(): void {
     this.data.readScans(this.signal, () => this.apply()).catch((error: unknown) => {
-      if (!this.signal.aborted) alarm(`The camera paths: ${messageOf(error)}`);
+      if (!this.signal.aborted) tellFailure(error, "The camera paths");
     });
   }
 
@@ -267,7 +265,7 @@ export class HomeScene {
       const share = shares.get(room);
       return room === wanted[0] ? " · film here next" : share === undefined ? "" : ` · ${percent(share)} filmed`;
     };
-    if (rooms.length > 0) return rooms.map((room) => ({ text: roomName(room) + note(room), at_m: room.label_at_m }));
+    if (rooms.length > 0) return rooms.map((room) => ({ text: named(roomName(room)) + note(room), at_m: room.label_at_m }));
     return (data.lidar?.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: room.centre_m }));
   }
 

@@ -5,7 +5,7 @@ import { h } from "../dom.ts";
 import { askText, confirm } from "../parts/dialog.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { toHomes } from "../route.ts";
-import { many } from "../words.ts";
+import { levelWord, many, named } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
 const MOST_LETTERS = 200;
@@ -16,7 +16,7 @@ interface Listener {
 }
 
 export class Settings {
-  readonly heading = h("h1", {});
+  readonly heading = h("h1", { dir: "auto" });
   readonly element: HTMLElement;
   private readonly level = button("Delete level", "danger quiet", () => this.deleteLevel());
 
@@ -48,18 +48,18 @@ export class Settings {
     const { home, level } = this.data;
     const text = "Its LiDAR maps, and the choices and corrections on it, are removed for good. All clips are aligned again to the " +
       "other levels.";
-    if (!(await confirm(`Delete the level ${level}?`, text, "Delete level"))) return;
+    if (!(await confirm(`Delete the level “${levelWord(level)}”?`, text, "Delete level"))) return;
     await api.deleteLevel(home.id, level);
-    say(`The level ${level} is deleted.`);
+    say(`The level “${levelWord(level)}” is deleted.`);
     this.listener.onLevelDeleted();
   }
 
   private async deleteHome(): Promise<void> {
     const { home, name, clips } = this.data;
     const text = `The LiDAR maps, ${many(clips.length, "clip")} and everything made of them are removed for good.`;
-    if (!(await confirm(`Delete ${name}?`, text, "Delete home"))) return;
+    if (!(await confirm(`Delete ${named(name)}?`, text, "Delete home"))) return;
     await api.deleteHome(home.id);
-    say(`${name} is deleted.`);
+    say(`${named(name)} is deleted.`);
     location.hash = toHomes();
   }
 }

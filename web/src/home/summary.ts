@@ -3,11 +3,13 @@
 import { h, put } from "../dom.ts";
 import { mayChange } from "../session.ts";
 import type { Clip } from "../types.ts";
-import { count, isUnderWay, many, percent } from "../words.ts";
+import { count, isUnderWay, levelWord, many, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
 const STATE_WORDS = { current: "", due: " · being rebuilt", failing: " · could not be rebuilt, the service tries again" };
+/** The service makes one map of all clips, and waits until none of them is in the queue or being placed. */
+const WHEN = "The map is made when all clips have settled";
 
 export class Summary {
   readonly figures = h("p", { class: "stage-facts" });
@@ -26,9 +28,11 @@ export class Summary {
     const { data, looks } = this;
     const { map, lidar } = data;
     const clips = map?.clips.filter(({ level }) => level === data.level).length ?? 0;
-    const seen = data.coverage ? ` · explains ${percent(data.coverage.seen)} of the LiDAR map` : "";
+    const seen = data.coverage ? ` · shows ${percent(data.coverage.seen)} of the LiDAR map` : "";
+    const waits = data.clips.some(isUnderWay) && map?.state === "due";
+    const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
     this.figures.textContent = map
-      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${STATE_WORDS[map.state]}`
+      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${state}`
       : "";
     const hasPoints = (map?.info.points ?? 0) > 0;
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);
@@ -50,20 +54,21 @@ function nextStep(data: HomeData): HTMLElement[] {
     return said("The map could not be made",
       "The service tries again by itself. If this stays, tell the person who runs it: its log has the cause.");
   }
-  if (isBeingMade(data)) return said("The map is being made", "It appears here in a moment.");
-  if (clips.some(isUnderWay)) {
-    return said("The clips are being aligned", "The map appears here as soon as the first clip has found its place.");
+  const underWay = clips.filter(isUnderWay).length;
+  if (underWay > 0) {
+    const settled = clips.length > underWay ? `: ${many(underWay, "clip")} of ${clips.length} ${underWay === 1 ? "is" : "are"} left` : "";
+    return said("The clips are being placed", `${WHEN}${settled}.`);
   }
-  if (!mayChange()) return [h("h2", {}, "No fused map yet")];
+  if (isBeingMade(data)) return said("The map is being made", "All clips have settled. The map appears here by itself.");
+  if (!mayChange()) return said("No map of the clips yet", "It appears here when clips with a place are in this home. Your key can only look.");
   if (map && clips.length === 0) return said("No clips yet", "Film the home. Then press “Add clips”, or drop the files here.");
-  if (map) return said(`No clip of the level ${level}`, "Film on this level. Then press “Add clips”, or drop the files here.");
+  if (map) return said(`No clip of the level “${levelWord(level)}”`, "Film on this level. Then press “Add clips”, or drop the files here.");
   if (!lidar) {
-    return said(clips.length === 0 ? "This home is empty" : "No fused map yet",
+    return said(clips.length === 0 ? "This home is empty" : "No LiDAR map yet",
       "Press “Add LiDAR map”, or drop the map of the robot vacuum here: Valetudo JSON, a zip of a ROS map, CSV or PLY points.");
   }
-  return said("No fused map yet", clips.length === 0
-    ? "Press “Add clips”, or drop zips of RGB-D recordings here."
-    : "No clip has a certain place. Open a clip to see why, or to choose its place yourself.");
+  if (clips.length === 0) return said("No clips yet", "Press “Add clips”, or drop recordings with depth here.");
+  return said("No map of the clips yet", "No clip has a certain place. Open a clip to see why, or to choose its place yourself.");
 }
 
 function said(title: string, advice: string): HTMLElement[] {

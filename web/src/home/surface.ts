@@ -2,7 +2,6 @@
 
 import * as api from "../api.ts";
 import { readSurface, type Surface } from "../cloud/surface.ts";
-import { messageOf } from "../parts/notices.ts";
 import { pause, retryDelay_ms } from "../upload/retry.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
@@ -21,7 +20,7 @@ export class HomeSurface {
   constructor(
     private readonly onChange: () => void,
     private readonly onStatus: (text: string) => void,
-    private readonly onFailed: (text: string) => void,
+    private readonly onFailed: (error: unknown) => void,
     signal: AbortSignal,
   ) {
     signal.addEventListener("abort", () => {
@@ -63,7 +62,7 @@ export class HomeSurface {
       if (signal.aborted) return;
       this.hasFailed = true;
       this.onStatus("");
-      this.onFailed(`The surface: ${messageOf(error)}`);
+      this.onFailed(error);
     }
   }
 

@@ -1,10 +1,11 @@
 // Lists the rooms and objects of a home. A person searches in it and selects.
 
 import { h, put, putAgain } from "../dom.ts";
-import { percent } from "../words.ts";
+import { area, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { isSame, roomName, type Selection, thingName } from "./selection.ts";
+import { synonymsOf } from "./synonyms.ts";
 
 /** Classes that belong to the walls; they come last. */
 const OF_WALLS = new Set(["door", "window", "curtain", "mirror", "picture", "radiator", "stairs"]);
@@ -25,7 +26,7 @@ interface Entry {
 export class ThingsPanel {
   readonly element: HTMLElement;
   private readonly search = h("input", {
-    type: "search", placeholder: "Search rooms and objects", "aria-label": "Search rooms and objects",
+    type: "search", placeholder: "Search rooms and objects", "aria-label": "Search rooms and objects", dir: "auto",
   });
   private readonly list = h("ul", { class: "things" });
   private drawn = "";
@@ -47,12 +48,13 @@ export class ThingsPanel {
     const all = this.entries();
     const wanted = this.search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
     const shown = all.filter(({ words }) => wanted.every((word) => words.includes(word)));
-    const drawn = JSON.stringify([shown, this.looks.selected, all.length > 0]);
+    const drawn = JSON.stringify([shown, this.looks.selected, all.length > 0, this.data.described !== ""]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.search.hidden = all.length === 0;
-    if (all.length === 0) put(this.list, h("li", { class: "hint" }, "Rooms and objects appear with the first map."));
-    else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name."));
+    if (all.length === 0) put(this.list, h("li", { class: "hint" }, this.data.described
+      ? "No room and no object is known on this level." : "Rooms and objects appear with the first map."));
+    else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name. Try another word, or a room."));
     else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
     if (!isSame(this.picked, this.looks.selected)) this.bringIntoSight();
     this.picked = this.looks.selected;
@@ -71,14 +73,14 @@ export class ThingsPanel {
     const roomNames = new Map(data.rooms.map((room) => [room.id, roomName(room)]));
     const rooms = data.rooms.map((room): Entry => {
       const name = roomName(room);
-      const note = `${room.area_m2.toFixed(1)} m²`;
+      const note = area(room.area_m2);
       const words = `${name} room ${room.id}`.toLowerCase();
       return { group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, area_m2: room.area_m2, words };
     });
     const things = data.things.map((thing): Entry => {
       const [name, room] = [thingName(thing), thing.room ? (roomNames.get(thing.room) ?? "") : ""];
       const note = [room, percent(thing.confidence)].filter(Boolean).join(" · ");
-      const words = `${name} ${thing.class.replaceAll("_", " ")} ${thing.id} ${room}`.toLowerCase();
+      const words = `${name} ${thing.class.replaceAll("_", " ")} ${synonymsOf(thing.class)} ${thing.id} ${room}`.toLowerCase();
       const colour = data.classNamed(thing.class)?.color ?? "#9a9a9a";
       const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";
       return { group, selection: { kind: "object", id: thing.id }, name, note, colour, area_m2: 0, words };
@@ -89,7 +91,7 @@ export class ThingsPanel {
   private part(group: string, entries: Entry[]): HTMLElement[] {
     if (entries.length === 0) return [];
     const area_m2 = entries.reduce((sum, entry) => sum + entry.area_m2, 0);
-    const title = area_m2 > 0 ? `${group} · ${area_m2.toFixed(1)} m²` : group;
+    const title = area_m2 > 0 ? `${group} · ${area(area_m2)}` : group;
     return [h("li", { class: "group" }, title), ...entries.map((entry) => this.row(entry))];
   }
 
@@ -99,7 +101,7 @@ export class ThingsPanel {
     const button = h("button", {
       type: "button", class: "thing-row", "data-key": `${selection.kind} ${selection.id}`,
       "aria-pressed": String(isSame(selection, this.looks.selected)),
-    }, swatch, h("span", { class: "word" }, name), h("span", { class: "hint" }, note));
+    }, swatch, h("span", { class: "word", dir: "auto" }, name), h("span", { class: "hint" }, h("bdi", {}, note)));
     button.addEventListener("click", () => this.onChosen(selection));
     return h("li", {}, button);
   }

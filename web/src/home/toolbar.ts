@@ -2,8 +2,10 @@
 
 import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
-import { attempt, say } from "../parts/notices.ts";
+import { attempt } from "../parts/notices.ts";
+import { shareLink } from "../parts/link.ts";
 import { oneOf } from "../parts/switches.ts";
+import { levelWord } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Body, Looks } from "./looks.ts";
 import type { HomeScene } from "./scene.ts";
@@ -57,7 +59,7 @@ export class Toolbar {
     const levels = JSON.stringify([data.levels, data.level]);
     if (levels !== this.levels) {
       this.levels = levels;
-      put(this.level, ...data.levels.map((name) => h("option", { value: name, selected: name === data.level }, name)));
+      put(this.level, ...data.levels.map((name) => h("option", { value: name, selected: name === data.level, dir: "auto" }, levelWord(name))));
       this.level.hidden = !data.hasLevels;
     }
     this.top.hidden = looks.view === "2d";
@@ -72,8 +74,7 @@ export class Toolbar {
     const button = h("button", { type: "button", class: "tool", title: "Copy a link to this view" }, "Share");
     button.addEventListener("click", () => void attempt(button, async () => {
       this.writeAddress();
-      await navigator.clipboard.writeText(location.href);
-      say("The link to this view is copied.");
+      await shareLink(location.href);
     }));
     return button;
   }

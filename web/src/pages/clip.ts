@@ -2,9 +2,10 @@
 
 import * as api from "../api.ts";
 import { adviceOf } from "../clip/advice.ts";
-import { alternatives, type Ground, isForeign } from "../clip/alternatives.ts";
-import { answer, files, recording, stages } from "../clip/facts.ts";
+import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
+import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
+import { isDoubtful, isForeign } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
@@ -17,7 +18,7 @@ import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip, ClipState, Home } from "../types.ts";
-import { clipName, isUnderWay, jobWord, stateMeaning, stateWord } from "../words.ts";
+import { clipName, isUnderWay, jobWord, named, percent, stateMeaning, stateWord } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
@@ -125,14 +126,15 @@ class ClipPage {
     if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
     this.job = job?.id;
     putAgain(this.head, h("div", { class: "head" },
-      h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), mayChange() && this.actions(),
+      h("h1", { dir: "auto" }, name), stateBadge(clip.state), mayChange() && this.actions(),
       clip.duplicate_of && h("p", { class: "hint" }, "Same file as ",
-        h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin" }, this.twin ?? "another clip"))));
+        h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin", dir: "auto" }, this.twin ?? "another clip"))));
     this.drawVerdict();
+    const figures = answer(clip);
     put(this.rest,
-      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Answer"), answer(clip)),
-      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Stages"), stages(clip.alignment.seconds)),
-      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(clip)));
+      figures && h("section", { class: "card padded" }, h("h2", {}, "Answer"), figures),
+      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Time of each step"), stages(clip.alignment.seconds)),
+      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(clip), technical(clip)));
     this.drawPictures();
     this.cloud.show(clip);
     await this.readGround();
@@ -142,7 +144,7 @@ class ClipPage {
   private drawVerdict(): void {
     const { clip } = this;
     const reasons = reasonsOf(clip).map(({ code, text, isWarning }) =>
-      h("li", { class: isWarning ? "warning" : "" }, text, " ", h("code", { class: "hint" }, code)));
+      h("li", { class: isWarning ? "warning" : "", title: `Reason ${code}` }, text));
     const advice = adviceOf(clip).map((text) => h("p", { class: "advice" }, text));
     put(this.verdict,
       thumbnail(clip, this.name),
@@ -181,15 +183,15 @@ class ClipPage {
     };
     const remove = async () => {
       const text = "Its recording, its place and its points are removed for good.";
-      if (!(await confirm(`Delete ${this.name}?`, text, "Delete clip"))) return;
+      if (!(await confirm(`Delete ${named(this.name)}?`, text, "Delete clip"))) return;
       await api.deleteClip(clip);
-      say(`${this.name} is deleted.`);
+      say(`${named(this.name)} is deleted.`);
       location.hash = toHome(clip.home);
     };
     return h("div", { class: "row actions" },
       clip.choice ? act("Withdraw choice", "", withdraw) : null,
       act("Rename", "", rename),
-      isUnderWay(clip) ? job && act("Cancel alignment", "", () => cancel(job.id), "align") : act("Align again", "", again, "align"),
+      isUnderWay(clip) ? job && act("Stop", "", () => cancel(job.id), "align") : act("Find its place again", "", again, "align"),
       act("Delete clip", "danger", remove));
   }
 
@@ -217,12 +219,12 @@ class ClipPage {
     if (list.length === 0) return put(this.places);
     const choose = (index: number, button: HTMLButtonElement) =>
       void attempt(button, async () => {
+        const one = list[index];
+        if (one && isDoubtful(clip, one) && !(await confirmDoubtful(index, one.probability))) return;
         await api.choose(this.clip, index).finally(() => this.repeated.again());
         say(`Place ${index + 1} chosen. The map is being rebuilt.`);
       });
-    const isDoubtful = clip.state === "failed" || isForeign(clip);
-    const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;
-    putAgain(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) || !mayChange() ? null : choose));
+    putAgain(this.places, h("h2", {}, headingOf(clip)), alternatives(clip, ground, isUnderWay(clip) || !mayChange() ? null : choose));
   }
 
   private drawPictures(): void {
@@ -234,17 +236,28 @@ class ClipPage {
       const caption = h("figcaption", {}, title);
       const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
       // Not every answer has every picture.
-      image.addEventListener("error", () => figure.remove());
+      image.addEventListener("error", () => {
+        figure.remove();
+        if (!this.pictures.querySelector("figure")) put(this.pictures);
+      });
       return figure;
     };
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
-      picture("overlay.png",
-        "The method's own answer over the LiDAR map: green hits on walls, red hits off them, orange the other places",
-        "The clip's hit points over the LiDAR map, at the method's own answer"),
+      clip.alignment.hits > 0 && picture("overlay.png",
+        "The service's own answer over the LiDAR map: green points are on walls, red ones are not, orange are the other places",
+        "The clip's points over the LiDAR map, at the service's own answer"),
       clip.alignment.completion
-        ? picture("completion.png", "Completed views, for a clip in doubt",
+        ? picture("completion.png", "Views that were completed because the clip is in doubt",
             "The completed views, and the plan before and after")
         : null));
   }
+}
+
+/** Asks before an improbable place is chosen: a wrong one spoils the map. */
+function confirmDoubtful(index: number, probability: number | null): Promise<boolean> {
+  const title = probability === null ? `Choose place ${index + 1}?` : `Place ${index + 1} is only ${percent(probability)} probable. Choose it?`;
+  const text = "The clip may be of another home. At a wrong place it puts walls and furniture into the map that are not there. " +
+    "Compare the pictures with the place first. You can withdraw the choice later.";
+  return confirm(title, text, `Choose place ${index + 1}`);
 }

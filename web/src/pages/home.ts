@@ -83,13 +83,14 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     repeated.again();
   };
   const toolbar = new Toolbar(data, looks, scene, () => address.write(), (level) => {
-    data.level = level;
+    data.showLevel(level);
+    draw();
     leaveLevel();
   }, signal);
   const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel });
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
-  const repeated = keepUpToDate(place, data, { clips, status }, () => {
+  const draw = () => {
     const panels = [clips, things, details, downloads, layers, coverage, legend, summary, toolbar, settings];
     for (const panel of panels) panel.draw();
     for (const panel of [compare, removed, earlier]) void panel.draw();
@@ -97,7 +98,8 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     scene.update();
     // Another level has another camera.
     address.soon();
-  });
+  };
+  const repeated = keepUpToDate(place, data, { clips, status }, draw);
 
   const foot = h("div", { class: "stage-foot" }, status.shown, legend.element, summary.figures);
   put(stage, scene.element, summary.empty, foot, toolbar.element, details.element, status.said);

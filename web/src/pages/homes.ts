@@ -2,13 +2,14 @@
 
 import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
+import { attentionFirst, attentionOf, withAttention } from "../home/attention.ts";
 import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
 import { attempt, messageOf } from "../parts/notices.ts";
 import { type Asked, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Home, List } from "../types.ts";
-import { many, STATES, stateWord, time } from "../words.ts";
+import { many, STATES, stateTitle, stateWord, time } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 /** Pause between two readings of the list; an unchanged one is answered with 304. */
@@ -29,7 +30,7 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
 function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
   const repeated = new Repeated(async () => {
     try {
-      const page = await homes(asked, signal);
+      const page = await readHomes(asked, signal);
       if (signal.aborted) return null;
       list.draw(page);
       list.lost.textContent = "";
@@ -66,7 +67,8 @@ class HomeList {
   }
 
   get elements(): HTMLElement[] {
-    return [this.search, this.list, this.nothing, h("p", { class: "row" }, this.more)];
+    const first = this.asked.after === null ? null : h("a", { class: "button", href: toHomes({ ...this.asked, after: null }) }, "First homes");
+    return [this.search, this.list, this.nothing, h("p", { class: "row" }, ...(first ? [first] : []), this.more)];
   }
 
   draw({ items, next }: List<Home>): void {
@@ -87,10 +89,20 @@ class HomeList {
   }
 }
 
+/** A page of homes. Those that need attention come first, and before the first page also those of later pages. */
+async function readHomes(asked: Asked, signal: AbortSignal): Promise<List<Home>> {
+  if (asked.attention || asked.after !== null) {
+    const page = await homes(asked, signal);
+    return { ...page, items: attentionFirst(page.items) };
+  }
+  const [page, urgent] = await Promise.all([homes(asked, signal), homes({ ...asked, attention: true }, signal)]);
+  return withAttention(page, urgent);
+}
+
 /** Null for a key of one home, which the service does not name. */
 async function homesOrNone(asked: Asked, signal: AbortSignal): Promise<List<Home> | null> {
   try {
-    return await homes(asked, signal);
+    return await readHomes(asked, signal);
   } catch (error) {
     if (error instanceof Refusal && error.status === 403) return null;
     throw error;
@@ -116,17 +128,21 @@ function oneHome(): HTMLElement {
 function nothing(isPart: boolean): HTMLElement {
   if (isPart) {
     return h("section", { class: "empty" },
-      h("h2", {}, "No home like this"), h("a", { class: "button", href: toHomes() }, "All homes"));
+      h("h2", {}, "No home like this"), h("p", {}, "A home is found by a part of its name or of its id."),
+      h("a", { class: "button", href: toHomes() }, "All homes"));
   }
   return h("section", { class: "empty" },
     h("h2", {}, "No home yet"),
     h("p", {}, "A home holds the LiDAR map of its robot vacuum and the clips filmed in it."),
-    mayChange() && h("p", {}, "Make one above, or let ", h("code", {}, "viola demo"), " fill a server with a simulated one."));
+    mayChange()
+      ? h("p", {}, "Give it a name above and press “New home”. To look around first, ", h("code", {}, "viola demo"),
+          " fills a server with a simulated home.")
+      : h("p", {}, "Your key can only look. Homes appear here when an admin makes them."));
 }
 
 function search(asked: Asked): HTMLElement {
   const text = h("input", {
-    type: "search", value: asked.text, placeholder: "Search homes", "aria-label": "Search homes", maxlength: 200,
+    type: "search", value: asked.text, placeholder: "Search homes", "aria-label": "Search homes", maxlength: 200, dir: "auto",
   });
   const attention = h("input", { type: "checkbox", checked: asked.attention });
   const show = () => {
@@ -154,10 +170,15 @@ function card(home: Home): HTMLElement {
     h("a", { class: "card home-card", href: toHome(home.id), "data-key": home.id },
       h("span", { class: "thumbnail" }, picture),
       h("span", { class: "card-text" },
-        h("strong", {}, home.name || home.id),
+        h("strong", { dir: "auto" }, home.name || home.id),
         home.name ? h("code", { class: "hint" }, home.id) : null,
-        h("span", { class: "hint" }, `${many(home.clips, "clip")} · ${time(home.updated_at)}`),
-        states(home))));
+        h("span", { class: "hint" }, `${many(home.clips, "clip")} · changed ${time(home.updated_at)}`),
+        states(home), ...attention(home))));
+}
+
+function attention(home: Home): HTMLElement[] {
+  const reasons = attentionOf(home);
+  return reasons.length > 0 ? [h("span", { class: "attention" }, ...reasons.map((reason) => h("span", {}, reason)))] : [];
 }
 
 /** The number of clips in each state that has any, and whether the map needs attention. */
@@ -165,7 +186,7 @@ export function states(home: Pick<Home, "clips_by_state" | "map_state">): HTMLEl
   const counts = STATES.filter((state) => home.clips_by_state[state] > 0);
   const badges = counts.map((state) => {
     const count = home.clips_by_state[state];
-    return h("span", { class: `badge ${state}` }, stateMark(state), `${count} ${stateWord(state).toLowerCase()}`);
+    return h("span", { class: `badge ${state}`, title: stateTitle(state) }, stateMark(state), `${count} ${stateWord(state).toLowerCase()}`);
   });
   const map = home.map_state === "failing" && h("span", { class: "badge failed" }, stateMark("failed"), "map needs attention");
   return h("span", { class: "row states" }, ...badges, map);
@@ -173,7 +194,7 @@ export function states(home: Pick<Home, "clips_by_state" | "map_state">): HTMLEl
 
 function newHome(): HTMLElement {
   const name = h("input", {
-    name: "name", required: true, placeholder: "Flat 3, Elm Street", autocomplete: "off", maxlength: 200,
+    name: "name", required: true, placeholder: "Flat 3, Elm Street", autocomplete: "off", maxlength: 200, dir: "auto",
     "aria-label": "Name of the new home",
   });
   const button = h("button", { class: "primary" }, "New home");

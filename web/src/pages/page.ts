@@ -14,7 +14,7 @@ export interface Place {
 
 /** Shows links to the pages above, and this page's name. */
 export function setCrumbs(place: Place, above: { word: string; href: string }[], here: string): void {
-  const links: Child[] = above.map(({ word, href }) => h("a", { href }, word));
-  put(place.crumbs, ...links, h("span", { "aria-current": "page" }, here));
+  const links: Child[] = above.map(({ word, href }) => h("a", { href, dir: "auto" }, word));
+  put(place.crumbs, ...links, h("span", { "aria-current": "page", dir: "auto" }, here));
   document.title = `${here} · viola`;
 }

@@ -19,7 +19,8 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
       type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 && typeof text === "string",
       formnovalidate: !needsFields,
     }, word));
-    const form = h("form", { method: "dialog" }, heading, h("p", {}, text), h("div", { class: "row end" }, ...buttons));
+    const form = h("form", { method: "dialog" }, heading, typeof text === "string" ? h("p", {}, text) : h("div", { class: "question" }, text),
+      h("div", { class: "row end" }, ...buttons));
     const dialog = h("dialog", { "aria-labelledby": "question" }, form);
     dialog.addEventListener("close", () => {
       dialog.remove();
@@ -33,7 +34,7 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
 
 /** A line of text of at most `most` letters; null when the question was closed. */
 export function askText(title: string, before: string, word: string, most: number): Promise<string | null> {
-  const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: most, autofocus: true });
+  const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: most, autofocus: true, dir: "auto" });
   // Enter in a text presses the form's first button, so the button that does it comes first.
   return ask<boolean>(title, input, [
     { word, value: true, kind: "primary" },

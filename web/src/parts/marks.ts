@@ -2,7 +2,7 @@
 
 import { h, s } from "../dom.ts";
 import type { ClipState } from "../types.ts";
-import { stateWord } from "../words.ts";
+import { stateTitle, stateWord } from "../words.ts";
 
 function shape(state: ClipState): SVGElement {
   switch (state) {
@@ -25,5 +25,5 @@ export function stateMark(state: ClipState): SVGElement {
 
 /** The mark with its word. */
 export function stateBadge(state: ClipState): HTMLElement {
-  return h("span", { class: `badge ${state}` }, stateMark(state), stateWord(state));
+  return h("span", { class: `badge ${state}`, title: stateTitle(state) }, stateMark(state), stateWord(state));
 }

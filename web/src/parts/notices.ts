@@ -1,6 +1,7 @@
 // Errors and messages, shown once and announced to screen readers.
 
 import { h } from "../dom.ts";
+import { isSessionEnd, reportSessionEnd } from "../session.ts";
 
 const SHOWN_MS = 6000;
 
@@ -59,6 +60,13 @@ export function messageOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
+/** Tells a failure; `of` names what failed. The end of the session leads to the form to sign in instead. */
+export function tellFailure(error: unknown, of = ""): void {
+  const text = of ? `${of}: ${messageOf(error)}` : messageOf(error);
+  if (isSessionEnd(error)) reportSessionEnd(text);
+  else alarm(text);
+}
+
 /** Runs the action of a button, which rests meanwhile, and tells a failure. A disabled button would lose the focus. */
 export async function attempt(button: HTMLButtonElement | null, act: () => Promise<void>): Promise<void> {
   if (button?.getAttribute("aria-disabled") === "true") return;
@@ -66,7 +74,7 @@ export async function attempt(button: HTMLButtonElement | null, act: () => Promi
   try {
     await act();
   } catch (error) {
-    alarm(messageOf(error));
+    tellFailure(error);
   } finally {
     button?.removeAttribute("aria-disabled");
   }

@@ -2,6 +2,7 @@
 
 import { homePath, restoreLidarMap } from "../api.ts";
 import { attempt, offer, say } from "../parts/notices.ts";
+import { levelWord } from "../words.ts";
 import { sentName } from "./names.ts";
 import { request } from "./request.ts";
 
@@ -29,9 +30,9 @@ export async function sendMap(
 
 /** Tells that a map is replaced, and offers the earlier one. */
 export function offerUndo(home: string, level: string, replaced: number, onDone: () => void): void {
-  offer(`The map of the level ${level} is replaced.`, "Undo", () => attempt(null, async () => {
+  offer(`The map of the level “${levelWord(level)}” is replaced.`, "Undo", () => attempt(null, async () => {
     await restoreLidarMap(home, level, replaced);
-    say(`The level ${level} has its earlier map again.`);
+    say(`The level “${levelWord(level)}” has its earlier map again.`);
     onDone();
   }));
 }

@@ -4,10 +4,11 @@ import { lidarMaps } from "../api.ts";
 import { h } from "../dom.ts";
 import type { HomeData } from "../home/data.ts";
 import { ask } from "../parts/dialog.ts";
-import { alarm, say } from "../parts/notices.ts";
+import { alarm, say, tellFailure } from "../parts/notices.ts";
 import { mayChange } from "../session.ts";
-import { bytes } from "../words.ts";
-import { type Kind, kindOf } from "./kind.ts";
+import { bytes, named } from "../words.ts";
+import { explainFiles, explainRefused, type Refused } from "./help.ts";
+import { isKind, type Kind, kindOf } from "./kind.ts";
 import { askTarget } from "./level.ts";
 import { queueOf } from "./queue.ts";
 
@@ -26,7 +27,7 @@ export class UploadPanel {
     this.queue = queue;
     queue.onDone = onDone;
     queue.resume();
-    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), queue.list, queue.said);
+    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), help(), queue.list, queue.said);
     this.takeDrops();
   }
 
@@ -35,7 +36,7 @@ export class UploadPanel {
     const input = h("input", {
       type: "file", multiple: kind === "clip", class: "hidden-text", id: `choose-${kind}`, "data-kind": kind,
     });
-    const hint = kind === "clip" ? "zip, .r3d, .db or .mcap of an RGB-D recording" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
+    const hint = kind === "clip" ? "recordings with depth: .zip, .r3d, .db, .mcap" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
     const label = h(
       "label", { class: "drop", for: input.id, "data-kind": kind },
       h("strong", {}, kind === "clip" ? "Add clips" : "Add LiDAR map"), h("span", { class: "hint" }, hint),
@@ -69,13 +70,23 @@ export class UploadPanel {
   }
 
   private take(files: File[], said: Kind | undefined): void {
-    for (const file of files) this.sorted = this.sorted.then(() => this.sort(file, said));
+    this.sorted = this.sorted.then(() => this.sortAll(files, said)).catch((error: unknown) => tellFailure(error));
   }
 
-  private async sort(file: File, said: Kind | undefined): Promise<void> {
-    // The page ended while other files were asked for.
-    if (this.signal.aborted) return;
-    const found = await kindOf(file).catch(() => null);
+  private async sortAll(files: File[], said: Kind | undefined): Promise<void> {
+    const refused: Refused[] = [];
+    for (const file of files) {
+      const found = await kindOf(file).catch(() => null);
+      // The page ended while other files were asked for.
+      if (this.signal.aborted) return;
+      if (found === null || isKind(found)) await this.sort(file, said, found);
+      else refused.push({ name: file.name, kind: found });
+    }
+    // One question for all of them: a person may have chosen a whole album.
+    await explainRefused(refused, said);
+  }
+
+  private async sort(file: File, said: Kind | undefined, found: Kind | null): Promise<void> {
     const isOther = said && found && said !== found;
     const kind = isOther ? await this.askOther(file, said, found) : (said ?? found ?? (await this.askKind(file)));
     if (kind === "clip") this.queue.addClip(file);
@@ -97,7 +108,7 @@ export class UploadPanel {
   /** A file on the place of the other kind, for example a map on "Add clips". */
   private askOther(file: File, said: Kind, found: Kind): Promise<Kind | null> {
     const word = (kind: Kind) => (kind === "clip" ? "clip" : "LiDAR map");
-    return ask(`A ${word(found)}?`, `${file.name} looks like a ${word(found)}, not like a ${word(said)}.`, [
+    return ask(`A ${word(found)}?`, `${named(file.name)} looks like a ${word(found)}, not like a ${word(said)}.`, [
       { word: `Use it as a ${word(found)}`, value: found, kind: "primary" },
       { word: `Use it as a ${word(said)}`, value: said },
       { word: "Cancel", value: null },
@@ -105,12 +116,16 @@ export class UploadPanel {
   }
 
   private askKind(file: File): Promise<Kind | null> {
-    return ask("What is this file?", `${file.name} (${bytes(file.size)}) may be a clip or a LiDAR map.`, [
+    return ask("What is this file?", `${named(file.name)} (${bytes(file.size)}) may be a clip or a LiDAR map.`, [
       { word: "A clip", value: "clip", kind: "primary" },
       { word: "A LiDAR map", value: "map" },
       { word: "Neither", value: null },
     ]);
   }
+}
+
+function help(): HTMLElement {
+  return h("button", { type: "button", class: "link help", onclick: () => void explainFiles() }, "Which files, and how do I get them?");
 }
 
 /** Keeps the browser from opening a file that is dropped where no panel takes it. */
@@ -132,7 +147,7 @@ function filesOf(dropped: DataTransfer | null): File[] {
   const files = [];
   for (const item of dropped?.items ?? []) {
     const file = item.getAsFile();
-    if (item.webkitGetAsEntry()?.isDirectory) alarm(`${file?.name ?? "This"} is a folder; drop its zip archive.`);
+    if (item.webkitGetAsEntry()?.isDirectory) alarm(`${file ? named(file.name) : "This"} is a folder; drop its zip archive.`);
     else if (file) files.push(file);
   }
   return files;

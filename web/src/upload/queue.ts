@@ -3,6 +3,8 @@
 import { Refusal } from "../api.ts";
 import { h } from "../dom.ts";
 import { alarm, messageOf, say } from "../parts/notices.ts";
+import { isSessionEnd } from "../session.ts";
+import { levelWord, named } from "../words.ts";
 import { type Begun, begunOf, dropAllBegun, dropBegun } from "./begun.ts";
 import { offerUndo, sendMap, type Target } from "./map.ts";
 import { mayTryAgain, pause, retryDelay_ms } from "./retry.ts";
@@ -42,10 +44,6 @@ function randomKey(): string {
   return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-function isSessionEnd(error: unknown): boolean {
-  return error instanceof Refusal && error.status === 401;
-}
-
 /** A lost connection and a file that cannot be read any more are the same to XMLHttpRequest. */
 async function isReadable(file: File): Promise<boolean> {
   return file.slice(0, 1).arrayBuffer().then(() => true, () => false);
@@ -82,7 +80,7 @@ export class UploadQueue {
   }
 
   addMap(file: File, target: Target): void {
-    this.add(file, `LiDAR map · ${target.level}`, target);
+    this.add(file, `LiDAR map · ${levelWord(target.level)}`, target);
   }
 
   /** Sends the files that still wait, for example after a new sign-in. */
@@ -152,7 +150,7 @@ export class UploadQueue {
   /** Sends a file until it has arrived, or is refused or cancelled. False if the session has ended: the file waits. */
   private async sendOne(upload: Upload): Promise<boolean> {
     const { file, row, stop: { signal } } = upload;
-    this.said.textContent = `${file.name} is being sent.`;
+    this.said.textContent = `${named(file.name)} is being sent.`;
     row.progress(0);
     for (let failures = 1; !signal.aborted; failures++) {
       const before_bytes = upload.acknowledged_bytes;
@@ -167,7 +165,7 @@ export class UploadQueue {
         const wait_ms = unreadable ? null : retryDelay_ms(error, failures);
         if (wait_ms === null) return this.fail(upload, unreadable ?? error);
         row.wait(navigator.onLine ? "waits for the service" : "waits for the network");
-        if (failures === 1) this.said.textContent = `${file.name} waits: ${messageOf(error)} The upload resumes by itself.`;
+        if (failures === 1) this.said.textContent = `${named(file.name)} waits: ${messageOf(error)} The upload resumes by itself.`;
         await pause(wait_ms, signal);
       }
     }
@@ -203,7 +201,7 @@ export class UploadQueue {
 
   private finish(upload: Upload): void {
     const { file, row } = upload;
-    const text = `${file.name} is stored.`;
+    const text = `${named(file.name)} is stored.`;
     this.said.textContent = text;
     if (!row.element.isConnected) say(text);
     row.element.remove();
@@ -221,9 +219,9 @@ export class UploadQueue {
       return false;
     }
     const reason = messageOf(error);
-    if (!row.element.isConnected) alarm(`${file.name} is not stored: ${reason}`);
+    if (!row.element.isConnected) alarm(`${named(file.name)} is not stored: ${reason}`);
     if (mayTryAgain(error)) this.failed.add(upload);
-    row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null);
+    row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null, error instanceof Refusal ? error.detail : null);
     if (error instanceof Refusal && !mayTryAgain(error)) dropBegun(upload);
     return true;
   }

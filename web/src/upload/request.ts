@@ -1,6 +1,6 @@
 // One request whose body is a file, or a part of one. `fetch` does not tell how many bytes are sent; XMLHttpRequest does.
 
-import { delay_s, explanation, Refusal } from "../api.ts";
+import { Refusal, refusalOf } from "../api.ts";
 
 /** A connection that takes no byte for this time is lost. */
 const STALLED_MS = 60_000;
@@ -39,7 +39,7 @@ export function request(method: string, path: string, { headers, body, onSent, s
     });
     sent.addEventListener("load", () => {
       if (sent.status >= 200 && sent.status < 300) resolve(sent);
-      else reject(new Refusal(sent.status, explanation(sent.status, sent.responseText), delay_s(sent.getResponseHeader("retry-after"))));
+      else reject(refusalOf(sent.status, sent.responseText, sent.getResponseHeader("retry-after")));
     });
     const lose = () => reject(new Refusal(0, "The connection broke before the answer arrived."));
     sent.addEventListener("error", lose);

@@ -20,7 +20,7 @@ export class UploadRow {
     const close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${name}` }, "✕");
     close.addEventListener("click", onCancel);
     this.element = h("li", {},
-      h("span", { class: "kind" }, kind), h("span", { class: "file", title: name }, name), this.hint, close, this.bar);
+      h("span", { class: "kind" }, kind), h("span", { class: "file", title: name, dir: "auto" }, name), this.hint, close, this.bar);
     this.wait("waits");
   }
 
@@ -39,13 +39,14 @@ export class UploadRow {
     this.hint.textContent = share < 1 ? `${percent(share)} of ${bytes(this.file.size)}` : "is being read";
   }
 
-  /** Shows the reason of a failure; `onAgain` is null if another attempt cannot help. */
-  fail(reason: string, onAgain: (() => void) | null): void {
+  /** Shows the reason of a failure, and the service's own words if the reason has others; `onAgain` is null if another attempt cannot help. */
+  fail(reason: string, onAgain: (() => void) | null, detail: string | null = null): void {
     this.clear();
     this.element.className = "failed";
     this.hint.hidden = this.bar.hidden = true;
     const again = onAgain && h("button", { type: "button", class: "small", onclick: onAgain }, "Try again");
-    this.failure = [h("p", { class: "reason", role: "alert" }, reason), ...(again ? [again] : [])];
+    const more = detail && h("details", { class: "technical" }, h("summary", {}, "What the service says"), h("p", { class: "hint" }, detail));
+    this.failure = [h("p", { class: "reason", role: "alert" }, reason), ...(more ? [more] : []), ...(again ? [again] : [])];
     this.element.append(...this.failure);
   }
 

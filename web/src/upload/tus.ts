@@ -1,6 +1,6 @@
 // Sends a clip in parts by tus 1.0. After a loss, the next attempt resumes at the offset of the service.
 
-import { Refusal, upload } from "../api.ts";
+import { Refusal, refusalOf, upload } from "../api.ts";
 import { type Begun, keepBegun } from "./begun.ts";
 import { sentName } from "./names.ts";
 import { request } from "./request.ts";
@@ -98,7 +98,7 @@ function offsetOf(answer: XMLHttpRequest): number {
 /** The state of a complete file; null if the upload is gone. Throws the reason of a refusal. */
 async function stateOf(path: string, signal: AbortSignal): Promise<Sent | null> {
   const found = await upload(path, signal);
-  if (found?.problem) throw new Refusal(found.problem.status, found.problem.detail);
+  if (found?.problem) throw refusalOf(found.problem.status, JSON.stringify(found.problem), null);
   if (found?.state === "arrived") return "arrived";
   return found?.state === "finished" ? "stored" : null;
 }

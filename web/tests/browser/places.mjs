@@ -41,11 +41,10 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await clip.getByText("upper").waitFor();
     await page.locator(".views[data-level=main]").waitFor();
     const level = page.getByLabel("Level");
-    assert.deepEqual(await level.locator("option").allTextContents(), ["main", "upper"]);
+    assert.deepEqual(await level.locator("option").allTextContents(), ["Main", "Upper"]);
     // The clip is of the other level, so this one has no points and no rooms of the map.
     assert.equal(await page.locator(".classes .switch").count(), 0);
-    await level.selectOption("upper");
-    await page.locator(".views[data-level=upper]").waitFor();
+    await theOldPlanGoesAtOnce(level);
     await page.locator("label:has(#view-3d)").click();
     await pointsShown();
     await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
@@ -66,6 +65,25 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await hasThumbnail(clip.locator("img"));
     await level.selectOption("main");
     await page.locator(".views[data-level=main]").waitFor();
+  }
+
+  /** While the picture of another level is on its way, that of the level before does not lie under its name. */
+  async function theOldPlanGoesAtOnce(level) {
+    const picture = page.locator(".views svg.plan image.picture");
+    await page.locator("label:has(#view-2d)").click();
+    await page.locator(".views svg.plan image.picture[href]").waitFor({ state: "attached" });
+    let letGo = () => {};
+    const held = new Promise((resolve) => (letGo = resolve));
+    await page.route(/lidar-maps\/upper\/image\.png/, async (route) => {
+      await held;
+      await route.continue();
+    });
+    await level.selectOption("upper");
+    await page.locator(".views[data-level=upper]").waitFor();
+    assert.equal(await picture.getAttribute("href"), null, "the plan of the old level is shown");
+    letGo();
+    await page.locator(".views svg.plan image.picture[href]").waitFor({ state: "attached" });
+    await page.unroute(/lidar-maps\/upper\/image\.png/);
   }
 
   /** The eye stands away from the room that a typed address names. */
@@ -92,22 +110,23 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await stored("room.csv");
     const map = await file("normal", "valetudo.json");
     const dialog = page.getByRole("dialog");
-    const isAsked = () => dialog.getByRole("heading", { name: "The level main has a LiDAR map already" }).waitFor();
+    const isAsked = () => dialog.getByRole("heading", { name: "The level “Main” has a LiDAR map already" }).waitFor();
     await dropFiles(page, [map]);
     await isAsked();
     await shot("18-second-map");
     await page.keyboard.press("Escape");
     await dialog.waitFor({ state: "detached" });
     assert.deepEqual(await maps(), ["main room.csv"]);
-    // Neither a name that is taken nor one that is none is accepted.
+    // Neither a name that is taken nor none is accepted.
     await dropFiles(page, [map]);
     await isAsked();
-    for (const name of ["main", "First floor", ""]) {
+    for (const name of ["main", "Main", ""]) {
       await dialog.getByRole("textbox").fill(name);
       await page.keyboard.press("Enter");
       assert.equal(await dialog.count(), 1, `"${name}" was taken as a level`);
     }
-    await dialog.getByRole("textbox").fill("upper");
+    await dialog.getByRole("textbox").fill("Upper");
+    await dialog.getByText("It will be shown as “Upper”.").waitFor();
     await dialog.getByRole("button", { name: "Add level" }).click();
     await stored("valetudo.json");
     assert.deepEqual(await maps(), ["main room.csv", "upper valetudo.json"]);
@@ -115,15 +134,15 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await dropFiles(page, [map]);
     await isAsked();
     await dialog.getByRole("button", { name: "Replace map" }).click();
-    await page.getByText("The map of the level main is replaced.").waitFor();
+    await page.getByText("The map of the level “Main” is replaced.").waitFor();
     assert.deepEqual(await maps(), ["main valetudo.json", "upper valetudo.json"]);
     await page.getByRole("button", { name: "Undo" }).click();
-    await page.getByText("The level main has its earlier map again.").waitFor();
+    await page.getByText("The level “Main” has its earlier map again.").waitFor();
     assert.deepEqual(await maps(), ["main room.csv", "upper valetudo.json"]);
     // The replaced map stays in the list, also when the offer is gone.
     await page.locator("summary", { hasText: "Earlier LiDAR maps" }).click();
     await page.getByRole("button", { name: /^Restore valetudo\.json of/ }).click();
-    await page.getByText("valetudo.json is the LiDAR map of the level main again.").waitFor();
+    await page.getByText("valetudo.json is the LiDAR map of the level “Main” again.").waitFor();
     assert.deepEqual(await maps(), ["main valetudo.json", "upper valetudo.json"]);
     await page.getByRole("button", { name: /^Restore room\.csv of/ }).waitFor();
     await page.getByRole("button", { name: "Delete level" }).click();

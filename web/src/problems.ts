@@ -1,0 +1,42 @@
+// The service's problems in the words of the page. Those that are not listed here are told in the service's own words.
+
+const BUSY = "The service is busy. Try again in a moment.";
+const NOT_IN_MAP = "The newest map does not have it any more.";
+
+/** By the code at the end of a problem's `type`; docs/api.md lists the codes. */
+const WORDS: Record<string, string> = {
+  "home-not-found": "There is no home at this address. It may have been deleted.",
+  "clip-not-found": "There is no clip at this address. It may have been deleted.",
+  "lidar-map-not-found": "This LiDAR map is not there any more.",
+  "map-not-found": "The home has no map of its clips yet.",
+  "object-not-found": NOT_IN_MAP,
+  "room-not-found": NOT_IN_MAP,
+  "result-not-found": "The clip does not have this file.",
+  "changed-meanwhile": "Somebody else changed it meanwhile. Look at it again, then repeat what you did.",
+  "job-ended": "It has ended already.",
+  "no-lidar-map": "The home has no LiDAR map yet. Add it first.",
+  "no-answer-yet": "The clip has no places to choose from yet. Wait until the service has looked for them.",
+  "key-missing": "Nobody is signed in.",
+  "session-ended": "You are signed out.",
+  "too-many-requests": "These were too many requests at once. Wait a moment, then try again.",
+  "too-many-uploads": "Too many uploads are unfinished. Wait until some of them are stored.",
+  "body-too-large": "The file is larger than this service takes. Record shorter clips, one for each room.",
+  "unknown-layout": "The service does not know this kind of recording. “Which files, and how do I get them?” names the apps that work.",
+  "unknown-format": "The service does not know this kind of map. “Which files, and how do I get them?” names the maps that work.",
+  "not-an-archive": "The file is neither a recording nor a map. “Which files, and how do I get them?” names those that work.",
+  "three-dimensional-map": "This is a 3D scan. The LiDAR map is the flat map that the robot vacuum measured.",
+  "image-without-yaml": "The picture of a ROS map needs its .yaml file. Pack both into one zip, and add the zip.",
+  "tenant-full": "The storage of your account is full. Delete clips or homes, or ask the operator of the service for more.",
+  "storage-full": "The service has no storage left. Tell the person who runs it.",
+  "internal-error": "A fault of the service. Try again; if it stays, tell the person who runs the service.",
+  "unavailable": BUSY,
+  "readers-busy": BUSY,
+  "makers-busy": BUSY,
+  "stopping": "The service is restarting. Try again in a moment.",
+};
+
+/** The words for a problem's `type`; null if the service's own are to be told. */
+export function wordsFor(type: unknown): string | null {
+  const [, code = ""] = /^urn:viola:problem:(.+)$/.exec(String(type)) ?? [];
+  return WORDS[code] ?? null;
+}

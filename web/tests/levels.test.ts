@@ -1,0 +1,148 @@
+import { until } from "./dom.ts";
+import assert from "node:assert/strict";
+import { afterEach, test } from "node:test";
+import { HomeData } from "../src/home/data.ts";
+import { type Ink, LevelPicture } from "../src/home/picture.ts";
+import type { PictureFrame } from "../src/types.ts";
+
+const never = new AbortController().signal;
+const real = { fetch: globalThis.fetch };
+afterEach(() => void Object.assign(globalThis, real));
+
+/** Pictures that arrive when a test says so. */
+function pictures() {
+  const [open, shown, revoked]: [Map<string, (isThere: boolean) => void>, (string | null)[], string[]] = [new Map(), [], []];
+  const failures: unknown[] = [];
+  const picture = new LevelPicture({
+    load: (level: string, ink: Ink) => new Promise((resolve, reject) => {
+      const address = `${level} ${ink}`;
+      open.set(address, (isThere) => (isThere ? resolve({ canvas: {} as HTMLCanvasElement, address }) : reject(new Error("lost"))));
+    }),
+    show: (picture) => void shown.push(picture && `${picture.address} at ${picture.frame.px_per_m}`),
+    onFailed: (error) => void failures.push(error),
+    revoke: (address) => void revoked.push(address),
+  }, never);
+  const lidar = (revision: number) => ({ revision, image: { px_per_m: revision } as PictureFrame });
+  const arrive = async (address: string, isThere = true) => {
+    open.get(address)?.(isThere);
+    open.delete(address);
+    await new Promise((resolve) => setImmediate(resolve));
+  };
+  return { picture, lidar, arrive, open, shown, revoked, failures };
+}
+
+test("the picture of another level goes at once, and one that comes late is dropped", async () => {
+  const { picture, lidar, arrive, shown, revoked } = pictures();
+  picture.update("main", lidar(1), "light");
+  await arrive("main light");
+  picture.update("upper", lidar(2), "light");
+  assert.deepEqual(shown, ["main light at 1", null]);
+  picture.update("main", lidar(1), "light");
+  await arrive("upper light");
+  assert.equal(shown.length, 2, "the picture of the level before is shown");
+  await arrive("main light");
+  assert.deepEqual(shown.at(-1), "main light at 1");
+  picture.update("attic", null, "light");
+  assert.deepEqual([shown.at(-1), revoked], [null, ["main light", "upper light", "main light"]]);
+});
+
+test("a newer picture of one level replaces the earlier one, which stays until then", async () => {
+  const { picture, lidar, arrive, open, shown, revoked } = pictures();
+  picture.update("main", lidar(1), "light");
+  await arrive("main light");
+  picture.update("main", lidar(1), "dark");
+  picture.update("main", lidar(1), "dark");
+  assert.deepEqual([shown.length, open.size], [1, 1]);
+  await arrive("main dark");
+  assert.deepEqual([shown.at(-1), revoked], ["main dark at 1", ["main light"]]);
+});
+
+test("a picture that fails is tried again by the next update", async () => {
+  const { picture, lidar, arrive, open, shown, failures } = pictures();
+  picture.update("main", lidar(1), "light");
+  await arrive("main light", false);
+  assert.equal(failures.length, 1);
+  picture.update("main", lidar(1), "light");
+  assert.equal(open.size, 1);
+  await arrive("main light");
+  assert.deepEqual(shown, ["main light at 1"]);
+});
+
+/** A home with two levels; `hold` holds the objects back until the test lets them go. */
+function twoLevels() {
+  const levels = ["main", "upper"];
+  const thing = (level: string, name: string) => ({ id: level === "main" ? name : `${level}~${name}`, level, class: name });
+  const service = {
+    revision: 1, objects: [thing("main", "sofa-1"), thing("main", "bed-1"), thing("upper", "desk-1")], hold: null as Promise<void> | null, readings: 0,
+  };
+  const answers: Record<string, () => unknown> = {
+    "/v1/homes/h": () => ({ id: "h", name: null }),
+    "/v1/classes": () => ({ classes: [] }),
+    "/v1/homes/h/lidar-maps": () => ({ items: levels.map((level, i) => ({ level, revision: i + 1 })) }),
+    "/v1/homes/h/map": () => ({
+      revision: service.revision, created_at: "", clips: [], info: { points: 5 },
+      levels: levels.map((level) => ({ level, info: { points: level === "main" ? 3 : 2 } })),
+    }),
+    "/v1/homes/h/map/rooms": () => ({ rooms: levels.map((level) => ({ id: `${level}~room-1`, level })) }),
+    "/v1/homes/h/map/objects": () => ({ objects: service.objects }),
+  };
+  globalThis.fetch = async (path) => {
+    const [address = ""] = String(path).split("?");
+    const body = JSON.stringify(answers[address]?.() ?? (address.endsWith("/clips") ? { items: [], next: null } : null));
+    if (address.endsWith("/objects")) {
+      service.readings++;
+      await service.hold;
+    }
+    return new Response(body);
+  };
+  const words = ({ level, lidar, map, rooms, things }: HomeData) =>
+    [level, lidar?.revision, map?.info.points, rooms.length, things.map(({ id }) => id)];
+  return { service, words };
+}
+
+test("another level has nothing of the level before", async () => {
+  const { service, words } = twoLevels();
+  const data = await HomeData.load("h", "main", never);
+  assert.deepEqual(words(data), ["main", 1, 3, 1, ["sofa-1", "bed-1"]]);
+  data.showLevel("upper");
+  assert.deepEqual(words(data), ["upper", 2, 2, 0, []]);
+  await data.refresh(never);
+  assert.deepEqual(words(data), ["upper", 2, 2, 1, ["upper~desk-1"]]);
+  // The level changes while the objects of the other one are on their way.
+  let letGo = () => {};
+  data.showLevel("main");
+  service.hold = new Promise((resolve) => (letGo = resolve));
+  const { readings } = service;
+  const late = data.refresh(never);
+  await until(() => service.readings > readings);
+  data.showLevel("upper");
+  letGo();
+  await late;
+  assert.deepEqual(words(data), ["upper", 2, 2, 0, []]);
+});
+
+test("a removed object goes at once, and stays away until the map is without it", async () => {
+  const { service, words } = twoLevels();
+  const data = await HomeData.load("h", "main", never);
+  const [sofa] = data.things;
+  assert.ok(sofa);
+  const before = data.drawn;
+  data.remove(sofa);
+  assert.deepEqual(words(data).at(-1), ["bed-1"]);
+  assert.notEqual(data.drawn, before, "the picture keeps the object");
+  // A map that was begun before the removal.
+  service.revision = 2;
+  await data.refresh(never);
+  assert.deepEqual(words(data).at(-1), ["bed-1"]);
+  data.bringBack("sofa-1");
+  assert.deepEqual(words(data).at(-1), ["bed-1", "sofa-1"]);
+  data.remove(sofa);
+  service.objects = service.objects.filter(({ id }) => id !== "sofa-1");
+  service.revision = 3;
+  await data.refresh(never);
+  // Brought back by somebody else: the map has it again.
+  service.objects = [...service.objects, { id: "sofa-1", level: "main", class: "sofa-1" }];
+  service.revision = 4;
+  await data.refresh(never);
+  assert.deepEqual(words(data).at(-1), ["bed-1", "sofa-1"]);
+});

@@ -1,0 +1,94 @@
+import { body, fake } from "./dom.ts";
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import * as THREE from "three";
+import { Names } from "../src/cloud/names.ts";
+import { attentionOf, withAttention } from "../src/home/attention.ts";
+import type { HomeData } from "../src/home/data.ts";
+import { Looks } from "../src/home/looks.ts";
+import { Summary } from "../src/home/summary.ts";
+import { synonymsOf } from "../src/home/synonyms.ts";
+import { ThingsPanel } from "../src/home/things.ts";
+import type { Home, Thing } from "../src/types.ts";
+
+const none = { uploaded: 0, queued: 0, aligning: 0, aligned: 0, ambiguous: 0, failed: 0 };
+
+test("the reasons for attention are told with the next step", () => {
+  for (const [needs_attention, counts, lidar_map_revision, told] of [
+    [[], {}, 1, []],
+    [["waiting"], { uploaded: 2 }, null, ["2 clips wait for the LiDAR map: add it"]],
+    [["waiting"], { uploaded: 1 }, 3, ["1 clip was stopped: start it again"]],
+    [["ambiguous", "failed"], { ambiguous: 1, failed: 3 }, 1,
+      ["1 clip has no certain place: choose it, or film again", "3 clips have no place: see why"]],
+    [["map_failing"], {}, 1, ["the map cannot be made: tell the operator of the service"]],
+    [["a_new_reason"], {}, 1, ["a new reason"]],
+  ] as const) {
+    const home = { needs_attention: [...needs_attention], clips_by_state: { ...none, ...counts }, lidar_map_revision };
+    assert.deepEqual(attentionOf(home as unknown as Home), [...told]);
+  }
+});
+
+test("homes that need attention come first, also those of later pages", () => {
+  const homes = (text: string) =>
+    text.split("").map((id) => ({ id, needs_attention: id === id.toUpperCase() ? ["failed"] : [] })) as unknown as Home[];
+  const list = withAttention({ items: homes("abCd"), next: "d" }, { items: homes("CX"), next: null });
+  assert.deepEqual([list.items.map(({ id }) => id).join(""), list.next], ["CXabd", "d"]);
+});
+
+test("an object is found by the words that people use for it", () => {
+  const things = ["sofa", "refrigerator", "television", "lamp", "box", "desk"].map((name) =>
+    ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9 })) as unknown as Thing[];
+  const data = { rooms: [], things, classNamed: () => undefined } as unknown as HomeData;
+  const panel = new ThingsPanel(data, new Looks(), () => {});
+  body.replaceChildren(fake(panel.element));
+  const found = (text: string) => {
+    const [search] = fake(panel.element).all("input");
+    if (search) search.value = text;
+    search?.dispatchEvent(new Event("input"));
+    return fake(panel.element).all("button").map((row) => row.all("span").find(({ className }) => className === "word")?.textContent);
+  };
+  for (const [text, name] of [
+    ["couch", "Sofa"], ["Fridge", "Refrigerator"], ["TV", "Television"], ["light", "Lamp"], ["trash", "Box"], ["sofa", "Sofa"], ["desk", "Desk"],
+  ] as const) {
+    assert.deepEqual(found(text), [name], text);
+  }
+  assert.deepEqual(found("elephant"), []);
+  assert.equal(synonymsOf("a_new_class"), "");
+});
+
+test("a name is hidden until a picture has placed it, and keeps its place after that", () => {
+  const names = new Names();
+  const name = { text: "Sofa", at_m: [0, 0, 0] as [number, number, number], kind: "object" as const };
+  const elements = () => fake(names.element).all("span");
+  names.set([name]);
+  assert.deepEqual(elements().map(({ hidden }) => hidden), [true]);
+  const camera = new THREE.PerspectiveCamera();
+  camera.position.set(0, 0, 5);
+  camera.updateMatrixWorld();
+  names.place({ camera, width: 200, height: 100 });
+  const [placed] = elements();
+  assert.deepEqual([placed?.hidden, placed?.style.transform], [false, "translate(100.0px, 50.0px) translate(-50%, -50%)"]);
+  names.set([name, { ...name, text: "Lamp", at_m: [NaN, 0, 0] }]);
+  assert.equal(elements()[0], placed);
+  names.place({ camera, width: 200, height: 100 });
+  assert.deepEqual(elements().map(({ hidden }) => hidden), [false, true]);
+});
+
+test("the map is promised for the time when all clips have settled", () => {
+  const told = (states: string[], map: object | null = null) => {
+    const clips = states.map((state, i) => ({ id: String(i), state }));
+    const data = { home: { map_state: "due" }, level: "main", map, lidar: {}, coverage: null, clips, levelOf: () => "main" };
+    const { empty, figures } = new Summary(data as unknown as HomeData, new Looks());
+    return map ? (figures.textContent ?? "") : (empty.textContent ?? "");
+  };
+  for (const [states, text] of [
+    [["aligning"], "The clips are being placedThe map is made when all clips have settled."],
+    [["aligned", "queued", "aligning"], "The clips are being placedThe map is made when all clips have settled: 2 clips of 3 are left."],
+    [["aligned", "failed"], "The map is being madeAll clips have settled. The map appears here by itself."],
+  ] as const) {
+    assert.equal(told([...states]), text);
+  }
+  const map = { revision: 2, state: "due", clips: [], info: { points: 9 } };
+  assert.match(told(["aligned", "queued"], map), / · rebuilt when all clips have settled$/);
+  assert.match(told(["aligned"], map), / · being rebuilt$/);
+});
