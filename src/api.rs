@@ -278,6 +278,7 @@ fn router(app: App, has_admin_listener: bool) -> Router {
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
         .layer(axum::middleware::from_fn_with_state(app.clone(), origins::check))
+        .layer(axum::middleware::from_fn(health::in_time))
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(axum::middleware::from_fn(metrics::count))
         .layer(axum::middleware::from_fn(reply::tag_documents))

@@ -7,6 +7,7 @@ mod limits;
 mod merge;
 mod mesh;
 mod metrics;
+mod outcome;
 mod priority;
 mod run;
 mod shared_progress;
@@ -23,7 +24,6 @@ pub use run::Method;
 pub use worker::{WorkerParams, work};
 
 use crate::storage::{Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant};
-use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
@@ -125,7 +125,7 @@ impl Queue {
 
     /// Cancels a queued or running job; returns `None` if there is no such job.
     pub async fn cancel(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
-        let job = self.storage.cancel_job(id, Timestamp::now()).await?;
+        let job = self.storage.cancel_job(id, self.storage.now()).await?;
         self.notify_listeners();
         Ok(job)
     }
@@ -144,7 +144,7 @@ impl Queue {
             let mut changed = std::pin::pin!(of_tenant.notified());
             // Listening begins before reading, so that no change is missed.
             changed.as_mut().enable();
-            let changes = self.storage.changes(tenant, after, limit, Timestamp::now()).await?;
+            let changes = self.storage.changes(tenant, after, limit, self.storage.now()).await?;
             let left = wait.saturating_sub(begun.elapsed());
             if !changes.items.is_empty() || left.is_zero() {
                 return Ok(changes);

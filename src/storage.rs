@@ -42,6 +42,7 @@ mod seal;
 mod sessions;
 mod signals;
 mod start;
+mod store_identity;
 mod sweep;
 mod tenants;
 mod uploads;
@@ -57,7 +58,7 @@ pub use clips::{Added, Clip, ClipEdit, LastAnswer, NewClip};
 pub use corrections::{
     CorrectionError, CorrectionState, Corrections, Kept, MAX_CORRECTIONS, ObjectChange, RoomChange,
 };
-pub use database::POSTGRES_CONNECTIONS;
+pub use database::{Connections, POSTGRES_CONNECTIONS, check_database_url};
 pub use error::StorageError;
 pub use folder_lock::FolderLock;
 pub use home_maps::{

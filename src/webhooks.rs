@@ -13,7 +13,6 @@ pub use params::WebhookParams;
 pub use target::{TargetError, check_url};
 
 use crate::storage::{Sending, Sent, Storage, StorageError};
-use jiff::Timestamp;
 use metrics::{counter, describe_counter};
 use send::Sender;
 use std::sync::Arc;
@@ -21,7 +20,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, Semaphore};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 /// Lease of a webhook, longer than a batch takes.
 const LEASE: Duration = Duration::from_secs(60);
@@ -51,14 +50,14 @@ pub async fn deliver(
 ) {
     let sender = match Sender::new(&params, send::resolve) {
         Ok(sender) => Arc::new(sender),
-        Err(error) => return warn!(%error, "webhooks cannot be sent"),
+        Err(error) => return error!(%error, "this process sends no webhooks"),
     };
     let fan_out = async {
         loop {
             let mut notified = std::pin::pin!(changed.notified());
             // Listening begins before reading, so that no change is missed.
             notified.as_mut().enable();
-            match storage.fan_out(Timestamp::now()).await {
+            match storage.fan_out(storage.now()).await {
                 Ok(true) => continue,
                 Ok(false) => {}
                 Err(error) => warn!(%error, "changes could not be prepared for webhooks; they wait"),
@@ -80,7 +79,7 @@ async fn send_for_ever(storage: &Arc<Storage>, sender: &Arc<Sender>) {
     loop {
         let place = places.clone().acquire_owned().await.expect("the semaphore is never closed");
         while batches.try_join_next().is_some() {}
-        match storage.claim_deliveries(AT_ONCE, LEASE, Timestamp::now()).await {
+        match storage.claim_deliveries(AT_ONCE, LEASE, storage.now()).await {
             Ok(Some(sending)) => {
                 let (storage, sender) = (storage.clone(), sender.clone());
                 batches.spawn(async move {
@@ -107,20 +106,30 @@ async fn send_batch(storage: &Storage, sender: &Sender, sending: &Sending) -> Re
     let attempts = sending.deliveries.iter().map(async |delivery| {
         let sent = sender.send(sending, delivery).await;
         log_attempt(sending, delivery.id, &sent);
-        storage.note_attempt(sending, delivery, &sent, Timestamp::now()).await
+        storage.note_attempt(sending, delivery, &sent, storage.now()).await
     });
     let noted = futures::future::join_all(attempts).await;
-    storage.release_webhook(sending, Timestamp::now()).await?;
+    storage.release_webhook(sending, storage.now()).await?;
     noted.into_iter().collect()
 }
 
 /// Counts and logs an attempt. The address is not logged: it may hold a password.
 fn log_attempt(sending: &Sending, delivery: uuid::Uuid, sent: &Sent) {
-    let (outcome, status, error) = match sent {
-        Sent::Delivered { status } => ("delivered", Some(*status), None),
-        Sent::Failed { status, error, .. } => ("failed", *status, Some(error.as_str())),
-        Sent::Gone => ("gone", Some(410), None),
+    let webhook = sending.webhook;
+    let outcome = match sent {
+        Sent::Delivered { status } => {
+            info!(%webhook, %delivery, outcome = "delivered", status, "webhook");
+            "delivered"
+        }
+        Sent::Failed { status, error, .. } => {
+            warn!(%webhook, %delivery, outcome = "failed", status, "a webhook was not delivered: {error}");
+            "failed"
+        }
+        Sent::Gone => {
+            let told = "a webhook is disabled: its address answered 410 (Gone); a test or a retry of a delivery enables it";
+            warn!(%webhook, %delivery, outcome = "gone", status = 410, "{told}");
+            "gone"
+        }
     };
     counter!(DELIVERIES, "outcome" => outcome).increment(1);
-    info!(webhook = %sending.webhook, %delivery, outcome, status, error, "webhook");
 }

@@ -13,7 +13,6 @@ use axum::http::{Extensions, HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use futures::FutureExt;
-use jiff::Timestamp;
 use std::future::Future;
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -153,7 +152,7 @@ pub(super) async fn asks_for_keys(app: &App) -> Result<bool, Error> {
 
 /// Returns the valid key with a secret.
 pub(super) async fn key(app: &App, address: Option<IpAddr>, secret: &Secret) -> Result<ApiKey, Error> {
-    let find = app.storage.use_key(secret, Timestamp::now());
+    let find = app.storage.use_key(secret, app.storage.now());
     find_key(app, address, &secret.sha256(), find).await?.ok_or(Error::KeyInvalid)
 }
 
@@ -163,7 +162,7 @@ pub(super) async fn session(
     address: Option<IpAddr>,
     token: &SessionToken,
 ) -> Result<ApiKey, Error> {
-    let find = app.storage.use_session(token, Timestamp::now());
+    let find = app.storage.use_session(token, app.storage.now());
     Ok(find_key(app, address, &token.sha256(), find).await?.ok_or(Defence::SessionEnded)?)
 }
 
@@ -193,8 +192,8 @@ async fn expired(app: App, caller: Caller) {
     loop {
         tokio::time::sleep(app.bodies.credentials).await;
         let found = match &caller.credentials {
-            Some(Credentials::Key(secret)) => app.storage.use_key(secret, Timestamp::now()).await,
-            Some(Credentials::Session(token)) => app.storage.use_session(token, Timestamp::now()).await,
+            Some(Credentials::Key(secret)) => app.storage.use_key(secret, app.storage.now()).await,
+            Some(Credentials::Session(token)) => app.storage.use_session(token, app.storage.now()).await,
             // The first key ends the time without keys.
             None => match asks_for_keys(&app).await {
                 Ok(true) => Ok(None),

@@ -10,7 +10,6 @@ use super::types::{self, Clip};
 use crate::storage::{self, ChoiceError, Chosen, StorageError};
 use axum::extract::State;
 use axum::http::HeaderMap;
-use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::{LevelName, Pose2};
@@ -91,7 +90,7 @@ pub(super) async fn choose_alignment(
 ) -> Result<Resource<Clip>, Error> {
     let chosen = chosen(&body)?;
     to_the_end(async move {
-        let clip = app.storage.choose(&home, clip, chosen, is_expected(headers), Timestamp::now()).await?;
+        let clip = app.storage.choose(&home, clip, chosen, is_expected(headers), app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))
     })
@@ -114,7 +113,7 @@ pub(super) async fn withdraw_alignment(
     headers: HeaderMap,
 ) -> Result<Resource<Clip>, Error> {
     to_the_end(async move {
-        let clip = app.storage.withdraw_choice(&home, clip, is_expected(headers), Timestamp::now()).await?;
+        let clip = app.storage.withdraw_choice(&home, clip, is_expected(headers), app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))
     })

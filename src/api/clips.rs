@@ -144,7 +144,7 @@ pub(super) async fn add_clip(
     let recorded_at = told.or_else(|| recorded_at_of_file(&info));
     let new = NewClip { file, info, idempotency_key, recorded_at, title, file_name };
     let clip = to_the_end(async move {
-        let added = app.storage.add_clip(&home, new, app.limits.storage_bytes, Timestamp::now()).await?;
+        let added = app.storage.add_clip(&home, new, app.limits.storage_bytes, app.storage.now()).await?;
         app.queue.wake();
         match added {
             Added::New(clip) | Added::Replayed(clip) => Ok(clip),
@@ -264,7 +264,7 @@ pub(super) async fn patch_clip(
     let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
     let clip = match edit(&app, &home, id, &patch).await? {
         edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
-        edit => app.storage.edit_clip(&home, id, edit, is_expected, Timestamp::now()).await?,
+        edit => app.storage.edit_clip(&home, id, edit, is_expected, app.storage.now()).await?,
     };
     // A home's map with the clip is due if the clip's time changed.
     app.queue.wake();
@@ -307,7 +307,7 @@ pub(super) async fn delete_clip(
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
         let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
-        app.storage.delete_clip(&home, clip, is_expected, Timestamp::now()).await?;
+        app.storage.delete_clip(&home, clip, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })
@@ -331,7 +331,7 @@ pub(super) async fn align_clip(
     ClipPath { home, clip }: ClipPath,
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Resource<Clip>), Error> {
     let aligned = to_the_end(async move {
-        let aligned = app.storage.align_clip(&home, clip, Timestamp::now()).await;
+        let aligned = app.storage.align_clip(&home, clip, app.storage.now()).await;
         app.queue.wake();
         aligned
     });

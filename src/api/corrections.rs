@@ -10,7 +10,6 @@ use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
 use crate::storage::{ObjectChange, RoomChange};
 use axum::extract::State;
 use axum::http::HeaderMap;
-use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::taxonomy::Class;
@@ -128,7 +127,7 @@ pub(super) async fn correct_map_object(
     let change = object_change(&patch)?;
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedObject::from(Clone::clone(state))));
-        let now = Timestamp::now();
+        let now = app.storage.now();
         let state =
             app.storage.correct::<ObjectCorrection>(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
@@ -173,7 +172,7 @@ pub(super) async fn correct_map_room(
     let change = room_change(&patch)?;
     to_the_end(async move {
         let is_expected = |state: &_| may_change(&headers, Some(&CorrectedRoom::from(Clone::clone(state))));
-        let now = Timestamp::now();
+        let now = app.storage.now();
         let state = app.storage.correct::<RoomCorrection>(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
         Ok(Resource(CorrectedRoom::from(state)))

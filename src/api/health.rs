@@ -5,15 +5,52 @@ use super::metrics;
 use super::problems::KeyProblems;
 use crate::storage::{Storage, StorageError};
 use axum::Json;
-use axum::extract::State;
-use jiff::Timestamp;
+use axum::extract::{Request, State};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{Instant, timeout, timeout_at};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// Minimum free space on the disk of incoming files; with less, the process is not ready.
 const MIN_FREE_BYTES: u64 = 256 << 20;
+
+/// Maximum time of an answer to `/readyz`, with the look-up of its key. It comes even if the database hangs.
+const READY: Duration = Duration::from_millis(2800);
+
+/// Maximum time of all checks together.
+const CHECKS: Duration = Duration::from_millis(2500);
+
+/// Answers a request for readiness in time, even if the look-up of its key waits for the database.
+pub(super) async fn in_time(request: Request, next: Next) -> Response {
+    if request.uri().path() != "/readyz" {
+        return next.run(request).await;
+    }
+    match timeout(READY, next.run(request)).await {
+        Ok(answer) => answer,
+        Err(_) => {
+            let silent = StorageError::Silent { limit_s: READY.as_secs_f64() };
+            Error::NotReady { what: "database", cause: Some(silent) }.into_response()
+        }
+    }
+}
+
+/// Returns the result of a check, which ends at a deadline.
+pub(super) async fn by<T>(
+    deadline: Instant,
+    check: impl Future<Output = Result<T, StorageError>>,
+) -> Result<T, StorageError> {
+    let silent = |_| StorageError::Silent { limit_s: CHECKS.as_secs_f64() };
+    timeout_at(deadline, check).await.map_err(silent)?
+}
+
+/// Returns the deadline of checks that begin now.
+pub(super) fn deadline() -> Instant {
+    Instant::now() + CHECKS
+}
 
 /// Returns the route for anybody.
 pub(super) fn open_routes() -> OpenApiRouter<Arc<Storage>> {
@@ -42,9 +79,12 @@ pub(super) struct Readiness {
     database: &'static str,
     /// Free space on the disk of incoming files.
     free_bytes: u64,
+    /// Number of jobs that wait, with those that pause
     queued: u64,
+    /// Number of queued jobs whose next attempt is due later: a fault or a failed attempt ended the last one
+    paused: u64,
     running: u64,
-    /// Waiting time of the job that has been due longest.
+    /// Waiting time of the job that has been due longest. Jobs that pause do not count.
     #[schema(example = 1.5)]
     queue_age_s: f64,
     /// Number of homes whose fused map is out of date.
@@ -62,8 +102,8 @@ async fn healthz() -> Json<Health> {
 ///
 /// The service is ready if its database answers and can write, its blobs can be written and read, and the
 /// disk has room for incoming files. After a write that failed for lack of room, the answer is 503 for at
-/// least five seconds. The length of the queue says nothing about this process and has no effect. With
-/// `--admin-listen` only that listener serves this, without a key.
+/// least five seconds. A check that takes longer than 2.5 s fails. The length of the queue says nothing about this process and
+/// has no effect. With `--admin-listen` only that listener serves this, without a key.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = 200, description = "The service is ready", body = Readiness),
@@ -74,12 +114,19 @@ async fn healthz() -> Json<Health> {
 async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
     let not_ready =
         |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
-    let queue = storage.queue_state(Timestamp::now()).await.map_err(not_ready("database"))?;
-    let free_bytes = storage.blobs_ready().await.map_err(not_ready("blobs"))?;
+    let deadline = deadline();
+    // At the same time: each of them may take all the time.
+    let (queue, free_bytes, writes) = tokio::join!(
+        by(deadline, storage.queue_state(storage.now())),
+        by(deadline, storage.blobs_ready()),
+        by(deadline, storage.check_writes()),
+    );
+    let queue = queue.map_err(not_ready("database"))?;
+    let free_bytes = free_bytes.map_err(not_ready("blobs"))?;
     if free_bytes < MIN_FREE_BYTES {
         return Err(Error::NotReady { what: "disk", cause: None });
     }
-    storage.check_writes().await.map_err(|error| {
+    writes.map_err(|error| {
         let what = if error.is_full() { "disk" } else { "database" };
         Error::NotReady { what, cause: Some(error) }
     })?;
@@ -89,8 +136,27 @@ async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, 
         database: storage.database_name(),
         free_bytes,
         queued: queue.queued,
+        paused: queue.paused,
         running: queue.running,
         queue_age_s: queue.age.as_secs_f64(),
         merges_due: queue.merges_due,
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::future::pending;
+
+    const _: () = assert!(CHECKS.as_millis() < READY.as_millis() && READY.as_millis() < 3000);
+
+    #[tokio::test]
+    async fn a_check_that_hangs_ends_at_its_deadline() {
+        let over = Instant::now();
+        let hangs = by(over, pending::<Result<(), StorageError>>()).await;
+        assert!(matches!(hangs, Err(StorageError::Silent { .. })), "{hangs:?}");
+        assert_eq!(by(deadline(), async { Ok(7) }).await.unwrap(), 7);
+        let failed = by(deadline(), async { Err::<(), _>(StorageError::NoSuchHome) }).await;
+        assert!(matches!(failed, Err(StorageError::NoSuchHome)), "{failed:?}");
+    }
 }

@@ -15,7 +15,6 @@ use super::types::Home;
 use crate::storage::{self, HomeFilter, HomeId, Tenant};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
-use jiff::Timestamp;
 use serde::Deserialize;
 use std::future::Future;
 
@@ -72,7 +71,7 @@ pub(super) async fn put_home(
         is_same && may_repeat(&headers)
             || may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
     };
-    let put = app.storage.put_home(&home, name, is_expected, Timestamp::now()).await;
+    let put = app.storage.put_home(&home, name, is_expected, app.storage.now()).await;
     let (home, is_new) = put.map_err(|error| unmet(&headers, error))?;
     app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
@@ -96,8 +95,8 @@ pub(super) struct HomesQuery {
     /// Only homes with this text in their id or name, in upper or lower case.
     #[param(min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$", example = "elm")]
     q: Option<String>,
-    /// With `true`, only homes that a person should look at: with clips that wait, are ambiguous or failed, or with a map
-    /// that cannot be made.
+    /// With `true`, only homes that a person should look at: with clips that wait, met a fault of the service, are ambiguous
+    /// or failed, or with a map that cannot be made.
     #[param(value_type = Option<bool>, example = true)]
     needs_attention: Option<String>,
 }
@@ -167,7 +166,7 @@ pub(super) async fn delete_home(
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
         let is_expected = |home: &storage::Home| may_change(&headers, Some(&Home::from(home.clone())));
-        app.storage.delete_home(&home, is_expected, Timestamp::now()).await?;
+        app.storage.delete_home(&home, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

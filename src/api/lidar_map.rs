@@ -4,7 +4,7 @@ use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, receive, send, to_the_end};
 use super::clips::flag;
-use super::error::{Error, Problem};
+use super::error::{Defence, Error, Problem};
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::names::file_name;
@@ -16,7 +16,6 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use tracing::warn;
 use viola_align::later_from_earlier;
@@ -137,7 +136,7 @@ pub(super) async fn put(
             is_same && may_repeat(&headers) || is_as_read(map)
         };
         let max_bytes = app.limits.storage_bytes;
-        let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, Timestamp::now()).await;
+        let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, app.storage.now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
         app.queue.wake();
         Ok(answer(revision, is_new))
@@ -190,9 +189,29 @@ pub(super) async fn from_current(
     match registered(app, home, level, later).await {
         Ok(from_current) => from_current,
         Err(error) => {
-            warn!(%home, %error, "a LiDAR map could not be registered to the one that it replaces");
+            let cause = why_unregistered(&error);
+            warn!(
+                %home,
+                %level,
+                cause,
+                "the LiDAR map is replaced, and was not registered to the new one: the clips are aligned again, and choices and \
+                 corrections keep their places"
+            );
             None
         }
+    }
+}
+
+/// Returns why a registration ended without a result. The words of a refused file are for its sender.
+fn why_unregistered(error: &Error) -> String {
+    match error {
+        Error::Defence(Defence::TookTooLong { limit }) => {
+            format!("the comparison of the two maps took longer than {} s", limit.as_secs_f64())
+        }
+        Error::Defence(Defence::ReadersBusy { wait }) => {
+            format!("other files were being read, and none of them ended within {} s", wait.as_secs_f64())
+        }
+        error => error.to_string(),
     }
 }
 
@@ -287,4 +306,23 @@ pub(super) async fn list_lidar_map_revisions(
 ) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, LevelName::MAIN, &query.page()?).await?;
     Ok(Document(query.list(revisions, |revision| revision.revision)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_lost_registration_is_told_without_advice_for_another_file() {
+        let limit = Duration::from_secs(120);
+        let table = [
+            (Defence::TookTooLong { limit }, "the two maps took longer than 120 s"),
+            (Defence::ReadersBusy { wait: limit }, "none of them ended within 120 s"),
+        ];
+        for (defence, part) in table {
+            let cause = why_unregistered(&defence.into());
+            assert!(cause.contains(part) && !cause.contains("send") && !cause.contains("split"), "{cause}");
+        }
+    }
 }

@@ -13,7 +13,6 @@ use super::types::LidarMapRevision;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use jiff::Timestamp;
 use serde::Serialize;
 
 /// The current LiDAR maps of a home
@@ -99,7 +98,7 @@ pub(super) async fn restore_lidar_map(
     }
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);
-        let (max_bytes, now) = (app.limits.storage_bytes, Timestamp::now());
+        let (max_bytes, now) = (app.limits.storage_bytes, app.storage.now());
         let restored =
             app.storage.restore_lidar_map(&home, &earlier, from_current, max_bytes, is_expected, now);
         let (current, is_new) = restored.await?;
@@ -138,7 +137,7 @@ pub(super) async fn delete_level(
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);
-        app.storage.delete_lidar_map(&home, level, is_expected, Timestamp::now()).await?;
+        app.storage.delete_lidar_map(&home, level, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -1,16 +1,17 @@
 //! `/metrics`, in the text format of Prometheus. No metric contains names of tenants, homes or clips.
 
+use super::health::{by, deadline};
 use super::problems::KeyProblems;
 use crate::storage::{QueueState, Storage, StorageError};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use jiff::Timestamp;
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use tokio_util::sync::CancellationToken;
 
 const REQUESTS: &str = "viola_http_requests_total";
 const REQUEST_SECONDS: &str = "viola_http_request_seconds";
@@ -18,6 +19,12 @@ const QUEUED: &str = "viola_queue_jobs";
 const QUEUE_AGE: &str = "viola_queue_age_seconds";
 const MERGES_DUE: &str = "viola_merges_due";
 const RECEIVED: &str = "viola_received_bytes_total";
+const DISK_FREE: &str = "viola_disk_free_bytes";
+const CONNECTIONS: &str = "viola_database_connections";
+const MAX_CONNECTIONS: &str = "viola_database_connections_max";
+const BUILD: &str = "viola_build_info";
+/// The name that the clients of Prometheus have agreed on.
+const MEMORY: &str = "process_resident_memory_bytes";
 
 /// Upper bounds of the buckets in seconds: from a cached answer to a long job.
 const SECONDS: [f64; 14] =
@@ -44,11 +51,36 @@ pub(super) fn begin() {
     });
 }
 
+/// Interval at which observed times are added to their buckets. Until then the recorder keeps each one.
+const ADD_TIMES: Duration = Duration::from_secs(60);
+
+/// Adds observed times to their buckets until `stop`: a process that nobody asks for its metrics would otherwise keep them all.
+pub(super) async fn keep_small(stop: CancellationToken) {
+    loop {
+        tokio::select! {
+            () = stop.cancelled() => return,
+            () = tokio::time::sleep(ADD_TIMES) => {}
+        }
+        if let Some(Some(handle)) = RECORDER.get() {
+            handle.run_upkeep();
+        }
+    }
+}
+
 fn describe() {
     describe_counter!(REQUESTS, "Requests that were answered");
     describe_histogram!(REQUEST_SECONDS, Unit::Seconds, "Time to the first byte of an answer");
-    describe_gauge!(QUEUED, "Jobs that wait or run");
+    describe_gauge!(QUEUED, "Jobs that wait, pause after a fault, or run");
     describe_gauge!(QUEUE_AGE, Unit::Seconds, "Waiting time of the job that has been due longest");
+    describe_gauge!(
+        DISK_FREE,
+        Unit::Bytes,
+        "Free space of the fullest disk that this process writes files to"
+    );
+    describe_gauge!(CONNECTIONS, "Connections of this process to its database, in use and idle");
+    describe_gauge!(MAX_CONNECTIONS, "Maximum number of these connections");
+    describe_gauge!(MEMORY, Unit::Bytes, "Memory of this process, without the processes of its jobs");
+    describe_gauge!(BUILD, "1; the labels name the version and the database system");
     describe_gauge!(MERGES_DUE, "Homes whose map is behind");
     describe_counter!(RECEIVED, Unit::Bytes, "Files that arrived");
     crate::jobs::describe_metrics();
@@ -83,17 +115,20 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
 #[utoipa::path(get, path = "/metrics", tag = "service",
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain"), KeyProblems))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
-    match storage.queue_state(Timestamp::now()).await {
+    // A scrape that hangs would have no metrics at all.
+    match by(deadline(), storage.queue_state(storage.now())).await {
         Ok(state) => set_queue_gauges(&state),
         Err(error) => clear_queue_gauges(&error),
     }
+    set_process_gauges(&storage).await;
     let text = RECORDER.get().and_then(Option::as_ref).map(PrometheusHandle::render).unwrap_or_default();
     let media_type = HeaderValue::from_static("text/plain; version=0.0.4");
     ([(header::CONTENT_TYPE, media_type)], text).into_response()
 }
 
 fn set_queue_gauges(state: &QueueState) {
-    gauge!(QUEUED, "state" => "queued").set(state.queued as f64);
+    gauge!(QUEUED, "state" => "queued").set(state.queued.saturating_sub(state.paused) as f64);
+    gauge!(QUEUED, "state" => "paused").set(state.paused as f64);
     gauge!(QUEUED, "state" => "running").set(state.running as f64);
     gauge!(QUEUE_AGE).set(state.age.as_secs_f64());
     gauge!(MERGES_DUE).set(state.merges_due as f64);
@@ -102,9 +137,31 @@ fn set_queue_gauges(state: &QueueState) {
 /// Sets the gauges of the queue to NaN, since no number is better than an old one.
 fn clear_queue_gauges(error: &StorageError) {
     tracing::warn!(%error, "the queue cannot be counted");
-    for state in ["queued", "running"] {
+    for state in ["queued", "paused", "running"] {
         gauge!(QUEUED, "state" => state).set(f64::NAN);
     }
     gauge!(QUEUE_AGE).set(f64::NAN);
     gauge!(MERGES_DUE).set(f64::NAN);
+}
+
+/// Sets the gauges of this process. Without a reading, a gauge is NaN.
+async fn set_process_gauges(storage: &Storage) {
+    let free = by(deadline(), storage.free_bytes()).await;
+    gauge!(DISK_FREE).set(free.map_or(f64::NAN, |bytes| bytes as f64));
+    let connections = storage.connections();
+    gauge!(CONNECTIONS, "state" => "used").set(connections.used as f64);
+    gauge!(CONNECTIONS, "state" => "idle").set(connections.idle as f64);
+    gauge!(MAX_CONNECTIONS).set(connections.max as f64);
+    if let Some(bytes) = resident_bytes() {
+        gauge!(MEMORY).set(bytes as f64);
+    }
+    let version = env!("CARGO_PKG_VERSION");
+    gauge!(BUILD, "version" => version, "database" => storage.database_name()).set(1.0);
+}
+
+/// Returns the memory of this process; `None` on systems without `/proc`.
+fn resident_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let kib = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix("kB"));
+    kib?.trim().parse::<u64>().ok()?.checked_mul(1 << 10)
 }

@@ -22,6 +22,12 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
+/// Interval at which a process looks whether it must read the database's clock.
+const FOLLOW_CLOCK: Duration = Duration::from_secs(5);
+
+/// Maximum time from the last answer to the end of the process. A worker needs its grace period, and then stores results.
+const END: Duration = Duration::from_secs(60);
+
 /// Pause before a task that panicked starts again.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
 
@@ -81,10 +87,12 @@ pub async fn serve(
     listening: impl FnOnce(SocketAddr),
 ) -> Result<(), ServeError> {
     metrics::begin();
-    let storage = Arc::new(Storage::open(&params.storage).await?);
-    let has_keys = check_keys(&storage, params.listen).await?;
-    let listener = bind(params.listen)?;
-    let admin_listener = bind_admin(params.admin_listen)?;
+    let Some(storage) = open(&params.storage, &stop).await? else { return Ok(()) };
+    let prepared = async {
+        let has_keys = check_keys(&storage, params.listen).await?;
+        Ok((has_keys, bind(params.listen)?, bind_admin(params.admin_listen)?))
+    };
+    let (has_keys, listener, admin_listener) = closing(&storage, prepared.await).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     let app = App(Arc::new(Shared {
@@ -127,9 +135,26 @@ pub async fn serve(
         Arc::new(move |headers| access::known_tenant(&app, headers))
     };
     let router = super::router(app, has_admin_listener);
-    connections::answer(listener, router, &params.connections, tenant_of, &stop, listening).await?;
+    let answered =
+        connections::answer(listener, router, &params.connections, tenant_of, &stop, listening).await;
     end(tasks, &storage, &stop).await;
-    Ok(())
+    answered
+}
+
+/// Opens the storage; `None` if the process is asked to stop meanwhile, as while it waits for the database.
+async fn open(params: &StorageParams, stop: &CancellationToken) -> Result<Option<Arc<Storage>>, ServeError> {
+    tokio::select! {
+        opened = Storage::open(params) => Ok(Some(Arc::new(opened?))),
+        () = stop.cancelled() => Ok(None),
+    }
+}
+
+/// Closes the storage after an error: otherwise SQLite's log stays, and would be applied to a copy that replaces the database.
+async fn closing<T>(storage: &Storage, prepared: Result<T, ServeError>) -> Result<T, ServeError> {
+    if prepared.is_err() {
+        storage.close().await;
+    }
+    prepared
 }
 
 /// Runs jobs until `stop`; calls `listening` with the address, if there is one.
@@ -139,20 +164,30 @@ pub async fn work(
     listening: impl FnOnce(SocketAddr),
 ) -> Result<(), ServeError> {
     metrics::begin();
-    let storage = Arc::new(Storage::open(&params.storage).await?);
+    let Some(storage) = open(&params.storage, &stop).await? else { return Ok(()) };
+    let listener = closing(&storage, params.listen.map(bind).transpose()).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     info!(workers = params.workers, database = storage.database_name(), "working");
-    match params.listen {
-        Some(address) => {
+    if !storage.is_shared() {
+        warn!(
+            "this worker has the SQLite database for itself, and no server can run beside it: `viola serve` serves and works \
+             in one process; for several processes give all of them --database-url"
+        );
+    }
+    let answered = match listener {
+        Some(listener) => {
             let router = super::health_router(storage.clone());
             let params = ConnectionParams::default();
-            connections::answer(bind(address)?, router, &params, nobody(), &stop, listening).await?;
+            connections::answer(listener, router, &params, nobody(), &stop, listening).await
         }
-        None => stop.cancelled().await,
-    }
+        None => {
+            stop.cancelled().await;
+            Ok(())
+        }
+    };
     end(tasks, &storage, &stop).await;
-    Ok(())
+    answered
 }
 
 /// Returns whether keys exist. Without keys every caller may do everything, so the address must be loopback.
@@ -205,7 +240,7 @@ fn nobody() -> TenantOf {
     Arc::new(|_| None)
 }
 
-/// Starts the workers, the exchange of signals and, if there are workers, the delivery of webhooks.
+/// Starts the workers, the tasks that every process has and, if there are workers, the delivery of webhooks.
 fn begin_work(
     queue: &Arc<Queue>,
     storage: &Arc<Storage>,
@@ -225,10 +260,31 @@ fn begin_work(
         let deliver = move || webhooks::deliver(storage.clone(), webhooks, queue.changed(), stop.clone());
         tasks.spawn(kept_up("webhooks", RESTART_AFTER, deliver));
     }
+    let (followed, ended) = (storage.clone(), stop.clone());
+    let follow = move || follow_clock(followed.clone(), ended.clone());
+    tasks.spawn(kept_up("clock", RESTART_AFTER, follow));
+    let ended = stop.clone();
+    tasks.spawn(kept_up("metrics", RESTART_AFTER, move || metrics::keep_small(ended.clone())));
     let (queue, stop) = (queue.clone(), stop.clone());
     let exchange = move || queue.clone().exchange_signals(stop.clone());
     tasks.spawn(kept_up("signals", RESTART_AFTER, exchange));
     tasks
+}
+
+/// Follows the database's clock until `stop`.
+async fn follow_clock(storage: Arc<Storage>, stop: CancellationToken) {
+    let follow = async {
+        loop {
+            if let Err(error) = storage.follow_clock().await {
+                warn!(%error, "the database's clock could not be read; it is tried again");
+            }
+            tokio::time::sleep(FOLLOW_CLOCK).await;
+        }
+    };
+    tokio::select! {
+        () = stop.cancelled() => {}
+        () = follow => {}
+    }
 }
 
 /// Runs a task, again after each panic: otherwise a part of the service would rest until the next start of the process.
@@ -243,11 +299,21 @@ async fn kept_up<F: Future<Output = ()>>(name: &'static str, pause: Duration, st
     }
 }
 
+/// Ends the tasks and the storage. A database or a store that does not answer must not keep the process from ending: what it
+/// leaves is released when its leases expire.
 async fn end(mut tasks: JoinSet<()>, storage: &Storage, stop: &CancellationToken) {
     stop.cancel();
-    while tasks.join_next().await.is_some() {}
-    storage.close().await;
-    info!("stopped");
+    let ended = async {
+        while tasks.join_next().await.is_some() {}
+        storage.close().await;
+    };
+    match tokio::time::timeout(END, ended).await {
+        Ok(()) => info!("stopped"),
+        Err(_) => error!(
+            seconds = END.as_secs(),
+            "a task of the service did not end in time; the process ends without it"
+        ),
+    }
 }
 
 #[cfg(test)]

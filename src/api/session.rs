@@ -11,7 +11,6 @@ use super::types::Role;
 use crate::storage::{SESSION_LIFE, Secret, SessionToken};
 use axum::extract::State;
 use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, header};
-use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 /// The key that this browser shall use.
@@ -66,7 +65,7 @@ pub(super) async fn put_session(
 ) -> Result<(StatusCode, HeaderMap), Error> {
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
     let key = access::key(&app, peer::client(&extensions, &headers), &secret).await?;
-    let begin = app.storage.begin_session(key.id, Timestamp::now());
+    let begin = app.storage.begin_session(key.id, app.storage.now());
     let token = access::in_turn(&app, &key.tenant, &extensions, begin).await??;
     Ok((StatusCode::NO_CONTENT, set(token.show(), SESSION_LIFE.as_secs(), is_secure(&app, &headers))))
 }

@@ -34,7 +34,6 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use headers::Length;
-use jiff::Timestamp;
 use receive::Append;
 use std::time::Duration;
 use utoipa_axum::router::OpenApiRouter;
@@ -159,7 +158,7 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
             && let Err(error) = receive::receive(&app, append, body).await
         {
             // The client does not know its path yet.
-            app.storage.delete_upload(id, Timestamp::now()).await?;
+            app.storage.delete_upload(id, app.storage.now()).await?;
             return Err(error);
         }
         match finish::finish(&app, id).await {
@@ -292,7 +291,7 @@ async fn delete_upload(
     UploadPath { upload: id }: UploadPath,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        app.storage.delete_upload(id, Timestamp::now()).await?;
+        app.storage.delete_upload(id, app.storage.now()).await?;
         Ok(StatusCode::NO_CONTENT)
     })
     .await
@@ -354,6 +353,6 @@ async fn describe_upload(
     State(app): State<App>,
     UploadPath { upload: id }: UploadPath,
 ) -> Result<(StatusCode, HeaderMap), Error> {
-    app.storage.living_upload(id, Timestamp::now()).await?;
+    app.storage.living_upload(id, app.storage.now()).await?;
     Ok((StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes)))
 }

@@ -13,7 +13,6 @@ use crate::webhooks::check_url;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
-use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -90,7 +89,7 @@ pub(super) async fn create_webhook(
     if kinds.is_empty() {
         return Err(invalid("kinds names at least one kind of change, or is left out".to_owned(), "kinds"));
     }
-    match app.storage.create_webhook(tenant, url.as_str(), &kinds, Timestamp::now()).await? {
+    match app.storage.create_webhook(tenant, url.as_str(), &kinds, app.storage.now()).await? {
         WebhookMade::Made(webhook, secret) => {
             let location = format!("/v1/webhooks/{}", webhook.id);
             let made = NewWebhook { webhook: webhook.into(), secret: secret.show().to_owned() };
@@ -144,7 +143,7 @@ pub(super) async fn test_webhook(
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
 ) -> Result<(StatusCode, Document<Delivery>), Error> {
-    let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, Timestamp::now()).await?;
+    let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, app.storage.now()).await?;
     Ok((StatusCode::CREATED, Document(delivery.into())))
 }
 
@@ -175,6 +174,6 @@ pub(super) async fn retry_delivery(
     DeliveryPath { webhook, delivery }: DeliveryPath,
 ) -> Result<Document<Delivery>, Error> {
     let tenant = caller.for_all_homes()?;
-    let delivery = app.storage.retry_delivery(tenant, webhook, delivery, Timestamp::now()).await?;
+    let delivery = app.storage.retry_delivery(tenant, webhook, delivery, app.storage.now()).await?;
     Ok(Document(delivery.into()))
 }

@@ -7,6 +7,7 @@ use anyhow::Result;
 use clap::Args;
 use jiff::{SignedDuration, Timestamp};
 use std::time::Duration;
+use uuid::Uuid;
 
 #[derive(Args)]
 pub struct CleanArguments {
@@ -19,22 +20,36 @@ pub struct CleanArguments {
     /// them than killed processes leave, because the database may be the wrong one. Stop all servers first.
     #[arg(long)]
     remove_unknown: bool,
+    /// Id of the store whose files a new database deletes, from the refusal to start.
+    #[arg(long, value_name = "ID", requires = "remove_unknown")]
+    store_id: Option<Uuid>,
 }
 
 pub fn run(arguments: &CleanArguments) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
         let storage = Storage::administer(&arguments.store.params()).await?;
-        let age = SignedDuration::try_from(arguments.older_than_seconds)?;
-        let uploads = storage.expire_uploads(Timestamp::now()).await?;
-        let deletions = storage.finish_deletions().await;
-        let limit = if arguments.remove_unknown { SweepLimit::Everything } else { SweepLimit::Leftovers };
-        let blobs = storage.sweep(Timestamp::now() - age, limit).await;
+        let cleaned = clean(&storage, arguments).await;
         storage.close().await;
-        let blobs = blobs?;
-        println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");
-        // A store that fails to remove some files must not keep the others from being removed.
-        deletions?;
-        Ok(())
+        cleaned
     })
+}
+
+async fn clean(storage: &Storage, arguments: &CleanArguments) -> Result<()> {
+    if let Some(id) = arguments.store_id {
+        storage.take_over_store(id).await?;
+    }
+    // A deletion from the wrong store would succeed, since files that are not there count as deleted.
+    storage.check_store().await?;
+    let age = SignedDuration::try_from(arguments.older_than_seconds).unwrap_or(SignedDuration::MAX);
+    let uploads = storage.expire_uploads(storage.now()).await?;
+    let deletions = storage.finish_deletions().await;
+    let limit = if arguments.remove_unknown { SweepLimit::Everything } else { SweepLimit::Leftovers };
+    // An age from before all times selects no file.
+    let older_than = storage.now().checked_sub(age).unwrap_or(Timestamp::MIN);
+    let blobs = storage.sweep(older_than, limit).await?;
+    println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");
+    // A store that fails to remove some files must not keep the others from being removed.
+    deletions?;
+    Ok(())
 }

@@ -1,8 +1,9 @@
 //! Configuration. A flag overrides the environment, the environment overrides the file, the file overrides
 //! the default. The file is TOML whose keys are the names of the flags; a table such as `[serve]` is for that
-//! command only. `viola config` shows each value and its source.
+//! command only. `viola config` shows each value and its source, and checks them.
 
 use super::args::wrong_arguments;
+use crate::storage::check_database_url;
 use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, Args, Command};
@@ -162,7 +163,7 @@ fn added(settings: &Settings, command: &Command, given: &[OsString]) -> Result<V
     Ok(added)
 }
 
-/// Prints the configuration of a command, without secrets.
+/// Prints the configuration of a command, without secrets, and refuses it if the command would.
 pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     let name = arguments.command.as_str();
     let command = program.find_subcommand(name).filter(|_| CONFIGURED.contains(&name));
@@ -174,7 +175,7 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     let file = arguments.file.as_deref().filter(|file| !file.as_os_str().is_empty());
     let settings = file.map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
     // The settings of `keys` and `tenants` are those of what they do.
-    let mut shown_names = BTreeSet::new();
+    let (mut shown_names, mut database_url) = (BTreeSet::new(), None);
     let arguments = command.get_subcommands().chain([command]).flat_map(Command::get_arguments);
     for arg in arguments.filter(|arg| !arg.is_hide_set() && !arg.is_positional()) {
         let Some(long) = arg.get_long().filter(|long| *long != "help") else { continue };
@@ -182,6 +183,9 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
             continue;
         }
         let (value, source) = value_of(arg, settings.get(long));
+        if long == "database-url" {
+            database_url.clone_from(&value);
+        }
         let shown = match value {
             Some(_) if arg.is_hide_env_values_set() => "(set, and secret)".to_owned(),
             Some(value) => value,
@@ -190,6 +194,22 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
         let variable = arg.get_env().map_or(String::new(), |name| format!(" [{}]", name.to_string_lossy()));
         println!("{long} = {shown}    # {source}{variable}");
     }
+    if let Some(Err(error)) = database_url.as_deref().map(check_database_url) {
+        return Err(wrong_arguments(error));
+    }
+    check(command, file, program)
+}
+
+/// Refuses values that the command itself refuses at its start.
+fn check(command: &Command, file: Option<&Path>, program: &Command) -> Result<()> {
+    // `viola keys` has its settings in the commands below it, which have further arguments.
+    if command.has_subcommands() {
+        return Ok(());
+    }
+    let file = file.map(|file| [OsString::from(FLAG), file.into()]);
+    let given = ["viola", command.get_name()].map(OsString::from).into_iter();
+    let arguments = with_file(given.chain(file.into_iter().flatten()), program)?;
+    program.clone().try_get_matches_from(arguments)?;
     Ok(())
 }
 

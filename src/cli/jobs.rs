@@ -5,7 +5,6 @@ use super::output;
 use crate::storage::{HomeId, Job, JobState, Page, Storage, StorageError, Tenant};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
-use jiff::Timestamp;
 use serde_json::json;
 use uuid::Uuid;
 
@@ -159,7 +158,7 @@ async fn retry(arguments: &RetryArguments) -> Result<()> {
     let jobs = arguments.selection.jobs(&storage).await?;
     let mut queued = 0;
     for job in &jobs {
-        match storage.align_clip(&job.home, job.clip, Timestamp::now()).await {
+        match storage.align_clip(&job.home, job.clip, storage.now()).await {
             Ok(_) => queued += 1,
             // Without a LiDAR map the clip waits for one.
             Err(StorageError::NoLidarMap | StorageError::NoSuchHome | StorageError::NoSuchClip) => {}

@@ -79,7 +79,7 @@ pub fn run(arguments: &KeysArguments) -> Result<()> {
 
 async fn create(arguments: &CreateArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
-    let now = Timestamp::now();
+    let now = storage.now();
     let life = arguments.days.map(|days| SignedDuration::from_hours(24 * i64::from(days)));
     let new = NewKey {
         tenant: arguments.tenant.clone(),
@@ -100,7 +100,7 @@ async fn list(arguments: &ListArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
     let keys = storage.keys(arguments.tenant.as_ref()).await?;
     storage.close().await;
-    let now = Timestamp::now();
+    let now = storage.now();
     if arguments.json {
         let document = |key: &ApiKey| {
             json!({"id": key.id, "tenant": key.tenant.name(), "role": key.role.name(),
@@ -141,7 +141,7 @@ fn state(key: &ApiKey, now: Timestamp) -> &'static str {
 
 async fn revoke(arguments: &RevokeArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
-    let was_there = storage.revoke_key(arguments.id, Timestamp::now()).await?;
+    let was_there = storage.revoke_key(arguments.id, storage.now()).await?;
     storage.close().await;
     if !was_there {
         bail!("no key has the id {}; `viola keys list` shows those there are", arguments.id);

@@ -30,8 +30,10 @@ where
     let ended = runtime.block_on(async {
         let stop = CancellationToken::new();
         let stopping = stop.clone();
+        // Signals are heard from here on, so that a start that waits for the database can be stopped.
+        let asked = stop_asked();
         tokio::spawn(async move {
-            stop_asked().await;
+            asked.await;
             stopping.cancel();
         });
         service(params, stop).await
@@ -70,15 +72,17 @@ pub fn print_address(address: SocketAddr) {
     let _ = writeln!(out, "listening on http://{address}").and_then(|()| out.flush());
 }
 
-/// Returns at the first SIGTERM or SIGINT.
-async fn stop_asked() {
+/// Hears signals at once; the future ends at the first SIGTERM or SIGINT.
+fn stop_asked() -> impl Future<Output = ()> + Send {
     let signals = (signal(SignalKind::terminate()), signal(SignalKind::interrupt()));
-    let (Ok(mut terminate), Ok(mut interrupt)) = signals else {
-        tracing::warn!("signals cannot be heard; the server stops only when it is killed");
-        return std::future::pending().await;
-    };
-    tokio::select! {
-        _ = terminate.recv() => {}
-        _ = interrupt.recv() => {}
+    async move {
+        let (Ok(mut terminate), Ok(mut interrupt)) = signals else {
+            tracing::warn!("signals cannot be heard; the server stops only when it is killed");
+            return std::future::pending().await;
+        };
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
     }
 }

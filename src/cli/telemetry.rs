@@ -23,7 +23,7 @@ pub struct Telemetry {
 impl Telemetry {
     /// Starts the log (plain text on a terminal, else JSON) and the traces; `RUST_LOG` filters only the log.
     pub fn start() -> Result<Telemetry> {
-        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+        let (filter, unreadable) = filter(std::env::var("RUST_LOG").ok().as_deref());
         let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
         let log = if std::io::stderr().is_terminal() {
             log.boxed()
@@ -37,7 +37,19 @@ impl Telemetry {
             tracing_opentelemetry::layer().with_tracer(traces.tracer("viola")).with_filter(ours)
         });
         tracing_subscriber::registry().with(log.with_filter(filter)).with(to_collector).init();
+        if let Some(error) = unreadable {
+            tracing::warn!(error, "RUST_LOG cannot be read, so the log has the level info");
+        }
         Ok(Telemetry { traces })
+    }
+}
+
+/// Returns the filter of the log for a value of `RUST_LOG`, and the error of a value that cannot be read.
+fn filter(value: Option<&str>) -> (EnvFilter, Option<String>) {
+    match value.filter(|value| !value.trim().is_empty()).map(EnvFilter::try_new) {
+        Some(Ok(filter)) => (filter, None),
+        Some(Err(error)) => (EnvFilter::new("info"), Some(error.to_string())),
+        None => (EnvFilter::new("info"), None),
     }
 }
 
@@ -67,6 +79,26 @@ impl Drop for Telemetry {
             && let Err(error) = traces.shutdown()
         {
             tracing::warn!(%error, "the last traces could not be sent");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_that_cannot_be_read_is_told() {
+        let table = [
+            (None, "info", false),
+            (Some(""), "info", false),
+            (Some("warn"), "warn", false),
+            (Some("viola=debug,warn"), "viola=debug,warn", false),
+            (Some("viola=loud"), "info", true),
+        ];
+        for (value, expected, is_told) in table {
+            let (filter, error) = filter(value);
+            assert_eq!((filter.to_string(), error.is_some()), (expected.to_owned(), is_told), "{value:?}");
         }
     }
 }

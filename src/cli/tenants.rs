@@ -3,10 +3,9 @@
 use super::args::StoreArguments;
 use super::output;
 use super::progress::spinner;
-use crate::storage::{Storage, Tenant, TenantLimits};
+use crate::storage::{Removed, Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
-use jiff::Timestamp;
 use serde_json::json;
 
 #[derive(Args)]
@@ -109,30 +108,55 @@ async fn set(arguments: &SetArguments) -> Result<()> {
     let SetArguments { store, tenant, max_bytes, max_uploads } = arguments;
     let storage = Storage::administer(&store.params()).await?;
     let limits = TenantLimits { max_bytes: *max_bytes, max_uploads: *max_uploads };
-    storage.set_tenant_limits(tenant, &limits).await?;
+    let set = async {
+        check_known(&storage, tenant).await?;
+        anyhow::Ok(storage.set_tenant_limits(tenant, &limits).await?)
+    };
+    let set = set.await;
     storage.close().await;
+    set?;
     println!("{}: bytes {}, unfinished uploads {}", tenant.name(), shown(*max_bytes), shown(*max_uploads));
     Ok(())
 }
 
+/// Refuses a name that no key, home or other row has: it is a slip of the pen.
+async fn check_known(storage: &Storage, tenant: &Tenant) -> Result<()> {
+    // Without keys, all requests are of this tenant, before its first home too.
+    if *tenant == Tenant::default() || storage.tenants().await?.contains(tenant) {
+        return Ok(());
+    }
+    let name = tenant.name();
+    bail!(
+        "there is no tenant {name}; `viola tenants list` shows those there are, and \
+         `viola keys create --tenant {name}` makes a new one"
+    )
+}
+
 async fn delete(arguments: &DeleteArguments) -> Result<()> {
-    let (tenant, name) = (&arguments.tenant, arguments.tenant.name());
     let storage = Storage::administer(&arguments.store.params()).await?;
+    let removed = delete_from(&storage, arguments).await;
+    storage.close().await;
+    let (removed, name) = (removed?, arguments.tenant.name());
+    println!(
+        "{name} is gone: {} homes, {} uploads, {} webhooks, {} keys, and every file of theirs",
+        removed.homes, removed.uploads, removed.webhooks, removed.keys
+    );
+    Ok(())
+}
+
+async fn delete_from(storage: &Storage, arguments: &DeleteArguments) -> Result<Removed> {
+    let (tenant, name) = (&arguments.tenant, arguments.tenant.name());
     if !storage.tenants().await?.contains(tenant) {
         bail!("there is no tenant {name}; `viola tenants list` shows those there are");
     }
     if !arguments.yes {
         bail!("this removes every byte of the tenant {name} for good; say so with --yes");
     }
+    // A deletion from the wrong store would succeed, since files that are not there count as deleted.
+    storage.check_store().await?;
     let bar = spinner(String::new());
     let show = |homes| bar.set_message(format!("{homes} homes removed"));
-    let removed = storage.delete_tenant(tenant, Timestamp::now(), show).await;
+    let removed = storage.delete_tenant(tenant, storage.now(), show).await;
     bar.finish_and_clear();
-    let removed = removed?;
-    storage.close().await;
-    println!(
-        "{name} is gone: {} homes, {} uploads, {} webhooks, {} keys, and every file of theirs",
-        removed.homes, removed.uploads, removed.webhooks, removed.keys
-    );
-    Ok(())
+    Ok(removed?)
 }

@@ -1,6 +1,6 @@
 //! `viola work`: runs jobs only, beside any number of servers and other workers.
 
-use super::args::{StoreArguments, WorkerArguments};
+use super::args::{StoreArguments, WorkerArguments, wrong_arguments};
 use super::service::{self, print_address};
 use crate::api::{WorkParams, work};
 use anyhow::Result;
@@ -19,6 +19,11 @@ pub struct WorkArguments {
 }
 
 pub fn run(arguments: &WorkArguments) -> Result<()> {
+    if arguments.worker.workers == 0 {
+        return Err(wrong_arguments(
+            "`viola work` with 0 workers does nothing; give it at least --workers 1",
+        ));
+    }
     let params = || {
         Ok(WorkParams {
             storage: arguments.store.params(),

@@ -18,7 +18,6 @@ use bytes::Bytes;
 pub(super) use error::MergeError;
 use finishing::Finishing;
 use futures::stream::{self, StreamExt, TryStreamExt};
-use jiff::Timestamp;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -75,14 +74,14 @@ pub(super) async fn merge(
         Ok(Merged::Lost) => info!(home = %claim.home, "the map is due again"),
         Ok(Merged::Stopped) => {
             info!(home = %claim.home, "the merge ends with the worker");
-            let released = queue.storage.give_back_merge(claim, Timestamp::now()).await;
+            let released = queue.storage.give_back_merge(claim, queue.storage.now()).await;
             log_failed_release(claim, released);
         }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
             // Waiting would not bring back a clip that was removed meanwhile.
             let may_have_passed = matches!(cause, MergeError::DamagedClip { .. });
-            let released = queue.storage.fail_merge(claim, may_have_passed, Timestamp::now()).await;
+            let released = queue.storage.fail_merge(claim, may_have_passed, queue.storage.now()).await;
             log_failed_release(claim, released);
         }
     }
@@ -116,7 +115,7 @@ pub(super) fn on_own_thread<T: Send + 'static>(
 async fn hold(storage: &Storage, claim: &MergeClaim, lease: Duration) {
     loop {
         tokio::time::sleep(lease / 3).await;
-        match storage.renew_merge(claim, lease, Timestamp::now()).await {
+        match storage.renew_merge(claim, lease, storage.now()).await {
             Ok(true) => {}
             Ok(false) => return,
             Err(error) => error!(home = %claim.home, %error, "a merge's lease could not be renewed"),
@@ -182,7 +181,7 @@ async fn merge_from(
         && claim.lidar_maps.iter().all(|map| is_described(&map.level))
         && last_tiles.len() == manifest.tiles.len();
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
-        let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
+        let kept = storage.finish_merge(claim, None, storage.now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
     let mut levels = levels(storage, claim, manifest, scenes).await?;
@@ -197,7 +196,7 @@ async fn merge_from(
     remove_others(&mut new, &last_tiles);
     let tiles = new.tiles.len();
     finishing.begin();
-    let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
+    let kept = storage.finish_merge(claim, Some(&new), storage.now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
 

@@ -2,7 +2,6 @@
 
 use super::merge::{MergeError, on_own_thread};
 use crate::storage::{HomeId, Storage};
-use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::Semaphore;
@@ -22,7 +21,7 @@ pub(super) async fn make_meshes(storage: Arc<Storage>, home: HomeId) {
 }
 
 async fn try_make(storage: &Storage, home: &HomeId) -> Result<(), MergeError> {
-    if !storage.has_settled_map(home, Timestamp::now()).await? {
+    if !storage.has_settled_map(home, storage.now()).await? {
         return Ok(());
     }
     let Some(map) = storage.home_map(home, None).await? else { return Ok(()) };

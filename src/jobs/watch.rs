@@ -207,7 +207,6 @@ mod tests {
     use super::*;
     use crate::storage::{Storage, StorageParams, Tenant};
     use futures::FutureExt;
-    use jiff::Timestamp;
 
     #[tokio::test]
     async fn a_change_wakes_only_those_that_wait_for_its_tenant() {
@@ -222,7 +221,7 @@ mod tests {
             let home = tenant.home(&format!("h{}", woken.len()).parse().unwrap());
             let mut notified = watched.each_ref().map(|notify| Box::pin(notify.notified()));
             notified.iter_mut().for_each(|notified| _ = notified.as_mut().enable());
-            storage.put_home(&home, None, |_| true, Timestamp::now()).await.unwrap();
+            storage.put_home(&home, None, |_| true, storage.now()).await.unwrap();
             queue.notify_feed_watchers(&mut seen).await.unwrap();
             woken.push(notified.map(|notified| notified.now_or_never().is_some()));
         }

@@ -6,11 +6,11 @@ use super::child::{ChildParams, run_in_child};
 use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::mesh::make_meshes;
+use super::outcome::{detail, outcome_name};
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
 use crate::storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
-use jiff::Timestamp;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -81,7 +81,12 @@ struct Worker {
 impl Worker {
     /// Queues the jobs of lost workers again.
     async fn queue_lost(&self) {
-        match self.queue.storage.release_lost(&self.params.retry, Timestamp::now()).await {
+        let storage = &self.queue.storage;
+        if let Err(error) = storage.follow_clock().await {
+            // Without it, a lease may seem to have expired.
+            return error!(%error, "the database's clock could not be read; jobs of lost workers wait");
+        }
+        match storage.release_lost(&self.params.retry, storage.now()).await {
             Ok(0) => {}
             Ok(jobs) => {
                 warn!(jobs, "jobs of lost workers are queued again");
@@ -93,7 +98,7 @@ impl Worker {
 
     /// Does a job; returns false if none is due.
     async fn work(&self) -> bool {
-        let claim = match self.queue.storage.claim(self.params.lease, Timestamp::now()).await {
+        let claim = match self.queue.storage.claim(self.params.lease, self.queue.storage.now()).await {
             Ok(Some(claim)) => claim,
             Ok(None) => return false,
             Err(error) => {
@@ -116,7 +121,7 @@ impl Worker {
     /// Merges a home; returns false if none is due.
     async fn merge(&mut self) -> bool {
         let Worker { queue, params, stop, merged } = self;
-        let claim = match queue.storage.claim_merge(merged, params.lease, Timestamp::now()).await {
+        let claim = match queue.storage.claim_merge(merged, params.lease, queue.storage.now()).await {
             Ok(Some(claim)) => claim,
             Ok(None) => return false,
             Err(error) => {
@@ -162,7 +167,7 @@ impl Attempt<'_> {
         let begun = Instant::now();
         // The due time of a further attempt is unknown.
         if self.claim.is_first() {
-            metrics::started(Timestamp::now().duration_since(job.created_at).unsigned_abs());
+            metrics::started(self.queue.storage.now().duration_since(job.created_at).unsigned_abs());
         }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await.ok();
@@ -180,7 +185,10 @@ impl Attempt<'_> {
         metrics::ended(&outcome, ending.as_ref().filter(|_| is_kept), took);
         let seconds = took.as_secs_f64();
         match kept {
-            Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
+            Ok(true) => {
+                let detail = ending.as_ref().and_then(detail);
+                info!(job = %job.id, clip = %job.clip, outcome, detail, seconds, "job ends");
+            }
             Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
             // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
@@ -199,7 +207,7 @@ impl Attempt<'_> {
     async fn record(&self, ending: &AttemptEnd, stop: &CancellationToken) -> Result<bool, StorageError> {
         let (begun, storage) = (Instant::now(), &self.queue.storage);
         loop {
-            let recorded = storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await;
+            let recorded = storage.finish(&self.claim, ending, &self.params.retry, storage.now()).await;
             match recorded {
                 Err(error) if !stop.is_cancelled() && begun.elapsed() < self.params.lease / 2 => {
                     warn!(job = %self.claim.job.id, %error, "the end of a job is recorded once more");
@@ -353,7 +361,7 @@ impl Attempt<'_> {
         if !is_news && quiet < self.params.lease / 3 {
             return self.queue.storage.holds(&self.claim).await;
         }
-        let (lease, now) = (self.params.lease, Timestamp::now());
+        let (lease, now) = (self.params.lease, self.queue.storage.now());
         let held = self.queue.storage.heartbeat(&self.claim, &current, lease, now).await?;
         *last = LastHeartbeat { progress: current, at: Instant::now() };
         self.queue.notify_listeners();

@@ -2,6 +2,7 @@
 //!
 //! Incoming files lie in a local folder in both cases. Every operation on S3 has a timeout, see [`limits`].
 
+mod identity;
 mod keep;
 mod limits;
 mod local_file;
@@ -33,6 +34,7 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(
 pub(super) struct Blobs {
     pub(super) store: Arc<dyn ObjectStore>,
     place: Place,
+    place_name: String,
     /// Folder of incoming files and temporary copies. If it lies in the blob folder, a rename stores a file.
     incoming: PathBuf,
     limits: Limits,
@@ -56,12 +58,13 @@ impl Blobs {
             let made = std::fs::create_dir_all(path).and_then(|()| path.canonicalize());
             made.map_err(|source| StorageError::File { path: path.to_owned(), source })
         };
-        let incoming = whole(incoming)?;
+        let (incoming, place_name) = (whole(incoming)?, identity::name_of(place));
         let (store, place) = match place {
             BlobPlace::Folder(folder) => place::open_folder(&whole(folder)?, &incoming)?,
             BlobPlace::S3(params) => place::open_s3(params, &limits)?,
         };
-        Ok(Blobs { store, place, incoming, limits, parts: Semaphore::new(keep::PARTS_IN_MEMORY) })
+        let parts = Semaphore::new(keep::PARTS_IN_MEMORY);
+        Ok(Blobs { store, place, place_name, incoming, limits, parts })
     }
 
     pub fn incoming(&self) -> Result<Incoming, StorageError> {

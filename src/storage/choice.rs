@@ -56,8 +56,9 @@ impl Choice {
         let mut reasons = vec![Reason::new(CHOSEN, detail)];
         if self.lidar_map_revision < lidar_map_revision {
             let detail = format!(
-                "the person chose on revision {} of the LiDAR map, which is now {lidar_map_revision}; the frame may have \
-                 moved: look at the clip, and choose again or withdraw the choice",
+                "the person chose on revision {} of the LiDAR map, which was replaced: it is now {lidar_map_revision}, and the \
+                 two could not be registered to each other. The clip was aligned again to the new map, and the choice stays \
+                 where it was, which may be wrong there: look at the clip, and choose again or withdraw the choice",
                 self.lidar_map_revision
             );
             reasons.push(Reason::new(EARLIER, detail));

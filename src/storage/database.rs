@@ -1,6 +1,7 @@
 //! The database: SQLite in the data folder, or PostgreSQL for many processes. One type wraps both pools, and
 //! a statement has one text if both databases accept it.
 
+mod clock;
 mod connection;
 mod fault;
 mod health;
@@ -12,13 +13,15 @@ pub(super) use fault::DatabaseFault;
 pub(super) use query::{Query, Row, query};
 
 use super::StorageError;
+use clock::Clock;
 use health::{Verdict, WriteHealth};
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPool, PgPoolOptions};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
+use std::io;
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -36,17 +39,26 @@ const ACQUIRE: Duration = Duration::from_secs(10);
 /// A statement that waits this long for a lock shows a bug of ours, and is aborted.
 const LOCK_TIMEOUT: &str = "10s";
 
-/// Difference of this machine's clock and the database's beyond which a process warns: leases are compared across machines.
-const MAX_CLOCK_DIFFERENCE: SignedDuration = SignedDuration::from_secs(5);
-
 /// Timeout of the write that checks whether the database can write.
 const CHECK: Duration = Duration::from_secs(3);
+
+/// Number of connections of a process to its database.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Connections {
+    /// Connections that work.
+    pub used: u64,
+    /// Connections that are open and free.
+    pub idle: u64,
+    /// Maximum number of both together.
+    pub max: u64,
+}
 
 /// A clone shares the connections.
 #[derive(Clone)]
 pub(super) struct Database {
     pools: Pools,
     health: Arc<WriteHealth>,
+    clock: Arc<Clock>,
 }
 
 #[derive(Clone)]
@@ -72,33 +84,55 @@ async fn begin_whole(
     Ok(Transaction::of_postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??, health))
 }
 
-/// Returns the reason why PostgreSQL cannot be reached. A pool only says that it waited in vain.
+/// Returns the reason why PostgreSQL cannot be reached. A pool only says that it waited in vain, so this tries to connect once.
 async fn unreachable(options: &PgConnectOptions, error: sqlx::Error) -> StorageError {
+    let in_vain = |why: &str| {
+        let waited_s = (ACQUIRE + CHECK).as_secs();
+        sqlx::Error::Io(io::Error::new(io::ErrorKind::TimedOut, format!("{why} within {waited_s} s")))
+    };
     let source = match error {
         sqlx::Error::PoolTimedOut => match tokio::time::timeout(CHECK, options.connect()).await {
             Ok(Err(cause)) => cause,
-            Ok(Ok(_)) | Err(_) => error,
+            Ok(Ok(_)) => in_vain("it is overloaded: it gave no connection"),
+            Err(_) => in_vain("it did not answer"),
         },
         error => error,
     };
     StorageError::NoDatabase { host: options.get_host().to_owned(), port: options.get_port(), source }
 }
 
-/// Warns if this machine's clock and the database's differ: processes would take each other's leases for expired.
-async fn compare_clocks(pool: &PgPool) -> Result<(), StorageError> {
-    let now = "SELECT CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)";
-    let theirs_ms: i64 = sqlx::query_scalar(now).fetch_one(pool).await?;
-    let ahead = SignedDuration::from_millis(Timestamp::now().as_millisecond() - theirs_ms);
-    if ahead.abs() > MAX_CLOCK_DIFFERENCE {
-        let seconds = ahead.as_secs_f64();
-        tracing::warn!(seconds, "the clock of this machine differs from the database's; set both, as by NTP");
+/// Returns an error if a URL of PostgreSQL cannot be used. Connects to nothing.
+pub fn check_database_url(url: &str) -> Result<(), StorageError> {
+    parse_url(url).map(drop)
+}
+
+/// Parses the URL of PostgreSQL. Its words name no part that may hold a password.
+fn parse_url(url: &str) -> Result<PgConnectOptions, StorageError> {
+    let unusable = |why: String| StorageError::DatabaseUrl { why };
+    let scheme = url.split_once("://").map_or("", |(scheme, _)| scheme);
+    match scheme.to_ascii_lowercase().as_str() {
+        "postgres" | "postgresql" => {}
+        "sqlite" | "file" => {
+            return Err(unusable(
+                "SQLite has no URL: leave it out, and name the folder with --data".to_owned(),
+            ));
+        }
+        other if !other.is_empty() && other.bytes().all(|byte| byte.is_ascii_alphanumeric()) => {
+            let why =
+                format!("it begins with {other}://, and the service works with PostgreSQL and SQLite only");
+            return Err(unusable(why));
+        }
+        _ => return Err(unusable("it does not begin with postgres://".to_owned())),
     }
-    Ok(())
+    PgConnectOptions::from_str(url).map_err(|error| match error {
+        sqlx::Error::Configuration(why) => unusable(why.to_string()),
+        error => error.into(),
+    })
 }
 
 impl Database {
     fn new(pools: Pools) -> Database {
-        Database { pools, health: Arc::default() }
+        Database { pools, health: Arc::default(), clock: Arc::default() }
     }
 
     pub async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
@@ -120,11 +154,14 @@ impl Database {
     /// Opens PostgreSQL. `url` is as for libpq: `postgres://user:password@host:port/database?sslmode=...`. Connections are
     /// named `viola` unless it has an `application_name`.
     pub async fn open_postgres(url: &str, connections: u32) -> Result<Database, StorageError> {
-        let options = PgConnectOptions::from_str(url)?;
+        let options = parse_url(url)?;
         let name = options.get_application_name().unwrap_or("viola").to_owned();
-        let options = options
-            .application_name(&name)
-            .options([("lock_timeout", LOCK_TIMEOUT), ("idle_in_transaction_session_timeout", "60s")]);
+        let options = options.application_name(&name).options([
+            ("lock_timeout", LOCK_TIMEOUT),
+            ("idle_in_transaction_session_timeout", "60s"),
+            // The driver logs notices, such as that a table exists already.
+            ("client_min_messages", "warning"),
+        ]);
         let pool = PgPoolOptions::new()
             .max_connections(connections.max(2))
             .acquire_timeout(ACQUIRE)
@@ -135,8 +172,22 @@ impl Database {
             Err(error) => return Err(unreachable(&options, error).await),
         };
         tables::migrate_postgres(&options).await?;
-        compare_clocks(&pool).await?;
-        Ok(Database::new(Pools::Postgres(pool)))
+        let database = Database::new(Pools::Postgres(pool));
+        database.follow_clock().await?;
+        Ok(database)
+    }
+
+    /// Returns the time of the service: on PostgreSQL the database's.
+    pub fn now(&self) -> Timestamp {
+        self.clock.now()
+    }
+
+    /// Reads the clock of PostgreSQL if the last reading is old.
+    pub async fn follow_clock(&self) -> Result<(), StorageError> {
+        match &self.pools {
+            Pools::Postgres(pool) if self.clock.is_old() => self.clock.read(pool).await,
+            Pools::Sqlite { .. } | Pools::Postgres(_) => Ok(()),
+        }
     }
 
     /// Returns a connection for one read.
@@ -211,6 +262,21 @@ impl Database {
         matches!(self.pools, Pools::Postgres(_))
     }
 
+    /// Returns the state of the connections of this process.
+    pub fn connections(&self) -> Connections {
+        let of = |size: u32, idle: usize, max: u32| {
+            let (size, idle) = (u64::from(size), idle as u64);
+            Connections { used: size.saturating_sub(idle), idle, max: max.into() }
+        };
+        match &self.pools {
+            Pools::Sqlite { writer, reader } => {
+                let size = writer.size() + reader.size();
+                of(size, writer.num_idle() + reader.num_idle(), 1 + READERS)
+            }
+            Pools::Postgres(pool) => of(pool.size(), pool.num_idle(), pool.options().get_max_connections()),
+        }
+    }
+
     pub fn name(&self) -> &'static str {
         match &self.pools {
             Pools::Sqlite { .. } => "sqlite",
@@ -226,5 +292,44 @@ impl Database {
             }
             Pools::Postgres(pool) => pool.close().await,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_url_of_another_system_is_refused_in_words() {
+        for good in ["postgres://u:p@db/viola", "postgresql://db", "POSTGRES://db/viola?sslmode=require"] {
+            assert!(parse_url(good).is_ok(), "{good}");
+        }
+        let table = [
+            ("mysql://u:secret@db/viola", "begins with mysql://"),
+            ("mariadb://u:secret@db/viola", "begins with mariadb://"),
+            ("sqlite://viola.sqlite", "--data"),
+            ("secret@db/viola", "does not begin with postgres://"),
+            ("", "does not begin with postgres://"),
+            ("u:secret@x://db", "does not begin with postgres://"),
+            ("postgres://u:secret@db:port/viola", "port"),
+            ("postgres://u:secret@db/viola?sslmode=sometimes", "ssl_mode"),
+        ];
+        for (url, part) in table {
+            let error = parse_url(url).err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(error.contains(part) && error.contains("--database-url"), "{url}: {error}");
+            assert!(!error.contains("secret"), "{url}: {error}");
+        }
+    }
+
+    /// Otherwise the driver logs a line for each table that exists already.
+    #[tokio::test]
+    async fn connections_to_postgres_get_no_notices() {
+        let Some(schema) = viola_testing::postgres::Schema::new().await else { return };
+        let database = Database::open_postgres(&schema.url(), 2).await.unwrap();
+        let Pools::Postgres(pool) = &database.pools else { panic!("it is PostgreSQL") };
+        let level: String = sqlx::query_scalar("SHOW client_min_messages").fetch_one(pool).await.unwrap();
+        assert_eq!(level, "warning");
+        database.close().await;
+        schema.remove().await;
     }
 }

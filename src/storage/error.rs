@@ -1,12 +1,19 @@
 //! Errors of storage.
 
+mod words;
+
 use super::database::DatabaseFault;
+use sqlx::migrate::MigrateError;
 use std::path::PathBuf;
+use uuid::Uuid;
 use viola_geometry::MAX_LEVELS;
 
 #[derive(Debug, thiserror::Error)]
 pub enum StorageError {
-    #[error("the data folder {path} is in use by another viola server; stop it or choose another folder")]
+    #[error(
+        "the data folder {path} is in use by another viola server; stop it or choose another folder. With SQLite one process \
+         serves and works; several processes need PostgreSQL (--database-url)"
+    )]
     InUse { path: PathBuf },
     #[error("{path}: {source}")]
     File { path: PathBuf, source: std::io::Error },
@@ -23,26 +30,57 @@ pub enum StorageError {
     )]
     DamagedFile { key: String, found: u64, expected: u64 },
     #[error(
-        "the database at {host}, port {port}, cannot be reached: {source}. Start it, or correct the database URL"
+        "the database at {host}, port {port}, cannot be reached: {}. Start it, or correct the database URL",
+        words::of_driver(.source)
     )]
     NoDatabase { host: String, port: u16, source: sqlx::Error },
-    #[error("database: {0}")]
+    #[error(
+        "the database URL cannot be used: {why}. It is postgres://USER:PASSWORD@HOST/DATABASE (--database-url)"
+    )]
+    DatabaseUrl { why: String },
+    #[error("database: {}", words::of_driver(.0))]
     Database(#[from] sqlx::Error),
     /// The commit was sent; its effect is unknown.
-    #[error("database, while it committed: {0}")]
+    #[error("database, while it committed: {}", words::of_driver(.0))]
     Unsettled(#[source] sqlx::Error),
     #[error("writes to the database failed in the last seconds")]
     WritesFail { is_full: bool },
-    #[error("database tables: {0}")]
-    Migrate(#[from] sqlx::migrate::MigrateError),
+    #[error("it did not answer within {limit_s} s")]
+    Silent { limit_s: f64 },
+    #[error("database tables: {}", words::of_migration(.0))]
+    Migrate(#[from] MigrateError),
     #[error("blob store: {0}")]
     Blobs(#[from] object_store::Error),
     #[error(
         "the blob store has at least {blobs} files, and the database names none of them: the database was lost, or one of \
          the two is the wrong one. Restore the database, or correct the data folder, the database URL or the bucket. To \
-         start with an empty service, delete these files: `viola clean --remove-unknown --older-than-seconds 0`"
+         start with an empty service, delete these files: `viola clean --remove-unknown --store-id {store} \
+         --older-than-seconds 0`"
     )]
-    LostDatabase { blobs: usize },
+    LostDatabase { blobs: usize, store: Uuid },
+    #[error(
+        "the files in {place} belong to another database: its file viola-store-id has the id {found}, and {}. Correct the \
+         data folder, the bucket, its prefix or the database URL. If the two belong together, {}",
+        words::of_own_store(.own.as_ref()), words::of_same_store(.own.as_ref())
+    )]
+    OtherStore { place: String, own: Option<Uuid>, found: Uuid },
+    #[error(
+        "{place} has no file viola-store-id with the id {own}, so the files that the database names are in another place. \
+         Correct the data folder, the bucket, its prefix or the database URL. If this file alone was lost, write the id into \
+         it"
+    )]
+    UnmarkedStore { place: String, own: Uuid },
+    #[error(
+        "{place} has none of the files that the database names. Correct the data folder, the bucket, its prefix or the \
+         database URL, or restore the files from a backup"
+    )]
+    StoreWithoutFiles { place: String },
+    #[error(
+        "the file viola-store-id in {place} has no id: restore it from a backup, or delete it and start again"
+    )]
+    DamagedStoreId { place: String },
+    #[error("{place} is not the store {asked}; the refusal to start names its id")]
+    NotThisStore { place: String, asked: Uuid },
     #[error(
         "the database names {named} files, but not {sent} recordings, LiDAR maps and uploads, nor {made} results and \
          parts of maps. Killed processes leave fewer, so none was removed. Check that the database is the right one and \
@@ -59,9 +97,10 @@ pub enum StorageError {
     )]
     SecretsKey,
     #[error(
-        "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
+        "the tenant has {used} bytes here, of at most {limit}, and {more} more do not fit; remove clips or homes, or ask for \
+         more room"
     )]
-    TenantFull { used: u64, limit: u64 },
+    TenantFull { used: u64, limit: u64, more: u64 },
     #[error("the tenant has no home of this id; PUT /v1/homes/{{home}} makes one")]
     NoSuchHome,
     #[error("the home has no clip of this id; it may have been removed")]
@@ -97,6 +136,7 @@ impl StorageError {
             }
             StorageError::Unsettled(_)
             | StorageError::WritesFail { .. }
+            | StorageError::Silent { .. }
             | StorageError::NoDatabase { .. } => true,
             StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
             StorageError::Blobs(_) => true,
@@ -113,7 +153,9 @@ impl StorageError {
     pub(super) fn is_damage(&self) -> bool {
         let error = match self {
             StorageError::Database(error)
-            | StorageError::Migrate(sqlx::migrate::MigrateError::Execute(error)) => error,
+            | StorageError::Migrate(
+                MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _),
+            ) => error,
             _ => return false,
         };
         DatabaseFault::of(error) == DatabaseFault::Damaged
@@ -140,6 +182,29 @@ impl StorageError {
             StorageError::WritesFail { is_full } => *is_full,
             StorageError::File { source, .. } => find(source),
             other => std::error::Error::source(other).is_some_and(find),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_the_driver_are_told_in_words() {
+        let no_database = |source| StorageError::NoDatabase { host: "db".to_owned(), port: 5432, source };
+        let table: [(StorageError, &[&str]); 6] = [
+            (sqlx::Error::PoolTimedOut.into(), &["no connection became free", "--database-connections"]),
+            (StorageError::Unsettled(sqlx::Error::PoolTimedOut), &["while it committed", "does not answer"]),
+            (no_database(sqlx::Error::PoolTimedOut), &["db, port 5432", "does not answer", "Start it"]),
+            (sqlx::Error::PoolClosed.into(), &["the process ends"]),
+            (MigrateError::VersionMismatch(7).into(), &["migration 7", "another build", "backup"]),
+            (MigrateError::Dirty(7).into(), &["migration 7", "halfway", "backup"]),
+        ];
+        for (error, parts) in table {
+            let words = error.to_string();
+            assert!(parts.iter().all(|part| words.contains(part)), "{words}");
+            assert!(!words.contains("pool"), "{words}");
         }
     }
 }

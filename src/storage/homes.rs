@@ -28,6 +28,8 @@ pub struct Home {
     pub lidar_map_revision: Option<i64>,
     /// Number of clips in each state, in the order of [`ClipState::ALL`].
     pub clips: [i64; ClipState::ALL.len()],
+    /// Number of queued clips whose last attempt met a fault of the service.
+    pub clips_after_fault: i64,
     /// The seen part of each level in the newest revision of its map; none before the first.
     pub coverage: Vec<LevelCoverage>,
     pub map_state: MapState,
@@ -51,7 +53,7 @@ pub struct HomeFilter {
     pub updated_after: Option<Timestamp>,
     /// Only homes with this text in their id or name, in any case.
     pub text: Option<String>,
-    /// Only homes with clips that wait, are ambiguous or failed, and those whose map is failing.
+    /// Only homes with clips that wait, met a fault of the service, are ambiguous or failed, and those whose map is failing.
     pub needs_attention: bool,
 }
 
@@ -70,6 +72,7 @@ fn from_row(row: &Row) -> Result<Home, StorageError> {
             row.number("ambiguous")?,
             row.number("failed")?,
         ],
+        clips_after_fault: row.number("after_fault")?,
         coverage: row.maybe_json("coverage")?.unwrap_or_default(),
         map_state: MapState::of(row)?,
         created_at: row.time("created_at")?,
@@ -89,8 +92,30 @@ macro_rules! clips_in {
     };
 }
 
+/// Selects the queued clips of a home whose last attempt met a fault of the service.
+macro_rules! after_fault {
+    () => {
+        "FROM clips JOIN jobs ON jobs.id = clips.job_id
+        WHERE clips.home_id = homes.id AND clips.state = 'queued' AND jobs.faults > 0 AND jobs.error IS NOT NULL"
+    };
+}
+
+/// Selects the homes that a person should look at; $5 is 0 for all homes.
+macro_rules! needing_attention {
+    () => {
+        concat!(
+            "($5 = 0 OR (map_made < map_wanted AND map_faults >= $6)
+                OR EXISTS (SELECT 1 FROM clips
+                    WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed'))
+                OR EXISTS (SELECT 1 ",
+            after_fault!(),
+            "))"
+        )
+    };
+}
+
 macro_rules! select_homes {
-    ($rest:literal) => {
+    ($($rest:expr),+) => {
         concat!(
             "SELECT homes.*,
                 (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
@@ -107,8 +132,10 @@ macro_rules! select_homes {
             clips_in!("ambiguous"),
             ", ",
             clips_in!("failed"),
-            " FROM homes ",
-            $rest
+            ", (SELECT COUNT(*) ",
+            after_fault!(),
+            ") AS after_fault FROM homes ",
+            $($rest),+
         )
     };
 }
@@ -178,18 +205,16 @@ impl Storage {
             HomeFilter { updated_after: Some(_), .. } => select_homes!(
                 "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $7
                         UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $7)
-                    AND id || '' > $2 AND search LIKE $4 ESCAPE '!'
-                    AND ($5 = 0 OR (map_made < map_wanted AND map_faults >= $6) OR EXISTS (SELECT 1 FROM clips
-                        WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
-                    ORDER BY id || '' LIMIT $3"
+                    AND id || '' > $2 AND search LIKE $4 ESCAPE '!' AND ",
+                needing_attention!(),
+                " ORDER BY id || '' LIMIT $3"
             ),
             // With both conditions on the tenant, planners start in the index of both at the page's first
             // row. Otherwise they scan the next tenant's homes, or this one's from the first.
             _ => select_homes!(
-                "WHERE (tenant, id) > ($1, $2) AND tenant <= $1 AND search LIKE $4 ESCAPE '!'
-                    AND ($5 = 0 OR (map_made < map_wanted AND map_faults >= $6) OR EXISTS (SELECT 1 FROM clips
-                        WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
-                    ORDER BY tenant, id LIMIT $3"
+                "WHERE (tenant, id) > ($1, $2) AND tenant <= $1 AND search LIKE $4 ESCAPE '!' AND ",
+                needing_attention!(),
+                " ORDER BY tenant, id LIMIT $3"
             ),
         };
         let text = filter.text.as_deref().unwrap_or_default().to_lowercase();

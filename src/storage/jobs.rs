@@ -6,8 +6,8 @@ pub(super) use turns::Priority;
 
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
-use super::{ClipState, HomeId, Storage, StorageError, clips};
-use jiff::Timestamp;
+use super::{ClipState, HomeId, Storage, StorageError, clips, clock};
+use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::time::Duration;
@@ -104,9 +104,12 @@ pub(super) fn from_row(row: &Row) -> Result<Job, StorageError> {
 /// Load of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueState {
+    /// Jobs that wait, with those that pause.
     pub queued: u64,
+    /// Queued jobs that are due later, after a fault or a failed attempt.
+    pub paused: u64,
     pub running: u64,
-    /// Waiting time of the job that has been due longest; zero if none is due.
+    /// Waiting time of the job that has been due longest; zero if none is due. Pauses do not count.
     pub age: Duration,
     /// Homes whose map is due for a merge.
     pub merges_due: u64,
@@ -117,14 +120,17 @@ impl Storage {
     pub async fn queue_state(&self, now: Timestamp) -> Result<QueueState, StorageError> {
         let row = query(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 'queued') AS queued,
+                (SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND run_after > $1 AND run_after <= $2) AS paused,
                 (SELECT COUNT(*) FROM jobs WHERE state = 'running') AS running,
                 (SELECT MIN(run_after) FROM jobs WHERE state = 'queued' AND run_after <= $1) AS due_since,
                 (SELECT COUNT(*) FROM homes WHERE map_made < map_wanted) AS merges_due",
         );
-        let row = row.bind(now.as_millisecond()).fetch_one(&mut self.database.reader().await?).await?;
+        let row = row.bind(now.as_millisecond()).bind(clock::no_pause_after(now));
+        let row = row.fetch_one(&mut self.database.reader().await?).await?;
         let due_since = row.maybe_time("due_since")?;
         Ok(QueueState {
             queued: row.count("queued")?,
+            paused: row.count("paused")?,
             running: row.count("running")?,
             age: due_since.map_or(Duration::ZERO, |since| now.duration_since(since).unsigned_abs()),
             merges_due: row.count("merges_due")?,

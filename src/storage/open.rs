@@ -1,7 +1,7 @@
 //! The storage of a service: opening and closing it.
 
 use super::blobs::{BlobPlace, Blobs};
-use super::database::Database;
+use super::database::{Connections, Database};
 use super::error::StorageError;
 use super::folder_lock::FolderLock;
 use super::incoming::Incoming;
@@ -9,9 +9,11 @@ use super::keys::KeyUses;
 use super::params::StorageParams;
 use super::scratch::Unpacking;
 use super::seal::SecretsKey;
+use jiff::Timestamp;
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::TempDir;
 
 /// Opens SQLite; an error names a damaged file.
@@ -27,11 +29,13 @@ async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
 pub struct Storage {
     pub(super) database: Database,
     pub(super) blobs: Blobs,
-    /// Lock of the data folder, if this is the only process that serves.
+    /// Lock of the data folder: exclusive if this is the only process that serves, else of the incoming files.
     pub(super) lock: Option<FolderLock>,
     pub(super) secrets_key: Option<SecretsKey>,
     pub(super) unpacking: Unpacking,
     pub(super) key_uses: KeyUses,
+    /// True once the store was found to be this database's.
+    pub(super) is_store_checked: AtomicBool,
 }
 
 impl Storage {
@@ -64,7 +68,15 @@ impl Storage {
         };
         let blobs = Blobs::open(&place, &incoming)?;
         let (secrets_key, unpacking) = (params.secrets_key.clone(), Unpacking::new(params.unpack));
-        Ok(Storage { database, blobs, lock, secrets_key, unpacking, key_uses: KeyUses::default() })
+        Ok(Storage {
+            database,
+            blobs,
+            lock,
+            secrets_key,
+            unpacking,
+            key_uses: KeyUses::default(),
+            is_store_checked: AtomicBool::new(false),
+        })
     }
 
     /// Opens the storage without the lock, beside a server that may be running.
@@ -72,9 +84,26 @@ impl Storage {
         Storage::connect(params, false).await
     }
 
+    /// Returns whether several processes may serve and work with the database at once.
+    pub fn is_shared(&self) -> bool {
+        self.database.is_shared()
+    }
+
     /// Returns the name of the database system.
     pub fn database_name(&self) -> &'static str {
         self.database.name()
+    }
+
+    /// Returns the time of the service, for all times that rows keep. On PostgreSQL it is the database's, so that processes on
+    /// machines with wrong clocks agree on leases and due times.
+    pub fn now(&self) -> Timestamp {
+        self.database.now()
+    }
+
+    /// Reads the clock of PostgreSQL if the last reading is a minute old, or if this machine slept or its clock was set since.
+    /// To be called before leases of other processes are compared with [`Storage::now`].
+    pub async fn follow_clock(&self) -> Result<(), StorageError> {
+        self.database.follow_clock().await
     }
 
     /// Checks that the database can write.
@@ -92,9 +121,23 @@ impl Storage {
         self.blobs.incoming()
     }
 
-    /// Checks that blobs can be written and read; returns the bytes that are free for incoming files.
+    /// Checks that blobs can be written and read; returns the bytes that are free for incoming files. Refuses a store that
+    /// did not answer at the start and is not this database's.
     pub async fn blobs_ready(&self) -> Result<u64, StorageError> {
+        if !self.is_store_checked.load(Ordering::Relaxed) {
+            self.check_store().await?;
+        }
         self.blobs.ready().await
+    }
+
+    /// Returns the free bytes of the fullest disk that this process writes files to.
+    pub async fn free_bytes(&self) -> Result<u64, StorageError> {
+        self.blobs.free_bytes().await
+    }
+
+    /// Returns the state of this process's connections to the database.
+    pub fn connections(&self) -> Connections {
+        self.database.connections()
     }
 
     /// Creates a local folder for the files of one job. Dropping the value removes it; a sweep removes the

@@ -46,7 +46,7 @@ pub(super) async fn check(
     }
     let used = bytes_of(transaction, tenant).await?;
     if used.saturating_add(more_bytes) > limit {
-        return Err(StorageError::TenantFull { used, limit });
+        return Err(StorageError::TenantFull { used, limit, more: more_bytes });
     }
     Ok(())
 }

@@ -87,9 +87,6 @@ const MAX_SENT: u64 = 16;
 /// A killed worker leaves the results of its jobs and the tiles of its merges.
 const MAX_MADE: u64 = 1000;
 
-/// Maximum number of unnamed blobs that a start accepts if no blob is named.
-const MAX_ALONE: usize = 100;
-
 /// Limit of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepLimit {
@@ -101,8 +98,10 @@ pub enum SweepLimit {
 
 impl Storage {
     /// Removes blobs without a row and files that never became blobs, if written before `older_than`; returns
-    /// their number. A row follows its blob within seconds, and that of a job or a merge within an hour.
+    /// their number. A row follows its blob within seconds, and that of a job or a merge within an hour. Removes nothing of a
+    /// store that is not this database's.
     pub async fn sweep(&self, older_than: Timestamp, limit: SweepLimit) -> Result<u64, StorageError> {
+        self.check_store().await?;
         let mut removed = 0;
         loop {
             let unnamed = self.blobs.unnamed(older_than, |keys| self.named(keys)).await?;
@@ -117,30 +116,8 @@ impl Storage {
         }
     }
 
-    /// Refuses a database that knows none of the existing blobs: it is new, lost, or another one's.
-    pub(super) async fn check_blobs_are_known(&self) -> Result<(), StorageError> {
-        let keys = self.blobs.sample().await?;
-        let blobs = keys.len();
-        if blobs == 0 || !self.named(keys).await?.is_empty() {
-            return Ok(());
-        }
-        if blobs <= MAX_ALONE && self.has_lived().await? {
-            return Ok(());
-        }
-        Err(StorageError::LostDatabase { blobs })
-    }
-
-    /// Returns whether the database has, or recently had, a home. Blobs come after their home.
-    async fn has_lived(&self) -> Result<bool, StorageError> {
-        let row = query(
-            "SELECT (SELECT COUNT(*) FROM (SELECT 1 FROM homes LIMIT 1) AS h)
-                + (SELECT COUNT(*) FROM (SELECT 1 FROM changes LIMIT 1) AS c)
-                + (SELECT COUNT(*) FROM (SELECT 1 FROM doomed_blobs LIMIT 1) AS d) AS n",
-        );
-        Ok(row.fetch_one(&mut self.database.reader().await?).await?.number("n")? > 0)
-    }
-
-    async fn named(&self, keys: Vec<String>) -> Result<HashSet<String>, StorageError> {
+    /// Returns the keys among these that rows name.
+    pub(super) async fn named(&self, keys: Vec<String>) -> Result<HashSet<String>, StorageError> {
         named(&mut self.database.reader().await?, &keys).await
     }
 }

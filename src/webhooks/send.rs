@@ -106,11 +106,9 @@ fn outcome(status: StatusCode, headers: &HeaderMap) -> Sent {
     if status == StatusCode::GONE {
         return Sent::Gone;
     }
-    let error = if status.is_redirection() {
-        format!("the address answered {number}; redirects are not followed")
-    } else {
-        format!("the address answered {number}")
-    };
+    let meaning = status.canonical_reason().map(|reason| format!(" ({reason})")).unwrap_or_default();
+    let rule = if status.is_redirection() { "; redirects are not followed" } else { "" };
+    let error = format!("the address answered {number}{meaning}{rule}");
     let wait = headers.get(RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());
     Sent::Failed { status: Some(number), error, wait: wait.map(Duration::from_secs) }
 }
@@ -172,10 +170,11 @@ mod tests {
             (200, "delivered"),
             (204, "delivered"),
             (301, "redirects are not followed"),
-            (400, "answered 400"),
+            (400, "answered 400 (Bad Request)"),
             (410, "gone"),
-            (429, "answered 429"),
-            (503, "answered 503"),
+            (429, "answered 429 (Too Many Requests)"),
+            (503, "answered 503 (Service Unavailable)"),
+            (599, "answered 599"),
         ];
         let headers = HeaderMap::from_iter([(RETRY_AFTER, "120".parse().unwrap())]);
         for (status, expected) in cases {

@@ -72,6 +72,8 @@ async fn lidar_maps_count_and_only_the_last_are_kept() {
     storage.set_tenant_limits(&"acme".parse().unwrap(), &own).await.unwrap();
     storage.close().await;
     let answer = acme.put(&format!("{home}/lidar-map"), format!("{map}2.5,1.5\n")).await;
+    let detail = answer.json()["detail"].as_str().unwrap().to_owned();
+    assert!(detail.contains(&format!("has {used} bytes here, of at most {}", used + 100)), "{detail}");
     answer.problem(507, "tenant-full");
     assert_eq!(usage(&acme).await, (used, Some(used + 100)));
     acme.post(&format!("{home}/clips"), small_clip()).await.problem(507, "tenant-full");

@@ -29,6 +29,21 @@ async fn the_dashboard_shows_what_is_counted() {
         shown.iter().all(|name| counted.contains(name)).then_some(text)
     })
     .await;
+    let value = |series: &str| -> f64 {
+        let line = text.lines().find_map(|line| line.strip_prefix(series)?.trim().parse().ok());
+        line.unwrap_or_else(|| panic!("{series}: {text}"))
+    };
+    assert!(value("viola_disk_free_bytes") > 0.0);
+    assert!(value("viola_database_connections_max") >= 4.0);
+    for state in ["queued", "paused", "running"] {
+        assert!(value(&format!("viola_queue_jobs{{state=\"{state}\"}}")) >= 0.0, "{state}");
+    }
+    let build = text.lines().find(|line| line.starts_with("viola_build_info{")).expect("the build is told");
+    assert!(build.contains(concat!("version=\"", env!("CARGO_PKG_VERSION"), "\"")), "{build}");
+    if cfg!(target_os = "linux") {
+        // A megabyte at least, and no number of kilobytes.
+        assert!(value("process_resident_memory_bytes") > 1e6);
+    }
     // The metrics reveal no owner, and invented paths add no series.
     server.get("/v1/homes/secret-home/invented").await.problem(404, "route-not-found");
     assert!(!text.contains("secret-home") && !text.contains(clip.rsplit('/').next().unwrap()), "{text}");
@@ -44,6 +59,7 @@ async fn readiness_tells_what_it_stands_on() {
     server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
     let ready = server.get("/readyz").await.ok(200);
     assert_eq!((&ready["status"], &ready["queued"], &ready["running"]), (&"ok".into(), &1.into(), &0.into()));
+    assert_eq!(ready["paused"], 0);
     assert!(["sqlite", "postgresql"].contains(&ready["database"].as_str().unwrap()));
     assert!(ready["free_bytes"].as_u64().unwrap() > 0 && ready["queue_age_s"].as_f64().unwrap() >= 0.0);
 }

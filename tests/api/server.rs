@@ -213,7 +213,7 @@ impl Server {
         }
     }
 
-    /// Returns every file of the blob store, including arriving ones.
+    /// Returns every file of the blob store, including arriving ones, without the one with the store's id.
     pub fn blobs(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
         let mut folders = match &self.storage.s3 {
@@ -234,6 +234,7 @@ impl Server {
                 if path.is_dir() { folders.push(path) } else { files.push(path) }
             }
         }
+        files.retain(|path| !path.ends_with("viola-store-id"));
         files
     }
 

@@ -176,9 +176,17 @@ async fn what_fails_is_in_the_log_and_can_be_sent_again() {
     let path = format!("/v1/webhooks/{}", webhook["id"].as_str().unwrap());
     let test = async || server.post(&format!("{path}/test"), "").await.ok(201);
     let cases = [
-        ("500 Internal Server Error", "pending", "the address answered 500"),
-        (moved.as_str(), "pending", "the address answered 307; redirects are not followed"),
-        ("429 Too Many Requests\r\nretry-after: 3600", "pending", "the address answered 429"),
+        ("500 Internal Server Error", "pending", "the address answered 500 (Internal Server Error)"),
+        (
+            moved.as_str(),
+            "pending",
+            "the address answered 307 (Temporary Redirect); redirects are not followed",
+        ),
+        (
+            "429 Too Many Requests\r\nretry-after: 3600",
+            "pending",
+            "the address answered 429 (Too Many Requests)",
+        ),
         ("410 Gone", "failed", "the address answered 410 and is told nothing any more"),
     ];
     for (count, (answer, state, error)) in cases.iter().enumerate() {

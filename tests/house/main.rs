@@ -228,6 +228,32 @@ fn no_thread_waits_for_async_work() {
     check(broken);
 }
 
+/// Lines that read the clock of this machine, by file; an empty text stands for all lines.
+const OWN_CLOCK: &[(&str, &str)] = &[
+    ("src/storage/database/clock.rs", ""),
+    ("src/api/clips.rs", "Timestamp::now() + AHEAD"),
+    ("src/webhooks/send.rs", "Timestamp::now().as_second()"),
+];
+
+/// The clock of one machine may be wrong, and processes compare the times that rows keep.
+#[test]
+fn times_come_from_the_storage() {
+    let is_test = |part: &String| part == "tests" || part == "conformance";
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| source.is_of_service()) {
+        if source.module.iter().any(is_test) {
+            continue;
+        }
+        for (number, line) in source.code().filter(|(_, line)| line.contains("Timestamp::now")) {
+            let may = OWN_CLOCK.iter().any(|(file, text)| source.path.ends_with(file) && line.contains(text));
+            if !may {
+                broken.push(format!("{}:{number}: take the time of Storage::now", source.path.display()));
+            }
+        }
+    }
+    check(broken);
+}
+
 #[test]
 fn files_stay_small() {
     let long = |source: &Source| {

@@ -167,3 +167,26 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
         assert!(output.status.code() == Some(code) && stderr.contains(words), "{arguments:?}: {stderr}");
     }
 }
+
+#[test]
+fn a_configuration_that_a_command_would_refuse_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("viola.toml"), "[work]\nworkers = \"many\"\n").unwrap();
+    let url = "mysql://user:secret@db/viola";
+    for (command, variable, value, words) in [
+        ("work", "VIOLA_WORKERS", "many", "--workers"),
+        ("work", "VIOLA_CONFIG", "viola.toml", "--workers"),
+        ("serve", "VIOLA_LISTEN", "localhost", "--listen"),
+        ("serve", "VIOLA_S3_ENDPOINT", "https://s3.example", "--s3-bucket"),
+        ("clean", "VIOLA_S3_ACCESS_KEY_ID", "viola", "--s3-bucket"),
+        ("work", "VIOLA_DATABASE_URL", url, "begins with mysql://"),
+        ("keys", "VIOLA_DATABASE_URL", url, "begins with mysql://"),
+    ] {
+        let output = viola(&["config", command], folder.path()).env(variable, value).output().unwrap();
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && stderr.contains(words), "{command} {value}: {stderr}");
+        assert!(stdout.contains("database-url = "), "{stdout}");
+        assert!(!stdout.contains("secret@") && !stderr.contains("secret@"), "{stdout}{stderr}");
+    }
+}

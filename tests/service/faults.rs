@@ -100,6 +100,11 @@ async fn a_truncated_recording_is_a_fault_of_the_service_and_others_are_aligned(
     .await;
     // It is not the sender's fault, so the clip has not failed.
     assert_eq!((&waiting["state"], &waiting["job"]["state"]), (&json!("queued"), &json!("queued")));
+    eventually("the home needs attention", || async {
+        let needs = server.client.get(&home).await.ok(200)["needs_attention"].clone();
+        (needs == json!(["service_fault"])).then_some(())
+    })
+    .await;
     fs::write(&file, &bytes).unwrap();
     assert_eq!(server.client.settled(&bad).await["state"], "aligned");
 }

@@ -16,6 +16,7 @@ use viola_testing::{eventually, room, zips};
 /// Enough frames that a job is still running when it is interrupted.
 const FRAMES: u32 = 200;
 
+/// Returns the files below a folder without the one with the store's id.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -25,6 +26,7 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
             if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
     }
+    files.retain(|path| !path.ends_with("viola-store-id"));
     files
 }
 
@@ -221,8 +223,12 @@ async fn a_lost_database_loses_no_file() {
         command.args(arguments).arg("--data").arg(data.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.spawn().unwrap()
     };
+    let store = std::fs::read_to_string(data.path().join("blobs/viola-store-id")).unwrap().trim().to_owned();
     let (serve, work) = (["serve", "--listen", "127.0.0.1:0"], ["work", "--admin-listen", "127.0.0.1:0"]);
-    for arguments in [serve, work, ["clean", "--older-than-seconds", "0"]] {
+    let clean = ["clean", "--older-than-seconds", "0"];
+    // A cleaner without the right database deletes nothing.
+    let clean_all = ["clean", "--remove-unknown", "--older-than-seconds=0"];
+    for arguments in [serve, work, clean, clean_all] {
         let mut child = begin(&arguments);
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
@@ -230,11 +236,12 @@ async fn a_lost_database_loses_no_file() {
         let said = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
         assert_eq!(line, "", "{arguments:?}: it says on its standard output that it works");
         assert!(said.contains("viola clean --remove-unknown"), "{arguments:?}: {said}");
+        assert!(said.contains(&format!("--store-id {store}")), "{arguments:?}: {said}");
         assert_eq!(files_below(&data.path().join("blobs")).len(), 1, "{arguments:?}");
         // The log would be applied to a copy that replaces the database.
         assert!(!data.path().join("viola.sqlite-wal").exists(), "{arguments:?} left a log");
     }
-    let clean = begin(&["clean", "--remove-unknown", "--older-than-seconds", "0"]);
+    let clean = begin(&["clean", "--remove-unknown", "--store-id", &store, "--older-than-seconds", "0"]);
     assert!(clean.wait_with_output().unwrap().status.success());
     assert_eq!(files_below(&data.path().join("blobs")).len(), 0);
     Process::serve(data.path(), &["--workers", "0"]).client.lives().await;

@@ -11,4 +11,5 @@ mod networks;
 mod python;
 mod schemathesis;
 mod serving;
+mod silent;
 mod typescript;

@@ -141,9 +141,12 @@ async fn a_tenant_is_removed_beside_a_running_server() {
         send(key, Method::POST, "/v1/homes/h/clips", zips::zip(&room::clip(12))).await.ok(201);
     }
     assert!(run(data.path(), &["tenants", "list"]).contains("acme"));
+    // A new service has this tenant before its first home.
+    run(data.path(), &["tenants", "set", "default", "--max-uploads", "9"]);
     for (refused, why) in [
         (vec!["tenants", "delete", "acme"], "--yes"),
         (vec!["tenants", "delete", "nobody", "--yes"], "nobody"),
+        (vec!["tenants", "set", "nobody", "--max-bytes", "1"], "there is no tenant nobody"),
     ] {
         let output = viola().args(refused).arg("--data").arg(data.path()).output().unwrap();
         assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains(why));
@@ -165,6 +168,8 @@ async fn a_tenant_is_removed_beside_a_running_server() {
                 if path.is_dir() { folders.push(path) } else { files.push(path) }
             }
         }
+        // The store's id stays.
+        files.retain(|path| !path.ends_with("viola-store-id"));
         files.is_empty().then_some(files)
     })
     .await;

@@ -29,7 +29,10 @@ pub(in crate::api) enum Defence {
     MakersBusy { wait: Duration },
     #[error("as many bytes of files arrive as may at once; send the file again later")]
     ArrivalsFull,
-    #[error("reading the file took longer than {} s; split the recording into several clips", .limit.as_secs_f64())]
+    #[error(
+        "reading the file took longer than {} s; split a recording into several clips, or send a LiDAR map with fewer points",
+        .limit.as_secs_f64()
+    )]
     TookTooLong { limit: Duration },
 }
 

@@ -55,7 +55,7 @@ impl Limits {
         let Some(limit) = self.max_bytes(storage, tenant).await? else { return Ok(()) };
         let used = storage.tenant_bytes(tenant).await?;
         if used.saturating_add(more_bytes) > limit {
-            return Err(StorageError::TenantFull { used, limit }.into());
+            return Err(StorageError::TenantFull { used, limit, more: more_bytes }.into());
         }
         Ok(())
     }

@@ -60,6 +60,8 @@ answer! {
 
 /// A reason for which a person should look at a home:
 /// - `waiting`: clips wait for the home's first LiDAR map, or their jobs were cancelled. Send the map, or align them again.
+/// - `service_fault`: clips are queued with the reason `storage_fault`, `system_fault` or `worker_lost`. The service tries
+///   again by itself, for a day; if it lasts, read the log of the service.
 /// - `ambiguous`: clips have no certain pose. Choose one of their alternatives, or film more of the room.
 /// - `failed`: clips have no pose. Their reasons say why; correct the cause, or film again.
 /// - `map_failing`: the fused map could not be made at least twice in a row. Read the log of the service.
@@ -67,6 +69,7 @@ answer! {
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum Attention {
     Waiting,
+    ServiceFault,
     Ambiguous,
     Failed,
     MapFailing,
@@ -79,9 +82,11 @@ impl From<storage::Home> for Home {
             states.filter(|(each, _)| **each == state).map(|(_, count)| count).sum::<i64>()
         };
         let needs = [
-            (ClipState::Uploaded, Attention::Waiting),
-            (ClipState::Ambiguous, Attention::Ambiguous),
-            (ClipState::Failed, Attention::Failed),
+            (count(ClipState::Uploaded) > 0, Attention::Waiting),
+            (home.clips_after_fault > 0, Attention::ServiceFault),
+            (count(ClipState::Ambiguous) > 0, Attention::Ambiguous),
+            (count(ClipState::Failed) > 0, Attention::Failed),
+            (home.map_state == storage::MapState::Failing, Attention::MapFailing),
         ];
         Home {
             lidar_map_revision: home.lidar_map_revision,
@@ -94,12 +99,7 @@ impl From<storage::Home> for Home {
                 ambiguous: count(ClipState::Ambiguous),
                 failed: count(ClipState::Failed),
             },
-            needs_attention: needs
-                .into_iter()
-                .filter(|(state, _)| count(*state) > 0)
-                .map(|(_, need)| need)
-                .chain((home.map_state == storage::MapState::Failing).then_some(Attention::MapFailing))
-                .collect(),
+            needs_attention: needs.into_iter().filter(|(is_so, _)| *is_so).map(|(_, need)| need).collect(),
             map_state: home.map_state.into(),
             id: home.id.into(),
             name: home.name,

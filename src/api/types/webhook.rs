@@ -50,7 +50,7 @@ answer! {
         #[schema(example = 503)]
         status: Option<i64>,
         /// Reason for the failure of the last attempt.
-        #[schema(example = "the address answered 503")]
+        #[schema(example = "the address answered 503 (Service Unavailable)")]
         error: Option<String>,
         created_at: Timestamp,
         updated_at: Timestamp,

@@ -144,19 +144,19 @@ async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error>
 
 /// Returns the state of an upload as headers, for a client that resumes it.
 pub(super) async fn state(app: &App, id: Uuid) -> Result<HeaderMap, Error> {
-    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    let upload = app.storage.living_upload(id, app.storage.now()).await?;
     headers_of(app, &upload).await
 }
 
 /// Returns the state of an upload as a document, even if its file was refused.
 pub(super) async fn document(app: &App, id: Uuid) -> Result<Document<UploadDocument>, Error> {
-    let upload = app.storage.upload(id, Timestamp::now()).await?.ok_or(UploadError::NotFound)?;
+    let upload = app.storage.upload(id, app.storage.now()).await?.ok_or(UploadError::NotFound)?;
     Ok(Document(document_of(app, upload).await?))
 }
 
 /// Returns the answer to the request that created an upload.
 pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
-    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    let upload = app.storage.living_upload(id, app.storage.now()).await?;
     let mut headers = headers_of(app, &upload).await?;
     insert_header(&mut headers, header::LOCATION, path(id));
     let document = document_of(app, upload).await?;

@@ -10,7 +10,6 @@ use crate::api::bodies::content_length;
 use crate::api::error::Error;
 use crate::storage::{Joining, NewUpload, UploadError, UploadKind};
 use axum::http::HeaderMap;
-use jiff::Timestamp;
 use uuid::Uuid;
 
 /// Creates an upload; returns its id, and a description of the body if there is one.
@@ -32,7 +31,7 @@ pub(super) async fn begin(
         }
         let (home, max_bytes) = (caller.home(&metadata.home()?)?, app.max_upload_bytes);
         let joining = Joining { parts: ids, tenant, home, metadata: text, concat, max_bytes };
-        let joined = app.storage.join_uploads(&joining, &app.uploads.limits, Timestamp::now()).await?;
+        let joined = app.storage.join_uploads(&joining, &app.uploads.limits, app.storage.now()).await?;
         return Ok((joined.id, None));
     }
     let is_partial = concat == Concat::Partial;
@@ -47,7 +46,7 @@ pub(super) async fn begin(
         length_bytes: length.known(),
         content_key: metadata.content_key().filter(|_| !is_partial),
     };
-    let (checksum, now) = (checksum::asked_for(sent)?, Timestamp::now());
+    let (checksum, now) = (checksum::asked_for(sent)?, app.storage.now());
     // A client whose answer was lost repeats the request. The bytes that come with it are those that the upload has, or gets
     // from its offset on.
     if let Some(begun) = app.storage.same_upload(&new, now).await? {

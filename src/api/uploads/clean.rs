@@ -4,7 +4,6 @@ use super::finish::finish_if_free;
 use crate::api::App;
 use crate::storage::Tenant;
 use futures::FutureExt;
-use jiff::Timestamp;
 use std::collections::{BTreeMap, HashMap};
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
@@ -35,7 +34,7 @@ pub(in crate::api) async fn clean(app: App) {
 async fn make_clips(app: &App) {
     let mut tasks = TenantTasks::new(AT_ONCE);
     loop {
-        match app.storage.due_uploads(OF_TENANT, Timestamp::now()).await {
+        match app.storage.due_uploads(OF_TENANT, app.storage.now()).await {
             Ok(due) => {
                 let app = app.clone();
                 tasks.begin(due, move |id| make_clip(app.clone(), id));
@@ -106,7 +105,7 @@ impl TenantTasks {
 /// Removes idle uploads, and the files of earlier deletions whose store failed, periodically.
 async fn delete(app: &App) {
     loop {
-        match app.storage.expire_uploads(Timestamp::now()).await {
+        match app.storage.expire_uploads(app.storage.now()).await {
             Ok(0) => {}
             Ok(expired) => info!(expired, "uploads expired"),
             Err(error) => warn!(%error, "uploads could not expire; it is tried again"),

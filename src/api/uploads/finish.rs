@@ -7,7 +7,6 @@ use crate::api::App;
 use crate::api::clips;
 use crate::api::error::{Defence, Error};
 use crate::storage::{Added, NewClip, UploadClaim, UploadError, UploadState};
-use jiff::Timestamp;
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
 use uuid::Uuid;
@@ -34,12 +33,12 @@ pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
             return Ok(());
         }
         // The other request may have refused the file: the sender needs the reason, not `upload-gone`.
-        let upload = app.storage.upload(id, Timestamp::now()).await?;
+        let upload = app.storage.upload(id, app.storage.now()).await?;
         let refused = upload.filter(|upload| upload.state == UploadState::Refused);
         if let Some(problem) = refused.and_then(|upload| serde_json::from_value(upload.problem?).ok()) {
             return Err(Error::Told(problem));
         }
-        if !app.storage.living_upload(id, Timestamp::now()).await?.is_due() {
+        if !app.storage.living_upload(id, app.storage.now()).await?.is_due() {
             return Ok(());
         }
         tokio::time::sleep(LOOK_EVERY).await;
@@ -79,7 +78,7 @@ impl Next {
 /// refused file are removed; after a fault of the service they stay, and the cleaner retries.
 pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
     let (storage, params) = (&app.storage, &app.uploads);
-    let Some(claim) = storage.claim_upload(id, params.lease, Timestamp::now()).await? else {
+    let Some(claim) = storage.claim_upload(id, params.lease, storage.now()).await? else {
         return Ok(false);
     };
     let made = tokio::select! {
@@ -92,7 +91,7 @@ pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
             Ok(true)
         }
         Err(error) => {
-            let now = Timestamp::now();
+            let now = app.storage.now();
             match Next::after(&error, claim.upload.expires_at <= now) {
                 Next::Refuse => {
                     let problem = serde_json::json!(error.problem());
@@ -157,7 +156,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
         idempotency_key: metadata.clip_key(),
     };
     let record = app.uploads.limits.record;
-    match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {
+    match app.storage.finish_upload(claim, new, record, app.storage.now()).await? {
         Some(Added::KeyReused) => Err(Error::KeyReused),
         // None: another process has made the clip meanwhile.
         Some(Added::New(_) | Added::Replayed(_)) | None => Ok(()),
@@ -168,7 +167,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
 async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
     loop {
         tokio::time::sleep(app.uploads.lease / 3).await;
-        if let Err(error) = app.storage.renew_upload(claim, app.uploads.lease, Timestamp::now()).await {
+        if let Err(error) = app.storage.renew_upload(claim, app.uploads.lease, app.storage.now()).await {
             tracing::warn!(upload = %claim.upload.id, %error, "a claim could not be renewed");
         }
     }

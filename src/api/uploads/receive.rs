@@ -8,7 +8,6 @@ use crate::api::error::Error;
 use crate::api::metrics;
 use crate::storage::{Incoming, UploadWriter};
 use axum::body::Body;
-use jiff::Timestamp;
 use std::time::Instant;
 use uuid::Uuid;
 
@@ -35,7 +34,7 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
     if let Some(length) = length_bytes {
         check_late_length(app, id, length).await?;
     }
-    let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, Timestamp::now()).await?;
+    let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, app.storage.now()).await?;
     let room = writer.length_bytes.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
     let too_large = || Error::BodyTooLarge { limit: room };
     if body_bytes.is_some_and(|bytes| bytes > room) {
@@ -104,7 +103,7 @@ pub(super) fn may_go_on(error: Error) -> Error {
 /// Refuses a length that was deferred and for which the tenant has no room. A length that was given first has
 /// counted since.
 async fn check_late_length(app: &App, id: Uuid, length_bytes: u64) -> Result<(), Error> {
-    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    let upload = app.storage.living_upload(id, app.storage.now()).await?;
     if upload.length_bytes.is_some() {
         return Ok(());
     }
@@ -119,7 +118,7 @@ async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Res
     if writer.length_bytes.is_none() {
         app.limits.check_quota(&app.storage, &writer.tenant, size_bytes).await?;
     }
-    app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?;
+    app.storage.append(writer, bytes, &app.uploads.limits, app.storage.now()).await?;
     metrics::received("parts", size_bytes);
     Ok(())
 }

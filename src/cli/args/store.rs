@@ -31,13 +31,20 @@ pub struct StoreArguments {
     #[arg(long, value_name = "PREFIX", env = "VIOLA_S3_PREFIX", default_value = "")]
     s3_prefix: String,
     /// URL of the store; default: Amazon's.
-    #[arg(long, value_name = "URL", env = "VIOLA_S3_ENDPOINT")]
+    // Without the bucket's name, files would go to the data folder without a word.
+    #[arg(long, value_name = "URL", env = "VIOLA_S3_ENDPOINT", requires = "s3_bucket")]
     s3_endpoint: Option<String>,
     /// Region of the bucket.
     #[arg(long, value_name = "NAME", env = "VIOLA_S3_REGION", default_value = "us-east-1")]
     s3_region: String,
     /// Id of the key for the bucket.
-    #[arg(long, value_name = "ID", env = "VIOLA_S3_ACCESS_KEY_ID", hide_env_values = true)]
+    #[arg(
+        long,
+        value_name = "ID",
+        env = "VIOLA_S3_ACCESS_KEY_ID",
+        hide_env_values = true,
+        requires = "s3_bucket"
+    )]
     s3_access_key_id: Option<String>,
     /// Secret of the key for the bucket.
     #[arg(long, value_name = "SECRET", env = "VIOLA_S3_SECRET_ACCESS_KEY", hide_env_values = true)]

@@ -152,19 +152,20 @@ impl super::Blobs {
     /// Checks that the place can be used: its folders can be written, a bucket can be listed. Returns the
     /// free bytes of the fullest disk that is written to.
     pub async fn ready(&self) -> Result<u64, StorageError> {
-        let mut folders = vec![self.incoming.clone()];
+        let folders = self.folders();
         let listed = match &self.place {
-            Place::Folder { root, .. } => {
-                folders.push(root.clone());
-                None
-            }
+            Place::Folder { .. } => None,
             Place::S3 { client, prefix } => {
                 let options = PaginatedListOptions { max_keys: Some(1), ..Default::default() };
                 Some(client.list_paginated(Some(prefix.as_ref()), options))
             }
         };
         let work = async {
-            let free = tokio::task::spawn_blocking(move || free_bytes(&folders)).await?;
+            let free = tokio::task::spawn_blocking(move || {
+                let written = try_write(&folders);
+                written.and_then(|()| free_bytes(&folders))
+            });
+            let free = free.await?;
             if let Some(listed) = listed {
                 listed.await?;
             }
@@ -172,14 +173,38 @@ impl super::Blobs {
         };
         within(self.limits.ready, work).await?
     }
+
+    /// Returns the free bytes of the fullest disk that is written to.
+    pub async fn free_bytes(&self) -> Result<u64, StorageError> {
+        let folders = self.folders();
+        let free = tokio::task::spawn_blocking(move || free_bytes(&folders));
+        free.await.map_err(object_store::Error::from)?
+    }
+
+    /// Returns the folders that are written to.
+    fn folders(&self) -> Vec<PathBuf> {
+        let mut folders = vec![self.incoming.clone()];
+        if let Place::Folder { root, .. } = &self.place {
+            folders.push(root.clone());
+        }
+        folders
+    }
+}
+
+fn try_write(folders: &[PathBuf]) -> Result<(), StorageError> {
+    for folder in folders {
+        let file = tempfile::tempfile_in(folder);
+        file.map_err(|source| StorageError::File { path: folder.clone(), source })?;
+    }
+    Ok(())
 }
 
 fn free_bytes(folders: &[PathBuf]) -> Result<u64, StorageError> {
     let mut least = u64::MAX;
     for folder in folders {
-        let free = tempfile::tempfile_in(folder).and_then(|_| Ok(rustix::fs::statvfs(folder)?));
-        let free = free.map_err(|source| StorageError::File { path: folder.clone(), source })?;
-        least = least.min(free.f_bavail.saturating_mul(free.f_frsize));
+        let disk = rustix::fs::statvfs(folder);
+        let disk = disk.map_err(|error| StorageError::File { path: folder.clone(), source: error.into() })?;
+        least = least.min(disk.f_bavail.saturating_mul(disk.f_frsize));
     }
     Ok(least)
 }

@@ -1,5 +1,6 @@
 //! Leftovers of interrupted writes.
 
+use super::identity::STORE_ID;
 use super::place::Place;
 use super::{Blobs, StorageError, tried};
 use futures::stream::BoxStream;
@@ -42,6 +43,13 @@ enum Found {
         path: PathBuf,
         modified: Timestamp,
     },
+}
+
+impl Found {
+    /// Returns whether it is the file with the store's id.
+    fn is_store_id(&self) -> bool {
+        matches!(self, Found::Blob { key, .. } if key == STORE_ID)
+    }
 }
 
 impl Unnamed {
@@ -122,6 +130,10 @@ impl Blobs {
 
     /// Lists all blobs and leftovers.
     fn listing(&self) -> BoxStream<'static, Result<Found, StorageError>> {
+        self.all_files().try_filter(|found| std::future::ready(!found.is_store_id())).boxed()
+    }
+
+    fn all_files(&self) -> BoxStream<'static, Result<Found, StorageError>> {
         match &self.place {
             Place::Folder { root, incoming } => {
                 let outside = match incoming {
@@ -176,6 +188,23 @@ async fn list_page(
         Some(Found::Blob { key, modified: modified.unwrap_or(Timestamp::MAX) })
     });
     Ok((found.collect(), page.page_token))
+}
+
+impl Blobs {
+    /// Empties the folder of incoming files, which no process may use. Blocks.
+    pub fn empty_incoming(&self) -> io::Result<()> {
+        for entry in std::fs::read_dir(&self.incoming)? {
+            let entry = entry?;
+            let path = entry.path();
+            tracing::info!(path = %path.display(), "removing what an interrupted process left");
+            if entry.file_type()?.is_dir() {
+                std::fs::remove_dir_all(path)?;
+            } else {
+                std::fs::remove_file(path)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Removes a leftover. Another process may have removed or stored it.

@@ -112,6 +112,8 @@ async fn a_choice_stands_through_new_answers(storage: Storage) {
     let moved = end(&storage, two_modes(AlignmentState::Aligned)).await;
     let expected = vec!["chosen_by_person", "choice_of_earlier_lidar_map"];
     assert_eq!((moved.state, codes(&moved)), (ClipState::Aligned, expected));
+    let told = &moved.reasons[1].detail;
+    assert!(["was replaced", "aligned again"].iter().all(|part| told.contains(part)), "{told}");
     assert_eq!(standing(&moved), Some((1.0, Some(0), 1)));
     // Confirmed on the new map by choosing again.
     let confirmed = choose(&storage, &moved, Chosen::Alternative(0), 300).await;

@@ -2,7 +2,9 @@
 
 use super::home_maps::{align, due, revision};
 use super::*;
+use jiff::SignedDuration;
 use viola_home::PlacedBy;
+use viola_testing::postgres::try_execute;
 
 const HOUR: i64 = 3600;
 
@@ -112,4 +114,54 @@ async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
     assert_eq!(storage.due_uploads(9, at(-HOUR)).await.unwrap(), [(Tenant::default(), id)]);
     assert!(storage.claim_upload(id, LEASE, at(-HOUR)).await.unwrap().is_some());
     assert!(storage.claim_upload(id, LEASE, at(-HOUR + 1)).await.unwrap().is_none());
+}
+
+/// The clock of the database differs from that of its workers' machine.
+#[tokio::test]
+async fn workers_with_a_wrong_clock_go_by_the_databases() {
+    for hours in [-2, 2] {
+        let Some(schema) = Schema::new().await else { return };
+        let (name, folder) = (schema.name(), tempfile::tempdir().unwrap());
+        let clock = format!(
+            "CREATE FUNCTION {name}.clock_timestamp() RETURNS timestamptz LANGUAGE sql
+            AS $$ SELECT pg_catalog.clock_timestamp() + INTERVAL '{hours} hours' $$"
+        );
+        try_execute(&schema.url(), clock).await.unwrap();
+        // A name of the schema comes before the same one of the system.
+        let path = format!("search_path%3D{name}");
+        let url = schema.url().replace(&path, &format!("{path},pg_catalog"));
+        let open = async || {
+            let postgres = Some(PostgresParams { url: url.clone(), connections: 4 });
+            let data = folder.path().to_owned();
+            Storage::open(&StorageParams { data, postgres, ..StorageParams::default() }).await.unwrap()
+        };
+        let (worker, other) = (open().await, open().await);
+        for storage in [&worker, &other] {
+            let ahead = storage.now().duration_since(Timestamp::now()) - SignedDuration::from_hours(hours);
+            assert!(ahead.abs() < SignedDuration::from_mins(1), "{hours}: {ahead}");
+        }
+        let home = home("h");
+        worker.put_home(&home, None, |_| true, worker.now()).await.unwrap();
+        put_map(&worker, &home, b"map").await;
+        let new = NewClip {
+            file: arrived(&worker, b"clip").await,
+            info: clip_info(),
+            idempotency_key: None,
+            recorded_at: None,
+            title: None,
+            file_name: None,
+        };
+        worker.add_clip(&home, new, None, worker.now()).await.unwrap();
+        let held = worker.claim(LEASE, worker.now()).await.unwrap().expect("the job is due");
+        other.follow_clock().await.unwrap();
+        assert_eq!(other.release_lost(&RetryPolicy::default(), other.now()).await.unwrap(), 0, "{hours}");
+        // By the clock of the machine, the lease has expired, or is further ahead than any.
+        let stolen = other.release_lost(&RetryPolicy::default(), Timestamp::now()).await.unwrap();
+        assert_eq!(stolen, 1, "{hours}");
+        assert!(!worker.holds(&held).await.unwrap());
+        for storage in [worker, other] {
+            storage.close().await;
+        }
+        schema.remove().await;
+    }
 }

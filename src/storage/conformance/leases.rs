@@ -15,6 +15,7 @@ on_every_back_end!(
     a_job_whose_workers_are_lost_for_a_day_fails,
     faults_cost_no_attempt_and_are_borne_for_a_day,
     an_attempt_that_counts_ends_a_row_of_faults,
+    a_pause_does_not_count_as_waiting,
     a_machine_that_was_off_for_a_day_fails_nothing,
     a_broken_attempt_is_tried_later_and_not_for_ever,
     a_refused_clip_fails_at_once,
@@ -212,6 +213,21 @@ async fn an_attempt_that_counts_ends_a_row_of_faults(storage: Storage) {
     assert!(now_s > 24 * 3600);
     let held = claim(&storage, now_s + 1800).await;
     assert!(finish(&storage, &held, answer(AlignmentState::Aligned), now_s + 1801).await);
+}
+
+async fn a_pause_does_not_count_as_waiting(storage: Storage) {
+    one_job(&storage).await;
+    let state = async |seconds| {
+        let state = storage.queue_state(at(seconds)).await.unwrap();
+        (state.queued, state.paused, state.running, state.age.as_secs())
+    };
+    assert_eq!(state(10).await, (1, 0, 0, 10));
+    let held = claim(&storage, 10).await;
+    assert_eq!(state(20).await, (0, 0, 1, 0));
+    // The first pause of the default policy is 5 s.
+    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), 20).await);
+    assert_eq!(state(22).await, (1, 1, 0, 0));
+    assert_eq!(state(28).await, (1, 0, 0, 3));
 }
 
 async fn a_machine_that_was_off_for_a_day_fails_nothing(storage: Storage) {

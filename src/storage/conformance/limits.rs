@@ -126,7 +126,7 @@ async fn uploads_at_once_do_not_fill_the_same_room(storage: Storage) {
     let made = futures::future::join_all((0..6).map(create)).await;
     assert_eq!(made.iter().filter(|made| made.is_ok()).count(), 1);
     let is_full = |error: &UploadError| {
-        matches!(error, UploadError::Storage(StorageError::TenantFull { used: 60, limit: 100 }))
+        matches!(error, UploadError::Storage(StorageError::TenantFull { used: 60, limit: 100, .. }))
     };
     assert_eq!(made.iter().filter(|made| made.as_ref().is_err_and(is_full)).count(), 5, "{made:?}");
     // The limit of the tenant comes before that of the service.
@@ -154,12 +154,12 @@ async fn a_used_key_gives_no_room(storage: Storage) {
     };
     let Ok(Added::New(small)) = add(b"small", "key").await else { panic!("it is new") };
     let full = add(b"six...", "other key").await;
-    assert!(matches!(full, Err(StorageError::TenantFull { used: 5, limit: 10 })), "{full:?}");
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 5, limit: 10, .. })), "{full:?}");
     assert!(matches!(add(b"small", "key").await, Ok(Added::Replayed(_))));
     // A larger file that came with the key arrives after the end of the clip.
     storage.delete_clip(&id, small.id, |_| true, at(1)).await.unwrap();
     let large = add(b"twelve bytes", "key").await;
-    assert!(matches!(large, Err(StorageError::TenantFull { used: 0, limit: 10 })), "{large:?}");
+    assert!(matches!(large, Err(StorageError::TenantFull { used: 0, limit: 10, .. })), "{large:?}");
     assert!(storage.blobs_that_exist().await.is_empty());
 }
 
@@ -179,11 +179,11 @@ async fn lidar_maps_have_no_room_beyond_the_quota(storage: Storage) {
     };
     let (first, _) = put(b"small").await.unwrap();
     let full = put(b"four").await;
-    assert!(matches!(full, Err(StorageError::TenantFull { used: 6, limit: 10 })), "{full:?}");
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 6, limit: 10, .. })), "{full:?}");
     let (again, is_new) = put(b"small").await.unwrap();
     assert_eq!((again.revision, is_new), (first.revision, false));
     let (second, _) = put(b"map").await.unwrap();
     let full = storage.restore_lidar_map(&id, &first, None, Some(10), |_| true, at(1)).await;
-    assert!(matches!(full, Err(StorageError::TenantFull { used: 10, limit: 10 })), "{full:?}");
+    assert!(matches!(full, Err(StorageError::TenantFull { used: 10, limit: 10, .. })), "{full:?}");
     assert_eq!(storage.lidar_map(&id, LevelName::MAIN).await.unwrap(), second);
 }

@@ -7,6 +7,7 @@ on_every_back_end!(
     clips_by_state_and_time,
     homes_by_time_of_anything_in_them,
     homes_by_text_and_need,
+    homes_with_clips_after_a_fault_need_attention,
     the_same_file_twice_is_told,
     clips_of_all_homes_by_reason,
     a_clip_is_corrected,
@@ -140,6 +141,42 @@ async fn homes_by_text_and_need(storage: Storage) {
     assert_eq!(counts, [1, 0, 0, 0, 0, 0]);
     let refused = storage.put_home(&home("elm-3"), None, |home| home.is_none(), at(2)).await;
     assert!(matches!(refused, Err(StorageError::Changed { .. })));
+}
+
+async fn homes_with_clips_after_a_fault_need_attention(storage: Storage) {
+    let (id, _) = one_job(&storage).await;
+    let retry = RetryPolicy::default();
+    let needs = async || {
+        let filter = HomeFilter { needs_attention: true, ..HomeFilter::default() };
+        let page = Page { limit: 9, after: None };
+        let found = storage.homes(&Tenant::default(), &filter, &page).await.unwrap().len() as i64;
+        let since = HomeFilter { updated_after: Some(at(-1)), ..filter };
+        let changed = storage.homes(&Tenant::default(), &since, &page).await.unwrap().len() as i64;
+        let clips = storage.home(&id).await.unwrap().clips_after_fault;
+        assert_eq!((found, changed), (clips, clips));
+        found
+    };
+    assert_eq!(needs().await, 0);
+    // Longer than the lease and than any pause.
+    let mut now_s = 0;
+    for (ending, expected) in [
+        (Some(AttemptEnd::Fault(Fault::Storage)), 1),
+        (Some(AttemptEnd::Fault(Fault::System)), 1),
+        // The worker is lost.
+        (None, 1),
+        (Some(AttemptEnd::GivenUp), 0),
+        (Some(AttemptEnd::Fault(Fault::Storage)), 1),
+        (Some(answer(AlignmentState::Aligned)), 0),
+    ] {
+        now_s += 1000;
+        let held = storage.claim(LEASE, at(now_s)).await.unwrap().expect("the job is due");
+        assert_eq!(needs().await, 0, "it runs");
+        match &ending {
+            Some(ending) => assert!(storage.finish(&held, ending, &retry, at(now_s)).await.unwrap()),
+            None => assert_eq!(storage.release_lost(&retry, at(now_s + 31)).await.unwrap(), 1),
+        }
+        assert_eq!(needs().await, expected, "{ending:?}");
+    }
 }
 
 async fn the_same_file_twice_is_told(storage: Storage) {

@@ -43,6 +43,33 @@ async fn everything_is_there_after_a_restart_and_leftovers_are_not() {
     assert_eq!(storage.blobs_that_exist().await, kept);
 }
 
+/// Many processes may share a folder of incoming files.
+#[tokio::test]
+async fn arriving_files_of_a_killed_process_go_at_a_start_without_another_process() {
+    for is_on_s3 in [false, true] {
+        let Some(schema) = Schema::new().await else { return };
+        let (folder, server) = (tempfile::tempdir().unwrap(), is_on_s3.then(S3Server::start));
+        let open = async || on(&schema, folder.path(), server.as_ref().map(bucket)).await;
+        let incoming = folder.path().join(if is_on_s3 { "incoming" } else { "blobs/incoming" });
+        let left = || std::fs::read_dir(&incoming).unwrap().count();
+        let killed = open().await;
+        let mut cut_off = killed.incoming().unwrap();
+        cut_off.write(b"half a cl").await.unwrap();
+        std::mem::forget(cut_off);
+        std::fs::write(killed.work_folder().unwrap().keep().join("clip"), b"of a job").unwrap();
+        let other = open().await;
+        drop(killed);
+        let third = open().await;
+        assert_eq!(left(), 2, "they may be those of a process that runs");
+        drop((other, third));
+        let alone = open().await;
+        assert_eq!(left(), 0);
+        alone.close().await;
+        drop(alone);
+        schema.remove().await;
+    }
+}
+
 #[tokio::test]
 async fn an_upload_dropped_half_way_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -76,6 +76,14 @@ impl Bench {
         }
     }
 
+    /// Returns the file with the store's id.
+    fn id_file(&self) -> std::path::PathBuf {
+        match &self.server {
+            Some(server) => server.path_of("viola-store-id"),
+            None => self.folder.path().join("blobs/viola-store-id"),
+        }
+    }
+
     /// Writes a file that no row names.
     async fn orphan(&self, storage: &Storage, key: &str) {
         storage.blobs.put(key, b"orphan".to_vec()).await.unwrap();
@@ -120,7 +128,14 @@ macro_rules! on_every_pair {
         })*
     };
 }
-on_every_pair!(a_lost_database_is_refused, a_sweep_removes_a_small_part, a_place_that_lived_is_no_lost_one);
+on_every_pair!(
+    a_lost_database_is_refused,
+    a_sweep_removes_a_small_part,
+    a_place_that_lived_is_no_lost_one,
+    a_store_with_another_id_is_refused_and_keeps_its_files,
+    a_store_of_before_ids_gets_one,
+    an_empty_store_of_another_database_is_refused,
+);
 
 async fn a_lost_database_is_refused(mut bench: Bench) {
     let mut kept = Vec::new();
@@ -132,16 +147,17 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
         })
         .await;
     bench.lose().await;
+    let mut lost = Uuid::nil();
     for _ in 0..2 {
         let refused = bench.open().await.err();
-        assert!(matches!(refused, Some(StorageError::LostDatabase { blobs: 3 })), "{refused:?}");
+        let Some(StorageError::LostDatabase { blobs: 3, store }) = refused else { panic!("{refused:?}") };
+        lost = store;
     }
     let administered = Storage::administer(&bench.params()).await.unwrap();
-    let refused = administered.sweep(Timestamp::MAX, SweepLimit::Leftovers).await;
-    assert!(
-        matches!(refused, Err(StorageError::TooMuchToSweep { sent: 2, made: 0, named: 0 })),
-        "{refused:?}"
-    );
+    for limit in [SweepLimit::Leftovers, SweepLimit::Everything] {
+        let refused = administered.sweep(Timestamp::MAX, limit).await;
+        assert!(matches!(refused, Err(StorageError::LostDatabase { blobs: 3, .. })), "{refused:?}");
+    }
     assert_eq!(administered.blobs_that_exist().await, kept);
     administered.close().await;
     drop(administered);
@@ -157,6 +173,9 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
     // An operator can start with an empty service explicitly.
     bench.lose().await;
     let administered = Storage::administer(&bench.params()).await.unwrap();
+    let refused = administered.take_over_store(Uuid::now_v7()).await;
+    assert!(matches!(refused, Err(StorageError::NotThisStore { .. })), "{refused:?}");
+    administered.take_over_store(lost).await.unwrap();
     assert_eq!(administered.sweep(Timestamp::MAX, SweepLimit::Everything).await.unwrap(), 3);
     administered.close().await;
     drop(administered);
@@ -203,5 +222,110 @@ async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
         .await;
     bench.with(async |storage| storage.delete_home(&home("h"), |_| true, at(1)).await.unwrap()).await;
     bench.with(async |_| {}).await;
+    bench.remove().await;
+}
+
+/// Returns a description of a refusal to start and to sweep.
+async fn refused(bench: &Bench) -> StorageError {
+    let started = bench.open().await.err().expect("a refusal");
+    let administered = Storage::administer(&bench.params()).await.unwrap();
+    let kept = administered.blobs_that_exist().await;
+    for limit in [SweepLimit::Leftovers, SweepLimit::Everything] {
+        let swept = administered.sweep(Timestamp::MAX, limit).await;
+        assert_eq!(swept.err().map(|error| error.to_string()), Some(started.to_string()));
+    }
+    assert_eq!(administered.blobs_that_exist().await, kept);
+    administered.close().await;
+    started
+}
+
+async fn a_store_with_another_id_is_refused_and_keeps_its_files(bench: Bench) {
+    bench
+        .with(async |storage| {
+            one_job(storage).await;
+            bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
+        })
+        .await;
+    let (file, other) = (bench.id_file(), Uuid::now_v7());
+    let own = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, other.to_string()).unwrap();
+    let told = refused(&bench).await;
+    assert!(matches!(told, StorageError::OtherStore { own: Some(_), found, .. } if found == other), "{told}");
+    assert!(told.to_string().contains(own.trim()), "{told}");
+    let administered = Storage::administer(&bench.params()).await.unwrap();
+    let taken = administered.take_over_store(other).await;
+    assert!(matches!(taken, Err(StorageError::OtherStore { .. })), "{taken:?}");
+    administered.close().await;
+    drop(administered);
+    std::fs::remove_file(&file).unwrap();
+    let told = refused(&bench).await;
+    assert!(matches!(told, StorageError::UnmarkedStore { .. }), "{told}");
+    assert!(told.to_string().contains(own.trim()), "{told}");
+    std::fs::write(&file, "nothing").unwrap();
+    let told = refused(&bench).await;
+    assert!(matches!(told, StorageError::DamagedStoreId { .. }), "{told}");
+    std::fs::write(&file, &own).unwrap();
+    bench.with(async |_| {}).await;
+    bench.remove().await;
+}
+
+async fn a_store_of_before_ids_gets_one(bench: Bench) {
+    bench.with(async |storage| drop(one_job(storage).await)).await;
+    let file = bench.id_file();
+    // An upgrade, one that was killed in between, and a copy of the database of before the upgrade.
+    for has_file in [false, true] {
+        bench
+            .with(async |storage| execute(storage, "DELETE FROM store_identity WHERE id <> $1", "").await)
+            .await;
+        let before = std::fs::read_to_string(&file).unwrap();
+        if !has_file {
+            std::fs::remove_file(&file).unwrap();
+        }
+        let mut id = Uuid::nil();
+        bench.with(async |storage| id = storage.check_store().await.unwrap()).await;
+        let after = std::fs::read_to_string(&file).unwrap();
+        assert_eq!((after.trim(), after == before), (id.to_string().as_str(), has_file));
+    }
+    // An upgrade with a wrong place, which is empty.
+    bench
+        .with(async |storage| {
+            let keys = storage.blobs_that_exist().await;
+            storage.blobs.remove_all(&keys).await.unwrap();
+            execute(storage, "DELETE FROM store_identity WHERE id <> $1", "").await;
+        })
+        .await;
+    std::fs::remove_file(&file).unwrap();
+    let told = refused(&bench).await;
+    assert!(matches!(told, StorageError::StoreWithoutFiles { .. }), "{told}");
+    bench.remove().await;
+}
+
+async fn an_empty_store_of_another_database_is_refused(mut bench: Bench) {
+    bench.with(async |_| {}).await;
+    bench.lose().await;
+    let told = refused(&bench).await;
+    assert!(matches!(told, StorageError::OtherStore { own: None, .. }), "{told}");
+    std::fs::remove_file(bench.id_file()).unwrap();
+    bench.with(async |_| {}).await;
+    bench.remove().await;
+}
+
+/// A start needs no store that answers. It is checked later.
+#[tokio::test]
+async fn a_wrong_store_that_was_silent_at_the_start_is_not_ready() {
+    let Some(schema) = Schema::new().await else { return };
+    let (folder, server) = (tempfile::tempdir().unwrap(), S3Server::start());
+    let bench = Bench { folder, server: Some(server), schemas: vec![schema] };
+    bench.with(async |storage| drop(one_job(storage).await)).await;
+    let server = bench.server.as_ref().unwrap();
+    std::fs::write(bench.id_file(), Uuid::now_v7().to_string()).unwrap();
+    server.stop();
+    bench
+        .with(async |storage| {
+            server.listen();
+            let ready = storage.blobs_ready().await;
+            assert!(matches!(ready, Err(StorageError::OtherStore { .. })), "{ready:?}");
+        })
+        .await;
     bench.remove().await;
 }

@@ -29,6 +29,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (18, "merges and searches", include_str!("../../../migrations/0018_merges_and_searches.sql")),
     (19, "feed epochs", include_str!("../../../migrations/0019_feed_epochs.sql")),
     (20, "answers and turns", include_str!("../../../migrations/0020_answers_and_turns.sql")),
+    (21, "store identity", include_str!("../../../migrations/0021_store_identity.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -1,0 +1,49 @@
+//! The outcome of an attempt, for metrics and for the log.
+
+use crate::storage::{AttemptEnd, ClipState};
+use viola_reconstruct::Reason;
+
+/// Returns the name of an outcome; `None` is a job that was lost.
+pub(super) fn outcome_name(ending: &Option<AttemptEnd>) -> &str {
+    match ending {
+        Some(AttemptEnd::Answered(alignment)) => ClipState::from(alignment.state).name(),
+        Some(AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason)) => &reason.code,
+        Some(AttemptEnd::Fault(fault)) => fault.code(),
+        Some(AttemptEnd::GivenUp) => "given_up",
+        None => "lost",
+    }
+}
+
+/// Returns the details of the reasons that the clip has after an attempt; `None` without any. The cause of a fault is in an
+/// event of its own.
+pub(super) fn detail(ending: &AttemptEnd) -> Option<String> {
+    let reasons: &[Reason] = match ending {
+        AttemptEnd::Answered(alignment) => &alignment.reasons,
+        AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason) => std::slice::from_ref(reason),
+        AttemptEnd::Fault(_) | AttemptEnd::GivenUp => &[],
+    };
+    let details: Vec<&str> = reasons.iter().map(|reason| reason.detail.as_str()).collect();
+    (!details.is_empty()).then(|| details.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::storage::Fault;
+
+    #[test]
+    fn the_log_tells_why_a_job_has_no_answer() {
+        let reason = || Reason::new("no_floor", "no floor was seen");
+        let table = [
+            (AttemptEnd::Refused(reason()), "no_floor", Some("no floor was seen")),
+            (AttemptEnd::Broken(reason()), "no_floor", Some("no floor was seen")),
+            (AttemptEnd::Fault(Fault::Storage), "storage_fault", None),
+            (AttemptEnd::GivenUp, "given_up", None),
+        ];
+        for (ending, name, told) in table {
+            assert_eq!(detail(&ending).as_deref(), told);
+            assert_eq!(outcome_name(&Some(ending)), name);
+        }
+        assert_eq!(outcome_name(&None), "lost");
+    }
+}
