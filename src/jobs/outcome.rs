@@ -1,18 +1,7 @@
-//! The outcome of an attempt, for metrics and for the log.
+//! The reasons of an attempt's outcome, for the log.
 
-use crate::storage::{AttemptEnd, ClipState};
+use crate::storage::AttemptEnd;
 use viola_reconstruct::Reason;
-
-/// Returns the name of an outcome; `None` is a job that was lost.
-pub(super) fn outcome_name(ending: &Option<AttemptEnd>) -> &str {
-    match ending {
-        Some(AttemptEnd::Answered(alignment)) => ClipState::from(alignment.state).name(),
-        Some(AttemptEnd::Refused(reason) | AttemptEnd::Broken(reason)) => &reason.code,
-        Some(AttemptEnd::Fault(fault)) => fault.code(),
-        Some(AttemptEnd::GivenUp) => "given_up",
-        None => "lost",
-    }
-}
 
 /// Returns the details of the reasons that the clip has after an attempt; `None` without any. The cause of a fault is in an
 /// event of its own.
@@ -28,6 +17,7 @@ pub(super) fn detail(ending: &AttemptEnd) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::metrics;
     use super::*;
     use crate::storage::Fault;
 
@@ -42,8 +32,7 @@ mod tests {
         ];
         for (ending, name, told) in table {
             assert_eq!(detail(&ending).as_deref(), told);
-            assert_eq!(outcome_name(&Some(ending)), name);
+            assert_eq!(metrics::outcome(&ending), name);
         }
-        assert_eq!(outcome_name(&None), "lost");
     }
 }

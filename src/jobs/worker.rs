@@ -6,7 +6,7 @@ use super::child::{ChildParams, run_in_child};
 use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::mesh::make_meshes;
-use super::outcome::{detail, outcome_name};
+use super::outcome::detail;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};

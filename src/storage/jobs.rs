@@ -7,7 +7,7 @@ pub(super) use turns::Priority;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, clips, clock};
-use jiff::{SignedDuration, Timestamp};
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::time::Duration;

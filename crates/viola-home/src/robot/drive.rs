@@ -50,9 +50,9 @@ pub enum NotAtDock {
     /// The map has no dock.
     NoDock,
     /// No free space is within a metre of the dock.
-    NoFreeSpaceAtDock,
+    NoFreeSpace,
     /// The free space at the dock has less than a quarter of the area of the largest free space.
-    SmallAreaAtDock,
+    SmallArea,
 }
 
 impl Drive {
@@ -177,8 +177,8 @@ fn connected(clear: &Grid<bool>, dock: Option<Point2>) -> (Grid<bool>, GoalArea)
     });
     let (kept, reason) = match at_dock {
         Some(piece) if sizes[piece] as f64 >= MIN_DOCK_FRACTION * sizes[largest] as f64 => (piece, None),
-        Some(_) => (largest, Some(NotAtDock::SmallAreaAtDock)),
-        None if dock.is_some() => (largest, Some(NotAtDock::NoFreeSpaceAtDock)),
+        Some(_) => (largest, Some(NotAtDock::SmallArea)),
+        None if dock.is_some() => (largest, Some(NotAtDock::NoFreeSpace)),
         None => (largest, Some(NotAtDock::NoDock)),
     };
     let cells: Vec<bool> = piece.iter().map(|piece| *piece > 0 && *piece as usize == kept).collect();
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_pocket_at_the_dock_leaves_the_goals_in_the_rooms() {
-        use NotAtDock::{NoDock, NoFreeSpaceAtDock, SmallAreaAtDock};
+        use NotAtDock::{NoDock, NoFreeSpace, SmallArea};
         // Pieces of 2, 6, 16 and 4 cells.
         let rooms = drawn(&[
             "..#....#........",
@@ -212,14 +212,14 @@ mod tests {
         ]);
         for (dock, cells, reason) in [
             // Two of 16 cells are less than a quarter, and four are not.
-            (Some([0.5, 2.25]), 16, Some(SmallAreaAtDock)),
+            (Some([0.5, 2.25]), 16, Some(SmallArea)),
             (Some([7.5, 0.25]), 4, None),
             (Some([2.5, 2.25]), 6, None),
             (Some([6.0, 1.75]), 16, None),
             // Between two pieces the larger one counts, even if the other is nearer.
             (Some([1.2, 2.25]), 6, None),
             (Some([7.5, 1.25]), 16, None),
-            (Some([1.0, 0.25]), 16, Some(NoFreeSpaceAtDock)),
+            (Some([1.0, 0.25]), 16, Some(NoFreeSpace)),
             (None, 16, Some(NoDock)),
         ] {
             let (kept, area) = connected(&rooms, dock.map(Point2::from));
@@ -233,6 +233,6 @@ mod tests {
     fn a_map_without_free_space_has_no_goals() {
         let (kept, area) = connected(&drawn(&["##", "##"]), Some(Point2::new(0.5, 0.5)));
         assert!(kept.cells.iter().all(|cell| !cell));
-        assert_eq!((area.reason, area.area_m2), (Some(NotAtDock::NoFreeSpaceAtDock), 0.0));
+        assert_eq!((area.reason, area.area_m2), (Some(NotAtDock::NoFreeSpace), 0.0));
     }
 }
