@@ -4,7 +4,6 @@
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
 //! (`gaps`), and what remains connected is a room (`spaces`), so rooms are closed and never overlap.
 
-mod borders;
 mod cells;
 mod cut;
 mod direction;
@@ -18,13 +17,11 @@ mod furnish;
 mod gaps;
 mod geojson;
 mod islands;
-mod leaves;
 mod masonry;
 mod merges;
 mod model;
 mod oblique;
 mod page;
-mod partitions;
 mod passages;
 mod raster;
 mod recess;
@@ -45,7 +42,6 @@ use super::rooms::outline::Outline;
 use super::rooms::space::Space;
 use cells::Cells;
 use evidence::Evidence;
-use gaps::Gap;
 use merges::Merges;
 use spaces::Spaces;
 use viola_formats::lidar::LidarMap;
@@ -106,17 +102,13 @@ pub(super) fn plan_of_corrected(
     let mut cells = Cells::new(&evidence, &faces, &oblique, given);
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
-    let gaps = gaps::openings(&cells, &evidence, &faces, &oblique);
-    let leaves = leaves::leaves(&gaps.iter().map(Gap::doorway).collect::<Vec<_>>(), points, &evidence);
-    leaves.iter().for_each(|leaf| leaf.clear(&mut cells, &faces, &evidence));
     let merges = Merges::new(found, given, &roots);
-    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, given, &merges, &leaves);
+    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, given, &merges);
     let mut outlines = shape::outlines(&cells, &spaces);
     let sides = straighten::straighten(&mut outlines, &oblique);
-    borders::straighten(&mut outlines, &spaces.borders);
     let mut walls = shape::walls(&cells, &spaces, &outlines);
     let slanted = straighten::walls(&sides, &oblique);
-    let openings = shape::doors(&spaces);
+    let openings = shape::doors(&spaces.gaps);
     let base = shape::masonry(&cells, &spaces);
     let masonry = masonry::with_oblique(base, &outlines, &walls, &slanted, &openings);
     walls.extend(slanted);
@@ -139,7 +131,7 @@ pub(super) fn plan_of_corrected(
         rooms,
         furniture,
     };
-    fixtures::add(&mut plan, points, &leaves);
+    fixtures::add(&mut plan, points);
     divide::divide(&mut plan, given, &roots, revised.divisions);
     plan
 }

@@ -5,7 +5,6 @@ mod front;
 mod leaf;
 mod opening;
 
-use super::leaves::OpenLeaf;
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
 use along::{place, within};
@@ -107,21 +106,12 @@ impl Step {
     }
 }
 
-/// Adds windows and closed doors to a plan's openings, and leaves to its doors: by their labels, else those that were seen by
-/// their shape.
-pub(super) fn add(plan: &mut Plan, points: &[MapPoint], by_shape: &[OpenLeaf]) {
+/// Adds windows and closed doors to a plan's openings, and leaves to its doors.
+pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
     let (piers, mut labelled): (Vec<Labelled>, Vec<Labelled>) =
         labelled(points, plan.map_from_plan.inverse()).partition(|point| point.class == Class::Wall);
     // An open leaf is no closed door of the wall beside it.
-    let mut leaves = add_leaves(plan, &labelled);
-    for door in plan.openings.iter_mut().filter(|opening| opening.kind == OpeningKind::Door) {
-        if door.swing.is_none()
-            && let Some(leaf) = Leaf::by_shape(door, by_shape)
-        {
-            door.swing = Some(leaf.swing);
-            leaves.push(leaf);
-        }
-    }
+    let leaves = add_leaves(plan, &labelled);
     labelled.retain(|point| point.class != Class::Door || !leaves.iter().any(|leaf| leaf.has(&point.at)));
     let mut found: Vec<Opening> = Vec::new();
     for wall in plan.walls.iter().filter(|wall| !is_leaf(wall, &plan.rooms)) {

@@ -5,7 +5,6 @@ mod slanted;
 use super::cells::{Cells, on_line};
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
-use super::leaves::{Doorway, OpenLeaf};
 use super::oblique::Oblique;
 
 /// Thickness of walls between rooms.
@@ -33,8 +32,6 @@ pub(super) struct Gap {
     pub thickness_m: f64,
     /// Wall was seen above it.
     pub has_lintel: bool,
-    /// An open leaf was seen at one of its ends.
-    pub has_leaf: bool,
     /// The wall goes on at its ends.
     pub stubs: [bool; 2],
     /// Computed rooms meet in it.
@@ -44,7 +41,7 @@ pub(super) struct Gap {
 impl Gap {
     /// Returns whether walls on both sides go straight past it: a corridor between two rows of rooms.
     fn is_crossing(&self) -> bool {
-        !self.has_lintel && !self.has_leaf && self.stubs == [false, false]
+        !self.has_lintel && self.stubs == [false, false]
     }
 
     /// Returns whether it divides two spaces whatever they are: a wide opening in a wall that was seen.
@@ -54,10 +51,6 @@ impl Gap {
 
     pub fn is_door(&self) -> bool {
         self.width_m() <= DOOR_M[1]
-    }
-
-    pub fn doorway(&self) -> Doorway {
-        Doorway { ends_m: self.ends_m, thickness_m: self.thickness_m }
     }
 
     pub fn width_m(&self) -> f64 {
@@ -111,7 +104,6 @@ impl Span {
             ends_m,
             thickness_m: across[1] - across[0],
             has_lintel: self.has_lintel(cells, evidence),
-            has_leaf: false,
             stubs: [self.has_stub(cells, false), self.has_stub(cells, true)],
             is_passage: false,
         }
@@ -138,40 +130,23 @@ impl Span {
     }
 }
 
-/// Returns the gaps of all walls that two faces bound, the narrowest first. `leaves` are the open leaves that clips saw.
-pub(super) fn gaps(
-    cells: &Cells,
-    evidence: &Evidence,
-    faces: &[Face],
-    oblique: &[Oblique],
-    leaves: &[OpenLeaf],
-) -> Vec<Gap> {
-    let mut gaps = openings(cells, evidence, faces, oblique);
-    for gap in &mut gaps {
-        gap.has_leaf = leaves.iter().any(|leaf| leaf.is_at(&gap.doorway()));
-    }
-    gaps.retain(|gap| !gap.is_crossing());
+/// Returns the gaps of all walls that two faces bound, the narrowest first.
+pub(super) fn gaps(cells: &Cells, evidence: &Evidence, faces: &[Face], oblique: &[Oblique]) -> Vec<Gap> {
+    let mut gaps = slanted::gaps(cells, oblique);
+    gaps.extend(straight(cells, evidence, faces).into_iter().filter(Gap::is_plausible));
     let size_m2 = |gap: &Gap| gap.cells.iter().map(|at| cells.area_m2(*at)).sum::<f64>();
     gaps.sort_by(|a, b| size_m2(a).total_cmp(&size_m2(b)).then_with(|| a.cells.cmp(&b.cells)));
     gaps
 }
 
-/// Returns the gaps of plausible widths, and what looks like one across a corridor.
-pub(super) fn openings(cells: &Cells, evidence: &Evidence, faces: &[Face], oblique: &[Oblique]) -> Vec<Gap> {
-    let mut gaps = slanted::gaps(cells, oblique);
-    gaps.extend(straight(cells, evidence, faces).into_iter().filter(Gap::is_plausible));
-    gaps
-}
-
 /// Makes gaps through which nobody walks a part of their wall.
 pub(super) fn close_seams(cells: &mut Cells, evidence: &Evidence, faces: &[Face]) {
-    let is_seam = |gap: &&Gap| gap.width_m() < DOOR_M[0] && !gap.is_crossing();
-    for seam in straight(cells, evidence, faces).iter().filter(is_seam) {
+    for seam in straight(cells, evidence, faces).iter().filter(|gap| gap.width_m() < DOOR_M[0]) {
         seam.cells.iter().for_each(|at| cells.inside[*at] = false);
     }
 }
 
-/// Returns the gaps of any width between faces along the axes, and what looks like one across a corridor.
+/// Returns the gaps of any width between faces along the axes.
 fn straight(cells: &Cells, evidence: &Evidence, faces: &[Face]) -> Vec<Gap> {
     let mut gaps = Vec::new();
     for axis in 0..2 {
@@ -246,7 +221,7 @@ fn of_wall(cells: &Cells, evidence: &Evidence, axis: usize, lines: [usize; 2], b
                     backing.iter().all(|m| *m >= BACKING_M)
                 };
                 let leads = gap.beside.iter().all(|open| open.iter().any(|at| cells.inside[*at]));
-                if is_backed && leads {
+                if is_backed && leads && !gap.is_crossing() {
                     found.push(gap);
                 }
             }

@@ -1,29 +1,21 @@
 //! Gaps within one room, which divide nothing: people merged the rooms beside them, or they are in a room of the robot's
 //! software.
 
-use super::cells::Cells;
 use super::evidence::Evidence;
 use super::gaps::Gap;
 use crate::rooms::{Room, RoomSource};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::{Point2, Vector2};
 
-/// Places of the samples beside a gap: parts of its width, and distances from its wall, up to 1.15 m. The robot's border may
-/// lie at half of that, before or behind a doorway.
+/// Places of the samples beside a gap: parts of its width, and distances from its wall.
 const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
-const NEAREST_M: f64 = 0.05;
-const STEP_M: f64 = 0.1;
-const STEPS: u32 = 12;
-/// Nearer samples may be outside: the masonry of an oblique wall has stairs.
-const STAIRS_M: f64 = 0.2;
+const BESIDE_M: [f64; 5] = [0.05, 0.1, 0.2, 0.3, 0.4];
 
 /// Numbers from 1 of the rooms that no gap divides.
 pub(super) struct Merges {
     /// People made them of several.
     by_people: BTreeSet<u32>,
     of_robot: BTreeSet<u32>,
-    /// The robot's software knows one room, so it divided nothing yet.
-    is_undivided: bool,
 }
 
 impl Merges {
@@ -43,30 +35,27 @@ impl Merges {
         Merges {
             by_people: (1..=rooms.len() as u32).filter(is_merged).collect(),
             of_robot: of_robot.map(|(number, _)| number).collect(),
-            is_undivided: found.len() == 1 && found[0].source == RoomSource::LidarMap,
         }
     }
 
     /// Returns whether a gap is within one of the rooms.
-    pub fn hold(&self, gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
-        let room = room_around(gap, cells, evidence);
+    pub fn hold(&self, gap: &Gap, evidence: &Evidence) -> bool {
+        let room = room_around(gap, evidence);
         room.is_some_and(|room| self.by_people.contains(&room) || self.of_robot.contains(&room))
     }
 
-    /// Returns whether a gap within one of the rooms is a doorway: wall was seen above it, or an open leaf in it, or it
-    /// divided the rooms that people merged. In the only room of a robot, doors are what they are in computed rooms.
-    pub fn is_doorway(&self, gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
-        let is_merged =
-            || room_around(gap, cells, evidence).is_some_and(|room| self.by_people.contains(&room));
-        gap.has_lintel || gap.has_leaf || self.is_undivided || is_merged()
+    /// Returns whether a gap within one of the rooms is a doorway: wall was seen above it, or it divided the rooms that
+    /// people merged.
+    pub fn is_doorway(&self, gap: &Gap, evidence: &Evidence) -> bool {
+        gap.has_lintel || room_around(gap, evidence).is_some_and(|room| self.by_people.contains(&room))
     }
 }
 
 /// Returns the room that is on both sides of a gap.
-fn room_around(gap: &Gap, cells: &Cells, evidence: &Evidence) -> Option<u32> {
+fn room_around(gap: &Gap, evidence: &Evidence) -> Option<u32> {
     let [room, other] = [-1.0, 1.0].map(|sign| {
         let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
-        let places = beside(gap, sign, cells);
+        let places = beside(gap, sign);
         for room in places.iter().map(|place| evidence.divided_room(place)).filter(|room| *room != 0) {
             *counts.entry(room).or_default() += 1;
         }
@@ -76,22 +65,11 @@ fn room_around(gap: &Gap, cells: &Cells, evidence: &Evidence) -> Option<u32> {
     room.filter(|_| room == other)
 }
 
-/// Returns places on one side of a gap, up to the next wall.
-fn beside(gap: &Gap, sign: f64, cells: &Cells) -> Vec<Point2> {
+/// Returns places on one side of a gap.
+fn beside(gap: &Gap, sign: f64) -> Vec<Point2> {
     let [from, to] = gap.ends_m.map(Point2::from);
     let along = to - from;
     let across = Vector2::new(-along.y, along.x).normalize() * sign;
     let place = |part: f64, off_m: f64| from + along * part + across * (gap.thickness_m / 2.0 + off_m);
-    let mut places = Vec::new();
-    for part in ALONG {
-        for step in 0..STEPS {
-            let off_m = NEAREST_M + f64::from(step) * STEP_M;
-            let at = place(part, off_m);
-            if off_m > STAIRS_M && !cells.is_inside([at.x, at.y]) {
-                break;
-            }
-            places.push(at);
-        }
-    }
-    places
+    ALONG.iter().flat_map(|part| BESIDE_M.map(|off_m| place(*part, off_m))).collect()
 }

@@ -28,7 +28,7 @@ const OFF_STEPS: i32 = 8;
 const WIDTH_M: [f64; 2] = [DOOR_M[0], 2.0];
 const WIDEST_FLOOR_M: f64 = 2.0 * DOOR_HALF_M;
 /// Thickness of a wall that was not seen.
-pub(super) const THICKNESS_M: f64 = 0.1;
+const THICKNESS_M: f64 = 0.1;
 /// Chords that lean less are straight across.
 const LEAN_M: f64 = 0.08;
 /// Distance of the lines beside a slanted chord.
@@ -40,8 +40,8 @@ pub(super) struct Passage {
     pub ends_m: [[f64; 2]; 2],
 }
 
-/// A place where two rooms meet: a point of each, the one of the smaller number first.
-pub(super) type Meeting = [Point2; 2];
+/// A place where two rooms meet: a point of each.
+type Meeting = [Point2; 2];
 
 /// Returns the passages between computed rooms that are one piece. `pieces` has the piece of each cell; 0 for none.
 pub(super) fn passages(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Passage> {
@@ -52,8 +52,8 @@ pub(super) fn passages(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Ve
     found
 }
 
-/// Returns the places where two rooms of one piece meet, border by border. `pieces` has the piece of each cell; 0 for none.
-pub(super) fn borders(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Vec<Meeting>> {
+/// Returns the places where two rooms of one piece meet, border by border.
+fn borders(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Vec<Meeting>> {
     let count = |axis: usize| {
         ((evidence.high_m[axis] - evidence.low_m[axis]) / STEP_M).clamp(0.0, 2000.0) as usize + 1
     };
@@ -120,7 +120,7 @@ fn mean(points: impl Iterator<Item = Point2>) -> Point2 {
 }
 
 /// Returns the shortest chord from wall to wall that divides the two rooms.
-pub(super) fn shortest_chord(cells: &Cells, border: &[Meeting], evidence: &Evidence) -> Option<Passage> {
+fn shortest_chord(cells: &Cells, border: &[Meeting], evidence: &Evidence) -> Option<Passage> {
     let [one, other] = [0, 1].map(|side| mean(border.iter().map(|meeting| meeting[side])));
     let middle = mean([one, other].into_iter());
     let mut best: Option<(f64, Passage)> = None;
@@ -223,7 +223,6 @@ impl Passage {
             ends_m: self.ends_m,
             thickness_m: THICKNESS_M,
             has_lintel: false,
-            has_leaf: false,
             stubs: [true; 2],
             is_passage: true,
         }

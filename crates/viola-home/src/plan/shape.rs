@@ -3,7 +3,6 @@
 use super::cells::Cells;
 use super::gaps::Gap;
 use super::model::{Opening, OpeningKind, Wall};
-use super::partitions::RoomBorder;
 use super::spaces::Spaces;
 use crate::rooms::outline::{Outline, distance_m, trace};
 use viola_geometry::{Grid, GridFrame};
@@ -47,10 +46,10 @@ fn traced(lines: [&[f64]; 2], mask: Vec<bool>) -> Vec<Outline> {
     placed.collect()
 }
 
-/// Returns the openings of the gaps, and those of the borders without a wall.
-pub(super) fn doors(spaces: &Spaces) -> Vec<Opening> {
-    let door = |gap: &Gap| Opening {
-        id: String::new(),
+/// Returns the openings of the gaps, in their order.
+pub(super) fn doors(gaps: &[Gap]) -> Vec<Opening> {
+    let door = |(number, gap): (usize, &Gap)| Opening {
+        id: format!("door-{number}"),
         kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
         from_m: gap.ends_m[0],
         to_m: gap.ends_m[1],
@@ -59,10 +58,7 @@ pub(super) fn doors(spaces: &Spaces) -> Vec<Opening> {
         head_m: None,
         swing: None,
     };
-    let at_borders = spaces.borders.iter().filter_map(RoomBorder::opening);
-    let mut openings: Vec<Opening> = spaces.gaps.iter().map(door).chain(at_borders).collect();
-    (1..).zip(&mut openings).for_each(|(number, opening): (usize, _)| opening.id = format!("door-{number}"));
-    openings
+    (1..).zip(gaps).map(door).collect()
 }
 
 /// A stretch of wall beside a room.

@@ -4,10 +4,8 @@ use super::cells::Cells;
 use super::evidence::Evidence;
 use super::faces::Face;
 use super::gaps::{Gap, gaps};
-use super::leaves::OpenLeaf;
 use super::merges::Merges;
 use super::oblique::Oblique;
-use super::partitions::{RoomBorder, partitions};
 use super::passages::{MIN_PART_M2, Passage, passages};
 use crate::rooms::{Room, RoomSource};
 use std::collections::BTreeMap;
@@ -30,13 +28,11 @@ pub(super) struct Spaces {
     /// Room of each cell in a doorway within one room, from 1; else 0.
     pub joins: Vec<u32>,
     pub gaps: Vec<Gap>,
-    /// Straight borders between rooms without a wall.
-    pub borders: Vec<RoomBorder>,
 }
 
 impl Spaces {
     /// Rooms of the robot's software divide pieces without a wall between them, computed ones only at narrow passages. No
-    /// doorway divides one of the robot's rooms, or a room that people merged. `leaves` are the open leaves that clips saw.
+    /// doorway divides one of the robot's rooms, or a room that people merged.
     pub fn new(
         cells: &mut Cells,
         evidence: &Evidence,
@@ -44,11 +40,10 @@ impl Spaces {
         oblique: &[Oblique],
         rooms: &[Room],
         merges: &Merges,
-        leaves: &[OpenLeaf],
     ) -> Spaces {
         let known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
         let closed_in = |cells: &Cells| {
-            let gaps = gaps(cells, evidence, faces, oblique, leaves);
+            let gaps = gaps(cells, evidence, faces, oblique);
             closed(cells, evidence, gaps, merges)
         };
         let mut closed = closed_in(cells);
@@ -65,25 +60,19 @@ impl Spaces {
             closed.extend(found.iter().map(|passage| passage.gap(cells)));
             pieces = self::pieces(cells, &closed);
         }
-        let mut divisions = if known { partitions(cells, &pieces, evidence) } else { Vec::new() };
-        if !divisions.is_empty() {
-            divisions.iter_mut().for_each(|division| division.divide(cells));
-            closed = closed_in(cells);
-        }
         let cells = &*cells;
         open_idle(cells, &mut closed);
         let (mut inner, mut dividing): (Vec<Gap>, Vec<Gap>) =
-            closed.into_iter().partition(|gap| merges.hold(gap, cells, evidence));
+            closed.into_iter().partition(|gap| merges.hold(gap, evidence));
         inner.extend(open_idle(cells, &mut dividing));
-        inner.retain(|gap| merges.is_doorway(gap, cells, evidence));
+        inner.retain(|gap| merges.is_doorway(gap, evidence));
         let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known);
         let mut joins = vec![0; of_cell.len()];
         for at in inner.iter().flat_map(|gap| &gap.cells) {
             joins[*at] = joins[*at].max(std::mem::take(&mut of_cell[*at]));
         }
         dividing.extend(inner);
-        let borders = divisions.iter().filter_map(|division| division.border(cells, &of_cell)).collect();
-        Spaces { of_cell, owners, joins, gaps: dividing, borders }
+        Spaces { of_cell, owners, joins, gaps: dividing }
     }
 }
 
@@ -120,8 +109,7 @@ fn open_idle(cells: &Cells, closed: &mut Vec<Gap>) -> Vec<Gap> {
 fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -> Vec<Gap> {
     let mut closed: Vec<Gap> = Vec::new();
     let mut taken = vec![false; cells.inside.len()];
-    let is_nothing =
-        |gap: &Gap| merges.hold(gap, cells, evidence) && !merges.is_doorway(gap, cells, evidence);
+    let is_nothing = |gap: &Gap| merges.hold(gap, evidence) && !merges.is_doorway(gap, evidence);
     for gap in gaps.into_iter().filter(|gap| !is_nothing(gap)) {
         let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
         if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {

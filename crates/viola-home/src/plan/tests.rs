@@ -4,10 +4,8 @@ mod corrected;
 mod filmed;
 mod furniture;
 mod gaps;
-mod leaves;
 mod oblique;
 mod pages;
-mod robot_rooms;
 
 use super::*;
 use crate::rooms::RoomSource;

@@ -98,7 +98,6 @@ fn gap(cells: &Cells, face: &Oblique, back: &Oblique, span: [f64; 2]) -> Option<
         ends_m: span.map(end),
         thickness_m,
         has_lintel: false,
-        has_leaf: false,
         stubs: [true; 2],
         is_passage: false,
     };

@@ -154,25 +154,10 @@ fn score_openings(truth: &TruePlan, plan: &Plan, home_from_plan: &Pose2, score: 
             (score.windows, score.found_windows) = (score.windows + 1, score.found_windows + is_found);
         } else {
             (score.doors, score.found_doors) = (score.doors + 1, score.found_doors + is_found);
-            if is_found == 0 && std::env::var("PLAN_DEBUG").is_ok() {
-                let ends = opening.ends.map(|p| {
-                    let q = home_from_plan.inverse().apply(&p);
-                    [q.x, q.y]
-                });
-                eprintln!("missed door {ends:.2?}");
-            }
         }
     }
     for drawn in &plan.openings {
         score.drawn_openings += 1;
-        if std::env::var("PLAN_DEBUG").is_ok()
-            && !truth.openings.iter().any(|opening| matches(opening, drawn))
-        {
-            eprintln!(
-                "wrong {:?} {} {:.2?} {:.2?} t {:.2} sill {:?} head {:?}",
-                drawn.kind, drawn.id, drawn.from_m, drawn.to_m, drawn.thickness_m, drawn.sill_m, drawn.head_m
-            );
-        }
         score.right_openings += usize::from(truth.openings.iter().any(|opening| matches(opening, drawn)));
     }
 }
