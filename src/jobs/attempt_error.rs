@@ -1,9 +1,10 @@
 //! Reasons why an attempt gave no answer, and whether they count against the clip.
 
 use super::align_clip::{AlignJobError, Finished};
-use crate::storage::{Fault, StorageError};
+use crate::storage::{AttemptEnd, Fault, StorageError};
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
+use tracing::{error, warn};
 use viola_reconstruct::Reason;
 
 /// Result of the method.
@@ -36,6 +37,28 @@ impl AttemptError {
 
     pub fn system(cause: impl Display) -> AttemptError {
         AttemptError::Fault { fault: Fault::System, cause: cause.to_string() }
+    }
+
+    /// Returns the end of the attempt. The cause is only logged: a client cannot act on it.
+    pub fn into_end(self) -> AttemptEnd {
+        match self {
+            AttemptError::Cancelled => AttemptEnd::GivenUp,
+            AttemptError::Refused(reason) => AttemptEnd::Refused(reason),
+            AttemptError::Broken { code, cause } => {
+                error!(code, cause, "an attempt broke");
+                let detail = match code.as_str() {
+                    "worker_died" => {
+                        "the process that worked on this clip alone died; it may need more memory than there is"
+                    }
+                    _ => "the service failed while it worked on this clip; its log has the cause",
+                };
+                AttemptEnd::Broken(Reason::new(&code, detail))
+            }
+            AttemptError::Fault { fault, cause } => {
+                warn!(code = fault.code(), cause, "a fault ended an attempt, which does not count");
+                AttemptEnd::Fault(fault)
+            }
+        }
     }
 }
 

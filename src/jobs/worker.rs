@@ -17,7 +17,6 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
-use viola_reconstruct::Reason;
 
 /// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);
@@ -231,12 +230,12 @@ impl Attempt<'_> {
         let begun = self.with_heartbeat(&progress, JobProgress::default(), begin).await?;
         let (mut method, limits) = match begun {
             Some(Ok(begun)) => begun,
-            Some(Err(error)) => return Ok(end_after(error)),
+            Some(Err(error)) => return Ok(error.into_end()),
             None => return Ok(AttemptEnd::GivenUp),
         };
         Ok(match self.attend(&mut method, limits, &progress, stop).await? {
             Some(Ok(finished)) => self.store(finished, &progress).await,
-            Some(Err(error)) => end_after(error),
+            Some(Err(error)) => error.into_end(),
             None => AttemptEnd::GivenUp,
         })
     }
@@ -324,7 +323,7 @@ impl Attempt<'_> {
         let storage = &self.queue.storage;
         for (name, bytes) in finished.files {
             if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
-                return end_after(error.into());
+                return AttemptError::from(error).into_end();
             }
         }
         AttemptEnd::Answered(Box::new(finished.alignment))
@@ -376,26 +375,4 @@ struct Lost;
 struct LastHeartbeat {
     progress: JobProgress,
     at: Instant,
-}
-
-/// Returns the end of an attempt that failed. The cause is only logged: a client cannot act on it.
-fn end_after(error: AttemptError) -> AttemptEnd {
-    match error {
-        AttemptError::Cancelled => AttemptEnd::GivenUp,
-        AttemptError::Refused(reason) => AttemptEnd::Refused(reason),
-        AttemptError::Broken { code, cause } => {
-            error!(code, cause, "an attempt broke");
-            let detail = match code.as_str() {
-                "worker_died" => {
-                    "the process that worked on this clip alone died; it may need more memory than there is"
-                }
-                _ => "the service failed while it worked on this clip; its log has the cause",
-            };
-            AttemptEnd::Broken(Reason::new(&code, detail))
-        }
-        AttemptError::Fault { fault, cause } => {
-            warn!(code = fault.code(), cause, "a fault ended an attempt, which does not count");
-            AttemptEnd::Fault(fault)
-        }
-    }
 }

@@ -71,7 +71,7 @@ export function adviceFor(code: string): string | null {
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
   if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
-  const codes = new Set(clip.reasons.map(({ code }) => code));
+  const codes = new Set<string>(clip.reasons.map(({ code }) => code));
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
   if (mayBeForeign(clip)) return [MAY_BE_FOREIGN];
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;
