@@ -101,6 +101,7 @@ impl Storage {
     /// Claims a due job for a worker; returns `None` if there is none. Jobs of lost workers are due after
     /// [`Storage::release_lost`]. A job whose rows cannot be read is an error, and rests.
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
+        self.require_store().await?;
         let mut transaction = self.database.begin().await?;
         // Jobs that another worker is taking are skipped, so that workers do not wait for each other. If no other one is due,
         // the lock may be that of a change of the clip, and the job would wait for the next poll.

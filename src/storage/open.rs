@@ -13,7 +13,7 @@ use jiff::Timestamp;
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 
 /// Opens SQLite; an error names a damaged file.
@@ -124,9 +124,7 @@ impl Storage {
     /// Checks that blobs can be written and read; returns the bytes that are free for incoming files. Refuses a store that
     /// did not answer at the start and is not this database's.
     pub async fn blobs_ready(&self) -> Result<u64, StorageError> {
-        if !self.is_store_checked.load(Ordering::Relaxed) {
-            self.check_store().await?;
-        }
+        self.require_store().await?;
         self.blobs.ready().await
     }
 

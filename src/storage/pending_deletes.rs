@@ -73,6 +73,7 @@ impl Storage {
 
     /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
+        self.require_store().await?;
         let (mut finished, mut failed) = (0, None);
         let mut timed_out = false;
         let mut after = (i64::MIN, String::new());

@@ -23,6 +23,15 @@ impl Storage {
         Ok(id)
     }
 
+    /// Checks the store, unless it was found to be this database's before. A store that did not answer at the start is checked
+    /// here, before jobs write to it and deletions count what it does not have as deleted.
+    pub(super) async fn require_store(&self) -> Result<(), StorageError> {
+        if !self.is_store_checked.load(Ordering::Relaxed) {
+            self.check_store().await?;
+        }
+        Ok(())
+    }
+
     /// Gives a new database the store with this id, whose files it does not name.
     pub async fn take_over_store(&self, id: Uuid) -> Result<(), StorageError> {
         let mut transaction = self.begin_identity().await?;

@@ -20,6 +20,7 @@ test("the reasons for attention are told with the next step", () => {
     [["waiting"], { uploaded: 1 }, 3, ["1 clip was stopped: start it again"]],
     [["ambiguous", "failed"], { ambiguous: 1, failed: 3 }, 1,
       ["1 clip has no certain place: choose it, or film again", "3 clips have no place: see why"]],
+    [["service_fault"], { queued: 2 }, 1, ["clips wait because of a fault of the service, which tries again: if it lasts, tell the operator"]],
     [["map_failing"], {}, 1, ["the map cannot be made: tell the operator of the service"]],
     [["a_new_reason"], {}, 1, ["a new reason"]],
   ] as const) {

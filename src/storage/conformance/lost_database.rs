@@ -325,6 +325,10 @@ async fn a_wrong_store_that_was_silent_at_the_start_is_not_ready() {
             server.listen();
             let ready = storage.blobs_ready().await;
             assert!(matches!(ready, Err(StorageError::OtherStore { .. })), "{ready:?}");
+            let claimed = storage.claim(LEASE, at(0)).await;
+            assert!(matches!(claimed, Err(StorageError::OtherStore { .. })), "{claimed:?}");
+            let deleted = storage.finish_deletions().await;
+            assert!(matches!(deleted, Err(StorageError::OtherStore { .. })), "{deleted:?}");
         })
         .await;
     bench.remove().await;

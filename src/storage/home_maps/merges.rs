@@ -127,6 +127,7 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<Option<MergeClaim>, StorageError> {
+        self.require_store().await?;
         let mut transaction = self.database.begin().await?;
         faults::release_lost(&mut transaction, now).await?;
         let later = transaction.either(claim!(">", ""), claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));

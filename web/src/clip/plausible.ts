@@ -1,4 +1,4 @@
-// Whether a clip is of this home at all, and whether a place is probable enough to be offered.
+// Tells whether a clip may be of another home, and whether a place is probable enough to be offered.
 
 import type { Alternative, Clip } from "../types.ts";
 

@@ -14,7 +14,7 @@ export function attentionOf({ needs_attention, clips_by_state, lidar_map_revisio
       : `${many(uploaded, "clip")} ${uploaded === 1 ? "was" : "were"} stopped: start ${uploaded === 1 ? "it" : "them"} again`,
     ambiguous: `${many(ambiguous, "clip")} ${ambiguous === 1 ? "has" : "have"} no certain place: choose it, or film again`,
     failed: `${many(failed, "clip")} ${failed === 1 ? "has" : "have"} no place: see why`,
-    service_fault: "a fault of the service stopped a clip, which is tried again: tell the operator if it lasts",
+    service_fault: "clips wait because of a fault of the service, which tries again: if it lasts, tell the operator",
     map_failing: "the map cannot be made: tell the operator of the service",
   };
   // A newer service may have other reasons.

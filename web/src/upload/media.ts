@@ -13,7 +13,7 @@ const MOST_PNG_BYTES = 16 << 20;
 const BEGINNINGS: [offset: number, text: string, kind: Foreign][] = [
   [0, "\xff\xd8\xff", "photo"], [0, "GIF8", "photo"], [0, "II*\0", "photo"], [0, "MM\0*", "photo"], [8, "WEBP", "photo"],
   [0, "\0\0\0\x0cJXL ", "photo"], [8, "AVI ", "video"], [0, "\x1a\x45\xdf\xa3", "video"], [0, "FLV\x01", "video"],
-  [0, "\0\0\x01\xba", "video"], [0, "\x30\x26\xb2\x75\x8e\x66\xcf\x11", "video"], 
+  [0, "\0\0\x01\xba", "video"], [0, "\x30\x26\xb2\x75\x8e\x66\xcf\x11", "video"],
   [0, "P5\n", "picture"], [0, "P5 ", "picture"], [0, "P2\n", "picture"], [0, "P2 ", "picture"],
   [0, "%PDF", "document"], [0, "AC10", "document"], [0, "LASF", "model"], [0, "ASTM-E57", "model"], [0, "glTF", "model"],
 ];

@@ -45,7 +45,7 @@ export class UploadRow {
     this.element.className = "failed";
     this.hint.hidden = this.bar.hidden = true;
     const again = onAgain && h("button", { type: "button", class: "small", onclick: onAgain }, "Try again");
-    const more = detail && h("details", { class: "technical" }, h("summary", {}, "What the service says"), h("p", { class: "hint" }, detail));
+    const more = detail && h("details", { class: "technical" }, h("summary", {}, "The service's own words"), h("p", { class: "hint" }, detail));
     this.failure = [h("p", { class: "reason", role: "alert" }, reason), ...(more ? [more] : []), ...(again ? [again] : [])];
     this.element.append(...this.failure);
   }
