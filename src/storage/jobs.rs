@@ -294,19 +294,24 @@ pub(super) async fn enqueue_home(
     lidar_map: Uuid,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let rows =
-        query("SELECT id, state, result_key, last_result_key FROM clips WHERE home_id = $1 ORDER BY id")
-            .bind(home.key())
-            .fetch_all(transaction)
-            .await?;
+    let rows = query(
+        "SELECT id, state, result_key, last_result_key, \
+            (SELECT again FROM jobs WHERE jobs.id = clips.job_id) AS again \
+         FROM clips WHERE home_id = $1 ORDER BY id",
+    )
+    .bind(home.key())
+    .fetch_all(transaction)
+    .await?;
     let (mut without_answer, mut answered) = (Vec::new(), Vec::new());
     for row in &rows {
         let id: Uuid = row.id("id")?;
         end_earlier(transaction, id, now).await?;
         let has_result =
             row.maybe_text("result_key")?.is_some() || row.maybe_text("last_result_key")?.is_some();
-        // A file that no job could use is the clip's answer, too.
-        if has_result || row.text("state")? == ClipState::Failed.name() {
+        // A file that no job could use is the clip's answer, too, and one
+        // that already waits to be aligned again stays so.
+        let failed = row.text("state")? == ClipState::Failed.name();
+        if has_result || failed || row.maybe_number("again")? == Some(1) {
             answered.push(id);
         } else {
             without_answer.push(id);
