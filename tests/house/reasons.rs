@@ -18,7 +18,7 @@ const KEPT: [(&str, &str); 3] = [
 const GIVEN: [(&str, &str); 4] = [
     ("crates/viola-reconstruct/src/track/clip.rs", "why.code()"),
     ("src/storage/leases/retry.rs", "self.code()"),
-    ("src/jobs/worker.rs", "&code"),
+    ("src/jobs/attempt_error.rs", "&code"),
     ("src/jobs/align_clip.rs", "code"),
 ];
 

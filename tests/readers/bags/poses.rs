@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::exports;
+use crate::refusals::check_error;
 use crate::writers::as_folder;
 use nalgebra::{Rotation3, Vector3};
-use viola_formats::clip::Clip;
+use viola_formats::clip::{Clip, ClipError};
 
 /// Checks the poses and pixels of a bag that gives the up direction, and that its notes have these words.
 fn check(messages: &[Message], recording: &Recording, words: &[&str]) {
@@ -177,4 +178,61 @@ fn a_robots_own_tree_does_not_replace_the_few_poses_of_odometry() {
     let clip = open(&messages);
     assert_eq!(clip.info().frames_with_pose, 5);
     check_notes(&clip, &["base_link was taken as the world", "stands still"]);
+}
+
+/// Returns a robot's recording by the tree of frames, without `/tf_static`.
+fn without_static(recording: &Recording) -> Vec<Message> {
+    let mut messages = messages(recording, PosesBy::Tree);
+    messages.retain(|(_, topic, ..)| *topic != "/tf_static");
+    messages
+}
+
+fn open(messages: &[Message]) -> Result<Clip, ClipError> {
+    let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
+    Clip::open(folder.path())
+}
+
+#[test]
+fn a_camera_that_the_tree_does_not_place_has_no_poses_and_a_note() {
+    let mut messages = without_static(&Recording::small(5));
+    let unconnected = "/tf moves base_link in odom, but neither /tf nor /tf_static tells where the camera \
+                       (camera_depth_optical_frame) is on it; record /tf_static, too";
+    let clip = open(&messages).unwrap();
+    assert_eq!(clip.info().frames_with_pose, 0);
+    check_notes(&clip, &[unconnected]);
+    assert!(
+        !clip.info().notes.iter().any(|note| note.starts_with("poses are from")),
+        "{:?}",
+        clip.info().notes
+    );
+    // Without colour, nothing could track the camera.
+    messages.retain(|(_, topic, ..)| *topic != COLOR);
+    check_error(open(&messages).err().unwrap(), "bad_metadata", unconnected);
+}
+
+/// The height and the tilt of the camera on the robot are unknown, and so is the up direction.
+#[test]
+fn odometry_without_the_tree_gives_assumed_poses_without_the_up_direction() {
+    let mut messages = messages(&Recording::small(5), PosesBy::Odometry);
+    messages.retain(|(_, topic, ..)| *topic != "/tf_static");
+    let clip = open(&messages).unwrap();
+    assert_eq!((clip.info().frames_with_pose, clip.up_in_world()), (5, None));
+    check_notes(&clip, &["/tf does not connect camera_depth_optical_frame with the poses of /odom"]);
+}
+
+/// Pictures may lack a frame, or name one that is in no tree.
+#[test]
+fn the_frame_of_camera_info_places_pictures_without_a_frame() {
+    let recording = Recording::small(5);
+    let (width, height) = recording.depth_size;
+    for own in ["", "depth"] {
+        let mut messages = messages(&recording, PosesBy::Tree);
+        for (index, (.., cdr)) in messages.iter_mut().filter(|(_, topic, ..)| *topic == DEPTH).enumerate() {
+            let frame = &recording.frames[index];
+            let bytes: Vec<u8> = frame.depth_mm.iter().flat_map(|mm| mm.to_le_bytes()).collect();
+            let picture = Cdr::new().header(frame.time_s, own).u32(height).u32(width).text("16UC1");
+            *cdr = picture.put([0]).u32(2 * width).bytes(&bytes).0;
+        }
+        check(&messages, &recording, &["poses are from /tf (from odom to camera_depth_optical_frame)"]);
+    }
 }

@@ -8,7 +8,7 @@ type Reasons = Pick<Home, "needs_attention" | "clips_by_state" | "lidar_map_revi
 /** The reasons of a home in words, with the next step. */
 export function attentionOf({ needs_attention, clips_by_state, lidar_map_revision }: Reasons): string[] {
   const { uploaded, ambiguous, failed } = clips_by_state;
-  const words: Record<Home["needs_attention"][number], string> = {
+  const words: Record<string, string> = {
     waiting: lidar_map_revision === null
       ? `${many(uploaded, "clip")} ${uploaded === 1 ? "waits" : "wait"} for the LiDAR map: add it`
       : `${many(uploaded, "clip")} ${uploaded === 1 ? "was" : "were"} stopped: start ${uploaded === 1 ? "it" : "them"} again`,

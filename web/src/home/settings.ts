@@ -46,7 +46,7 @@ export class Settings {
 
   private async deleteLevel(): Promise<void> {
     const { home, level } = this.data;
-    const text = "Its LiDAR maps, and the choices and corrections on it, are removed for good. All clips are aligned again to the " +
+    const text = "Its LiDAR maps, and the choices and corrections on it, are removed for good. All clips are placed again on the " +
       "other levels.";
     if (!(await confirm(`Delete the level “${levelWord(level)}”?`, text, "Delete level"))) return;
     await api.deleteLevel(home.id, level);

@@ -87,7 +87,16 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
         notes.push(format!("{words}, and were left out; the first one: {reason}"));
         unread += count;
     }
-    let path = path::find(bag, &depth.frame, &of_frames_s);
+    let camera = camera_frame(bag, depth_topic, depth);
+    let path = path::find(bag, camera, &of_frames_s);
+    if path.count() == 0
+        && let Some(words) = path::unconnected(bag, camera)
+    {
+        if chosen.is_none() && passed_over.is_empty() {
+            return Err(bad(format!("{words}: without colour a clip needs poses, and this one has none")));
+        }
+        notes.push(words);
+    }
     for Lost { words, reason, .. } in passed_over {
         if chosen.is_none() && path.count() == 0 {
             let advice = "record the topic again: without colour a clip needs poses, and this one has none";
@@ -99,7 +108,9 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
         let is_color = |topic: &str| !topic.contains("depth") && !is_infrared(topic);
         notes.extend(unread_topic(bag, is_color));
     }
-    notes.push(format!("poses are from {}, interpolated to the depth pictures", path.from));
+    if path.count() > 0 {
+        notes.push(format!("poses are from {}, interpolated to the depth pictures", path.from));
+    }
     notes.extend(path.notes);
     let sources = sources(depth, chosen, &pairs, path.poses);
     Ok(Layout {
@@ -171,6 +182,15 @@ fn sources(
         }
     };
     pairs.iter().enumerate().zip(poses).map(source).collect()
+}
+
+/// Returns the frame of a topic's camera: that of its pictures, or that of its `camera_info` if the tree of frames has only
+/// the latter, or if the pictures name none.
+fn camera_frame<'a>(bag: &'a Bag, topic: &str, images: &'a Images) -> &'a str {
+    let own = images.frame.as_str();
+    let of_info = bag.cameras.get(&info_topic(topic)).map(|info| info.frame.as_str());
+    let is_better = |frame: &&str| bag.frames.has(frame) || own.is_empty();
+    of_info.filter(|_| !bag.frames.has(own)).filter(is_better).unwrap_or(own)
 }
 
 fn is_infrared(topic: &str) -> bool {

@@ -83,6 +83,17 @@ impl Frames {
         worlds
     }
 
+    /// Returns whether the tree has a place for a frame.
+    pub fn has(&self, frame: &str) -> bool {
+        self.edges.contains_key(frame)
+    }
+
+    /// Returns a world and the first frame, by name, that moves in it.
+    pub fn moving_in(&self, is_world: impl Fn(&str) -> bool) -> Option<(&str, &str)> {
+        let moving = self.edges.iter().filter(|(_, edge)| !edge.is_static && is_world(&edge.parent));
+        moving.map(|(child, edge)| (edge.parent.as_str(), child.as_str())).next()
+    }
+
     /// Returns the frame of the robot that carries a camera: its mobile base, or else the last frame below a world.
     pub fn carrier<'a>(&'a self, camera: &'a str, is_world: impl Fn(&str) -> bool) -> &'a str {
         let names = self.above(camera).map(|(name, _)| name);

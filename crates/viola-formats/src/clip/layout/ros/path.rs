@@ -101,7 +101,8 @@ fn of_topic(bag: &Bag, topic: &str, of: &Poses, camera: &str, times_s: &[f64]) -
     Path {
         from: topic.to_string(),
         poses: times_s.iter().map(pose).collect(),
-        z_is_up: is_world(&of.world) && bag.frames.is_on_base(told),
+        // A camera whose place is assumed may look up or down.
+        z_is_up: !is_assumed && is_world(&of.world) && bag.frames.is_on_base(told),
         notes: note.into_iter().collect(),
     }
 }
@@ -121,6 +122,18 @@ fn of_frames(bag: &Bag, world: &str, camera: &str, times_s: &[f64]) -> Path {
         z_is_up: is_world(world) && bag.frames.is_on_base(camera),
         notes,
     }
+}
+
+/// Describes a tree that moves a frame in a world, but not the camera; `None` if it moves nothing there, or the camera.
+pub(super) fn unconnected(bag: &Bag, camera: &str) -> Option<String> {
+    let (parent, child) = bag.frames.moving_in(is_world)?;
+    let is_connected = !bag.frames.worlds(camera).is_empty();
+    (!is_connected).then(|| {
+        let advice = "record /tf_static, too (`ros2 bag record /tf /tf_static ...`)";
+        format!(
+            "/tf moves {child} in {parent}, but neither /tf nor /tf_static tells where the camera ({camera}) is on it; {advice}"
+        )
+    })
 }
 
 fn is_world(frame: &str) -> bool {
