@@ -11,6 +11,8 @@ use utoipa::openapi::OpenApi;
 
 const FILE: &str = "#/components/schemas/FileBytes";
 const PROBLEM: &str = "application/problem+json";
+/// Values of `If-Match` (RFC 9110, section 13.1.1).
+const TAGS: &str = r#"^(\*|(W/)?"[!#-~]*"(, *(W/)?"[!#-~]*")*)$"#;
 
 /// Returns the whole document.
 pub(super) fn complete(document: &OpenApi) -> OpenApi {
@@ -25,6 +27,7 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
                 allow_conditions(operation);
             }
             demand_values(operation);
+            give_pattern(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
                 show_answer(answer, status, &examples, &mut shared);
             }
@@ -116,6 +119,15 @@ fn list_problem_types(document: &mut Value) {
 /// Returns the type of a problem from its code with hyphens.
 fn kind(code: &str) -> String {
     format!("urn:viola:problem:{code}")
+}
+
+/// Adds the pattern of `If-Match`, which is refused without it.
+fn give_pattern(operation: &mut Value) {
+    for parameter in operation["parameters"].as_array_mut().into_iter().flatten() {
+        if parameter["name"] == "If-Match" {
+            parameter["schema"]["pattern"] = json!(TAGS);
+        }
+    }
 }
 
 /// Adds the entity tag, the condition and the answer of a request that has the answer already. Streams have no entity tag.
