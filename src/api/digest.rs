@@ -51,12 +51,22 @@ fn sent(headers: &HeaderMap, field: &'static str) -> Result<Option<[u8; 32]>, Er
     for value in headers.get_all(field) {
         for member in value.to_str().map_err(|_| malformed())?.split(',') {
             let (name, value) = member.split_once('=').ok_or_else(malformed)?;
-            if name.trim() == ALGORITHM {
-                found = Some(bytes(value.trim()).ok_or_else(malformed)?);
+            let (name, value) = (name.trim(), value.trim());
+            if name == ALGORITHM {
+                found = Some(bytes(value).ok_or_else(malformed)?);
+            } else if !is_key(name) || !value.starts_with(':') {
+                return Err(malformed());
             }
         }
     }
     Ok(found)
+}
+
+/// Returns whether a text is a key of a dictionary (RFC 9651, section 3.1.2).
+fn is_key(text: &str) -> bool {
+    let is_first = |c: u8| c.is_ascii_lowercase() || c == b'*';
+    text.bytes().next().is_some_and(is_first)
+        && text.bytes().all(|c| is_first(c) || c.is_ascii_digit() || b"_-.".contains(&c))
 }
 
 /// Returns the 32 bytes of a byte sequence: base64 between colons, perhaps with parameters after it.
@@ -109,6 +119,8 @@ mod tests {
             format!("sha-256=:{EMPTY_BASE64}:x"),
             format!("sha-256=:{EMPTY}:"),
             format!("sha-256=:{short}:"),
+            "x![v|=%CJV)".to_owned(),
+            "md5=AAAA".to_owned(),
         ] {
             assert_eq!(of(&[&bad]).unwrap_err().problem().kind, "urn:viola:problem:invalid-header", "{bad}");
         }
