@@ -127,7 +127,10 @@ pub fn evaluate(
 impl HomeReport {
     /// Returns the report as Markdown tables.
     pub fn markdown(&self) -> String {
-        let percent = |fraction: f64| format!("{:.1} %", fraction * 100.0);
+        let percent = |fraction: f64| match fraction {
+            nothing if nothing.is_nan() => "-".to_owned(),
+            fraction => format!("{:.1} %", fraction * 100.0),
+        };
         let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
         let placed: Vec<&Excerpt> = self.excerpts.iter().filter(|e| e.placed_by.is_some()).collect();
         let by_others = placed.iter().filter(|e| e.placed_by == Some(home::PlacedBy::Neighbours));
