@@ -20,8 +20,12 @@ const OF_PART: f64 = 3.0;
 const MOST_OF_SIDES: f64 = 2.0;
 /// A side counts at most as so many tolerances.
 const MOST_OFF: f64 = 3.0;
-/// Lower score of a pair whose classes differ: more than all differences of two objects of one class.
-const OTHER_CLASS: i64 = 4000;
+/// Lower score of a pair whose classes differ: more than all differences of two objects of one class, which are up to
+/// [`OF_PART`] and [`MOST_OF_SIDES`] in thousandths, and [`MOST_OF_DISTANCE`].
+const OTHER_CLASS: i64 = 6000;
+const MOST_OF_DISTANCE: f64 = 500.0;
+/// Score of a pair without differences: more than all differences, so that no pair is worse than none.
+const BEST: i64 = 12_000;
 /// Distance beyond which all moves are alike.
 const FAR_M: f64 = 20.0;
 
@@ -129,8 +133,7 @@ fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut Object
             if let Some(unlike) = unlike(a, b).or_else(of_part) {
                 let far = (distance_m(a, b) / FAR_M).min(1.0);
                 let kind = if is_same_class { 0 } else { OTHER_CLASS };
-                // Every pair counts more than the choice between pairs.
-                let score = 10_000 - kind - (unlike * 1000.0) as i64 - (far * 500.0) as i64;
+                let score = BEST - kind - (unlike * 1000.0) as i64 - (far * MOST_OF_DISTANCE) as i64;
                 candidates.push(Candidate { row, column, score });
             }
         }

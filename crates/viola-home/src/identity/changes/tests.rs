@@ -183,6 +183,16 @@ fn labels_may_take_a_moved_object_for_another_of_its_family() {
             ],
             ObjectChanges { added: vec![0], gone: vec![0], ..none() },
         ),
+        (
+            "beside one of its class, of which a part was seen",
+            vec![known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6])],
+            vec![
+                new(known("shelf-2", Class::Shelf, 3.0, [1.1, 1.1, 1.1])),
+                new(known("cabinet-1", Class::Cabinet, 3.0, [1.6, 0.4, 0.6])),
+                missed(known("shelf-1", Class::Shelf, 0.0, [1.6, 0.4, 0.6]), true),
+            ],
+            ObjectChanges { added: vec![1], moved: vec![(0, 0)], ..none() },
+        ),
     ];
     check(cases);
 }
