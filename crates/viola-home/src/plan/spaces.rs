@@ -1,5 +1,7 @@
 //! Rooms of the plan: pieces of the inside between walls and closed gaps.
 
+mod joined;
+
 use super::cells::Cells;
 use super::evidence::Evidence;
 use super::faces::Face;
@@ -8,6 +10,7 @@ use super::merges::Merges;
 use super::oblique::Oblique;
 use super::passages::{MIN_PART_M2, Passage, passages};
 use crate::rooms::{Room, RoomSource};
+use joined::{Key, joined};
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
@@ -184,7 +187,7 @@ fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>)
             *areas_m2[*piece as usize].entry(*owner).or_default() += area;
         }
     }
-    let mut key: Vec<Option<(u32, u32)>> = vec![None; pieces.len()];
+    let mut key: Vec<Key> = vec![None; pieces.len()];
     for (piece, areas_m2) in areas_m2.iter().enumerate().skip(1) {
         let mut parts: Vec<u32> =
             areas_m2.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
@@ -195,7 +198,9 @@ fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>)
         }
         spread(cells, pieces, piece as u32, &parts, &mut key);
     }
-    let region = joined(cells, pieces, &mut key);
+    // Another room may lie between the parts of a given one.
+    let region = regions(cells, |at| key[at]);
+    let region = joined(cells, pieces, &mut key, region);
     let area_m2 = areas(cells, &region);
     let mut owner_of = vec![0; area_m2.len()];
     region.iter().zip(&key).for_each(|(region, key)| owner_of[*region as usize] = key.map_or(0, |key| key.1));
@@ -219,38 +224,8 @@ fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>)
     (of_cell, order.iter().map(owner).collect())
 }
 
-/// Returns the region of each cell, since another room may lie between the parts of a given one. Parts that are too small
-/// for a room belong to the largest region beside them, the smallest part first.
-fn joined(cells: &Cells, pieces: &[u32], key: &mut [Option<(u32, u32)>]) -> Vec<u32> {
-    let mut alone = std::collections::BTreeSet::new();
-    loop {
-        let region = regions(cells, |at| key[at]);
-        let area_m2 = areas(cells, &region);
-        let small = (1..area_m2.len()).filter(|at| area_m2[*at] < MIN_AREA_M2);
-        let first = |of: usize| region.iter().position(|region| *region as usize == of);
-        let smallest = small
-            .filter(|of| first(*of).is_some_and(|at| !alone.contains(&at)))
-            .min_by(|a, b| area_m2[*a].total_cmp(&area_m2[*b]).then(a.cmp(b)));
-        let Some(smallest) = smallest else { return region };
-        let own = |at: &usize| region[*at] as usize == smallest;
-        let beside = (0..region.len()).filter(own).flat_map(|at| {
-            let beside = crate::rooms::outline::beside(at, cells.count(0), cells.count(1));
-            beside.into_iter().flatten().filter(move |next| pieces[*next] == pieces[at])
-        });
-        let others = beside.filter(|next| region[*next] != 0 && !own(next));
-        let area = |at: &usize| area_m2[region[*at] as usize];
-        match others.max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a))) {
-            Some(into) => {
-                let into = key[into];
-                (0..region.len()).filter(own).for_each(|at| key[at] = into);
-            }
-            None => alone.extend(first(smallest)),
-        }
-    }
-}
-
 /// Gives each cell of a piece to one of `parts`: its own largest, else that of the nearest cell.
-fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [Option<(u32, u32)>]) {
+fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [Key]) {
     let own: Vec<usize> = (0..pieces.len()).filter(|at| pieces[*at] == piece).collect();
     let mut open = std::collections::VecDeque::new();
     for at in &own {
@@ -302,5 +277,19 @@ mod tests {
         assert_eq!((of_cell, owners), (vec![1, 2, 2], vec![1, 2]));
         let (of_cell, owners) = divided(&[(0.5, 1), (1.2, 2), (5.0, 3)]);
         assert_eq!((of_cell, owners), (vec![1, 1, 1], vec![3]));
+    }
+
+    #[test]
+    fn a_part_joins_all_beside_it_that_are_one_room() {
+        let (of_cell, owners) = divided(&[(3.0, 1), (3.4, 2), (6.4, 1), (9.0, 2)]);
+        assert_eq!((of_cell, owners), (vec![1, 1, 1, 2], vec![1, 2]));
+    }
+
+    #[test]
+    fn a_map_of_very_many_small_parts_ends_soon() {
+        let strips: Vec<(f64, u32)> = (1..=20_000).map(|at| (f64::from(at) * 0.003, 1 + at % 2)).collect();
+        let (of_cell, owners) = divided(&strips);
+        assert!(of_cell.iter().all(|room| *room != 0), "each part is in a room");
+        assert!((1..=60).contains(&owners.len()), "{} rooms of 60 m²", owners.len());
     }
 }
