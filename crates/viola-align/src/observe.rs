@@ -267,7 +267,7 @@ fn no_color(clip: &Clip) -> Option<Reason> {
 /// Returns a reason if most frames of a clip with poses have none: the recording of the poses may have been cut off.
 fn few_poses(clip: &Clip) -> Option<Reason> {
     let info = clip.info();
-    let is_cut = info.frames_with_pose > 0 && info.frames_with_pose < info.frames / 2;
+    let is_cut = info.frames_with_pose > 0 && 2 * info.frames_with_pose < info.frames;
     let detail =
         format!("{} of {} frames have no pose and were left out", info.skipped_without_pose, info.frames);
     is_cut.then(|| Reason::new("frames_without_pose", detail))
