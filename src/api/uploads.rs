@@ -157,8 +157,7 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
         if let Some(append) = append
             && let Err(error) = receive::receive(&app, append, body).await
         {
-            // The client does not know its path yet.
-            app.storage.delete_upload(id, app.storage.now()).await?;
+            app.storage.abandon_upload(id, app.storage.now()).await?;
             return Err(error);
         }
         match finish::finish(&app, id).await {

@@ -4,16 +4,28 @@ use crate::clips::small_clip;
 use crate::server::Server;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use reqwest::Method;
 use serde_json::json;
 use std::io::{Read, Write};
+use std::net::TcpStream;
 use std::time::Duration;
 use viola_testing::eventually;
-use viola_testing::tus::sha256;
+use viola_testing::tus::{metadata, sha256};
 
 async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
     assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));
     // A request that was cut off or overtaken may still be cleaning up.
     eventually("nothing is left but the clip", || async { (server.blobs().len() == 1).then_some(()) }).await;
+}
+
+/// Returns the beginning of the answer on a connection.
+async fn answer_of(mut connection: TcpStream) -> String {
+    let read = tokio::task::spawn_blocking(move || {
+        let mut answer = [0; 4000];
+        let length = connection.read(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer[..length]).into_owned()
+    });
+    read.await.unwrap()
 }
 
 #[test]
@@ -64,7 +76,7 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
     drop(server.patch_partly(&upload, 0, &clip, 1234));
     eventually("the bytes are kept", || async { (server.offset(&upload).await == 1234).then_some(()) }).await;
     // A checksum covers the whole body or nothing.
-    let mut connection = std::net::TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
+    let mut connection = TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
     write!(
         connection,
         "PATCH {upload} HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\nupload-offset: 1234\r\n\
@@ -132,16 +144,46 @@ async fn the_newer_of_two_writers_goes_on() {
     let half = clip.len() / 2;
     server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
     old.write_all(&vec![7; clip.len() - 2000]).unwrap();
-    let told = tokio::task::spawn_blocking(move || {
-        let mut answer = [0; 4000];
-        let length = old.read(&mut answer).unwrap();
-        String::from_utf8_lossy(&answer[..length]).into_owned()
-    });
-    let told = told.await.unwrap();
+    let told = answer_of(old).await;
     assert!(told.starts_with("HTTP/1.1 409 ") && told.contains("upload-offset-mismatch"), "{told}");
     assert_eq!(server.offset(&upload).await, half);
     let last = server.send(server.patch(&upload, half, &clip[half..])).await;
     check_made(&server, last.header("viola-clip"), &clip).await;
+}
+
+/// A phone whose POST hangs asks for its upload by a second POST, and sends the bytes by PATCH.
+#[tokio::test]
+async fn a_post_that_was_overtaken_deletes_nothing() {
+    let clip = small_clip();
+    let sum = sha256(&clip);
+    for named in [("sha256", sum.as_str()), ("idempotency_key", "k")] {
+        let server = Server::without_workers().await;
+        server.make_home("h").await;
+        let told = metadata(&[("home", "h"), named]);
+        let mut first = TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
+        write!(
+            first,
+            "POST /v1/uploads HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\nupload-length: {length}\r\n\
+             upload-metadata: {told}\r\ncontent-type: application/offset+octet-stream\r\n\
+             content-length: {length}\r\n\r\n",
+            length = clip.len()
+        )
+        .unwrap();
+        first.write_all(&clip[..1000]).unwrap();
+        eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+        let again = server.tus(Method::POST, "/v1/uploads").header("Upload-Length", clip.len());
+        let again = server.send(again.header("Upload-Metadata", told)).await;
+        assert_eq!((again.status, again.header("upload-offset")), (201, "0"), "{named:?}");
+        let (upload, half) = (again.header("location").to_owned(), clip.len() / 2);
+        server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
+        first.write_all(&clip[1000..]).unwrap();
+        let told = answer_of(first).await;
+        assert!(told.starts_with("HTTP/1.1 409 "), "{named:?}: {told}");
+        assert_eq!(server.offset(&upload).await, half, "{named:?}");
+        let last = server.go_on(&upload, &clip).await;
+        check_made(&server, last.header("viola-clip"), &clip).await;
+        server.stop().await;
+    }
 }
 
 #[tokio::test]
