@@ -130,11 +130,7 @@ pub(super) async fn put(
         new.from_earlier = from_current(&app, &home, level, bytes).await;
     }
     to_the_end(async move {
-        let (sha256, is_as_read) = (new.file.sha256.clone(), is_expected(&headers));
-        let is_expected = |map: Option<&storage::LidarMapRevision>| {
-            let is_same = map.is_some_and(|map| map.sha256 == sha256);
-            is_same && may_repeat(&headers) || is_as_read(map)
-        };
+        let is_expected = is_expected_or_same(&headers, &new.file.sha256);
         let max_bytes = app.limits.storage_bytes;
         let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, app.storage.now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
@@ -165,9 +161,23 @@ pub(super) async fn is_current(
 }
 
 /// Returns whether a request allows to replace a LiDAR map: its conditions are about the document of the current one.
-pub(super) fn is_expected(headers: &HeaderMap) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send {
+pub(super) fn is_expected(
+    headers: &HeaderMap,
+) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send + use<> {
     let headers = headers.clone();
     move |map| may_change(&headers, map.map(|map| CurrentLidarMap::from(map.clone())).as_ref())
+}
+
+/// Like [`is_expected`], for a file that may be that of the current map: then the request changes nothing.
+pub(super) fn is_expected_or_same(
+    headers: &HeaderMap,
+    sha256: &str,
+) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send + use<> {
+    let (sha256, may_repeat, is_as_read) = (sha256.to_owned(), may_repeat(headers), is_expected(headers));
+    move |map| {
+        let is_same = map.is_some_and(|map| map.sha256 == sha256);
+        is_same && may_repeat || is_as_read(map)
+    }
 }
 
 /// Reads a file; returns the bytes beside what is stored.

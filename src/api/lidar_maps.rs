@@ -97,7 +97,7 @@ pub(super) async fn restore_lidar_map(
         from_current = lidar_map::from_current(&app, &home, level, file).await;
     }
     to_the_end(async move {
-        let is_expected = lidar_map::is_expected(&headers);
+        let is_expected = lidar_map::is_expected_or_same(&headers, &earlier.sha256);
         let (max_bytes, now) = (app.limits.storage_bytes, app.storage.now());
         let restored =
             app.storage.restore_lidar_map(&home, &earlier, from_current, max_bytes, is_expected, now);
