@@ -189,6 +189,9 @@ async fn a_room_is_corrected(storage: Storage) {
         ..RoomChange::default()
     };
     let state = storage.correct::<RoomCorrection>(&home, "1", &change, |_| true, at(300)).await.unwrap();
+    // The same request again, after a lost answer, changes nothing, whatever its condition says.
+    let again = storage.correct::<RoomCorrection>(&home, "1", &change, |_| false, at(300)).await.unwrap();
+    assert_eq!(again.kept, state.kept);
     let kept = state.kept.unwrap().correction;
     assert_eq!((kept.name.as_deref(), kept.at_m), (Some("Lounge"), [2.0, 1.5]));
     let merge_made = kept.merge.unwrap();

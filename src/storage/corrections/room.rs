@@ -76,13 +76,16 @@ impl Correction for RoomCorrection {
             }
         }
         if let Some(others) = &change.merge_with {
+            let before = correction.merge.take();
             // The rooms that are a part of it already have no ids to be named by.
-            let parts = correction.merge.take().filter(|_| is_now(RoomField::MergeWith));
+            let parts = before.clone().filter(|_| is_now(RoomField::MergeWith));
             correction.merge = match others {
                 Some(others) => {
                     let mut with_m = parts.map_or_else(Vec::new, |merge| merge.with_m);
                     with_m.extend(places_of(scene, state, others)?);
-                    Some(RoomMerge { with_m, order })
+                    // The same request again changes nothing.
+                    let same = before.filter(|before| before.with_m == with_m);
+                    Some(same.unwrap_or(RoomMerge { with_m, order }))
                 }
                 None => None,
             };
