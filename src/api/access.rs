@@ -174,7 +174,7 @@ async fn find_key(
     find: impl Future<Output = Result<Option<ApiKey>, StorageError>>,
 ) -> Result<Option<ApiKey>, Error> {
     app.failed_keys.begin(address, sha256, Instant::now())?;
-    let found = find.await?;
+    let found = find.await.inspect_err(|_| app.failed_keys.undecided(address, sha256))?;
     match &found {
         Some(key) => app.failed_keys.succeeded(address, sha256, &key.tenant),
         None => app.failed_keys.failed(sha256),

@@ -77,6 +77,19 @@ impl FailedKeys {
             state.valid.clear();
         }
         state.valid.insert(sha256.to_owned(), tenant.clone());
+        self.take_back(&mut state, address);
+    }
+
+    /// Takes back the failure that [`FailedKeys::begin`] counted: the secret could not be looked up.
+    pub fn undecided(&self, address: Option<IpAddr>, sha256: &str) {
+        let mut state = self.state();
+        // The use of a valid secret was not counted.
+        if !state.valid.contains_key(sha256) {
+            self.take_back(&mut state, address);
+        }
+    }
+
+    fn take_back(&self, state: &mut State, address: Option<IpAddr>) {
         if let Some(whole_at) = address.and_then(|address| state.whole_at.get_mut(&address)) {
             *whole_at = whole_at.checked_sub(self.params.every).unwrap_or(*whole_at);
         }
@@ -115,6 +128,24 @@ mod tests {
         assert!(failed_keys.begin(second, "wrong", now).is_ok());
         assert!(failed_keys.begin(first, "wrong", now + SECOND).is_ok());
         assert!(failed_keys.begin(first, "wrong", now + SECOND).is_err());
+    }
+
+    #[test]
+    fn a_look_up_that_fails_is_no_failure_of_the_address() {
+        let (failed_keys, now) = (failed_keys(), Instant::now());
+        let address = "192.0.2.1".parse().ok();
+        for _ in 0..100 {
+            failed_keys.begin(address, "unknown", now).unwrap();
+            failed_keys.undecided(address, "unknown");
+        }
+        // The use of a valid secret is not counted, so nothing is taken back.
+        failed_keys.succeeded(None, "valid", &Tenant::default());
+        for _ in 0..3 {
+            failed_keys.begin(address, "wrong", now).unwrap();
+            failed_keys.begin(address, "valid", now).unwrap();
+            failed_keys.undecided(address, "valid");
+        }
+        assert!(failed_keys.begin(address, "wrong", now).is_err());
     }
 
     #[test]
