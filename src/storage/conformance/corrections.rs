@@ -215,6 +215,8 @@ async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
     both.corrected = vec![RoomField::MergeWith];
     merge_to(&storage, 400, vec![both, room("4", 8.2)]).await;
     let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(401)).await.unwrap();
+    let again = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| false, at(402)).await.unwrap();
+    assert_eq!(again.kept, state.kept, "the same request again");
     let merge = state.kept.unwrap().correction.merge.unwrap();
     assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.2, 1.5]], 2));
 }

@@ -82,8 +82,12 @@ impl Correction for RoomCorrection {
             correction.merge = match others {
                 Some(others) => {
                     let mut with_m = parts.map_or_else(Vec::new, |merge| merge.with_m);
-                    with_m.extend(places_of(scene, state, others)?);
-                    // The same request again changes nothing.
+                    // The same request again, before the next revision, changes nothing.
+                    for place in places_of(scene, state, others)? {
+                        if !with_m.contains(&place) {
+                            with_m.push(place);
+                        }
+                    }
                     let same = before.filter(|before| before.with_m == with_m);
                     Some(same.unwrap_or(RoomMerge { with_m, order }))
                 }
