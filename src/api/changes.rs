@@ -45,8 +45,8 @@ pub(super) struct ChangesPage {
 ///
 /// To keep a copy: begin without `after`, apply the items in order, store `next` with them, and send it as
 /// `after` in the next request; at the end of the feed, add `wait`. The feed has the newest change of every
-/// home, LiDAR map, clip and fused map. An empty copy is therefore complete after its first reading; a later
-/// reading may repeat a change that the copy has. A clip may come before its home, because a renamed home
+/// home, LiDAR map, clip, fused map and of its objects. An empty copy is therefore complete after its first
+/// reading; a later reading may repeat a change that the copy has. A clip may come before its home, because a renamed home
 /// gets a new change. An item only says that something changed; GET the resource for its present state.
 ///
 /// Removed resources stay in the feed for 30 days, with `deleted`; a home comes after everything that was in

@@ -20,7 +20,7 @@ pub struct CleanArguments {
     /// them than killed processes leave, because the database may be the wrong one. Stop all servers first.
     #[arg(long)]
     remove_unknown: bool,
-    /// Id of the store whose files a new database deletes, from the refusal to start.
+    /// Id of the store, from the refusal to start: needed if the database names none of the store's files.
     #[arg(long, value_name = "ID", requires = "remove_unknown")]
     store_id: Option<Uuid>,
 }

@@ -113,8 +113,8 @@ pub struct EvaluateArguments {
     /// (default 14), of one length. Aligned clips in the output folder are not aligned again.
     #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "fit"])]
     joint: bool,
-    /// Evaluate the changes of objects that the maps of simulated homes tell: homes of the set `changed` are filmed
-    /// in two visits of --clips each (default 6), the maps of the others grow clip by clip and nothing changes.
+    /// Evaluate the changes of objects that the maps of simulated homes report. Homes of the set `changed` are filmed
+    /// in two visits of --clips each (default 6); in the others nothing changes, and their maps grow clip by clip.
     /// Aligned clips in the output folder are not aligned again.
     #[arg(long, conflicts_with_all = ["scene", "map", "labels", "home", "joint", "fit"])]
     changes: bool,

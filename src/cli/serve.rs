@@ -19,8 +19,8 @@ pub struct ServeArguments {
     /// Address and port; port 0 selects a free port. Other than loopback needs a key: see `viola keys`.
     #[arg(long, value_name = "ADDRESS", env = "VIOLA_LISTEN", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
-    /// Address that serves /healthz, /readyz and /metrics without a key. Other machines than those of the
-    /// operators must not reach it.
+    /// Address that serves /healthz, /readyz and /metrics without a key. Let only the operators' machines
+    /// reach it.
     #[arg(long, value_name = "ADDRESS", env = "VIOLA_ADMIN_LISTEN")]
     admin_listen: Option<SocketAddr>,
     #[command(flatten)]

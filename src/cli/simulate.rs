@@ -35,8 +35,8 @@ pub struct SimulateArguments {
     /// Error of the device's poses after one metre of path, in metres.
     #[arg(long, default_value_t = ClipParams::default().drift, value_parser = numbers::drift_m)]
     drift: f64,
-    /// Folder of furniture meshes, which replace pieces of their class and about their size: CLASS-NAME.ply in metres, the
-    /// width along x, the back at +y, z up.
+    /// Folder of furniture meshes, which replace pieces of the same class and a similar size: CLASS-NAME.ply in metres,
+    /// the width along x, the back at +y, z up.
     #[arg(long, value_name = "DIR")]
     furniture: Option<PathBuf>,
     /// Output folder, created if it is missing.

@@ -26,8 +26,8 @@ pub struct SurfacesArguments {
     /// Errors of the device's poses after one metre of path, in metres, taken in turn.
     #[arg(long, value_delimiter = ',', default_value = "0.002,0.005,0.01", value_parser = numbers::drift_m)]
     drift: Vec<f64>,
-    /// Folder of furniture meshes, which replace pieces of their class and about their size: CLASS-NAME.ply in metres, the
-    /// width along x, the back at +y, z up. models/train/furniture.py makes them.
+    /// Folder of furniture meshes, which replace pieces of the same class and a similar size: CLASS-NAME.ply in metres,
+    /// the width along x, the back at +y, z up. models/train/furniture.py makes them.
     #[arg(long, value_name = "DIR")]
     furniture: Option<PathBuf>,
     /// Output folder, created if it is missing. Surfaces that it has already are kept.

@@ -3,7 +3,7 @@
 //!
 //! Transforms are named by their spaces so that they cancel: `map_from_clip * clip_from_camera` is a
 //! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is the frame of the
-//! device's poses; `clip` is z up with its origin on the floor below the first camera and x along that
+//! device's poses; `clip` is z up with its origin on the floor below the first used camera and x along that
 //! camera's heading; `map` is the LiDAR map's own frame, x right, y up.
 
 mod camera;
