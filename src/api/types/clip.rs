@@ -60,7 +60,7 @@ answer! {
 answer! {
     /// Hits at the vacuum's height and cameras of a clip, for drawing it at any pose.
     struct ClipScan from viola_home::ClipScan {
-        /// Hits at the vacuum's height, in the clip's frame: z up, its origin on the floor below the first camera.
+        /// Hits at the vacuum's height, in the clip's frame: z up, its origin on the floor below the first used camera.
         hits_m: Vec<[f32; 2]>,
         /// The key frames in the order of recording.
         cameras: Vec<ScanCamera>,
