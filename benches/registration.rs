@@ -11,7 +11,7 @@ use viola_align::complete::monocular::{DepthError, DepthEstimator};
 use viola_align::complete::{self, Imagination, View, ViewStrategy};
 use viola_align::{Activation, AlignParams, CompleteParams, register_completing};
 use viola_geometry::progress::Silent;
-use viola_lab::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
+use viola_lab::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, Unit, excerpts};
 use viola_lab::simulate::Set;
 
 fn main() {
@@ -29,7 +29,7 @@ fn main() {
             foreign: false,
             withhold_poses: false,
             drift: 0.005,
-            rescale: false,
+            unit: Unit::Metres,
         });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {
@@ -49,7 +49,7 @@ fn apartment(root: &Path) -> SceneClips {
     let scene = Scene::open(&scene, &lidar.join("points.csv"), &lidar.join("ground_truth.json"))
         .expect("VIOLA_TEST_DATA names the folder with the data");
     let ranges = excerpts(scene.clip.frames().len(), 20).into_iter().step_by(3).collect();
-    SceneClips::new(scene, ranges, false)
+    SceneClips::new(scene, ranges, Unit::Metres)
 }
 
 /// Times rendering of the views that the paper's strategy chooses for the suite's clips.

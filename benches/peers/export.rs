@@ -8,7 +8,7 @@ use viola_align as align;
 use viola_align::AlignParams;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Silent;
-use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
+use viola_lab::evaluate::{HomeClips, HomesParams, Suite, Unit};
 use viola_lab::simulate::Set;
 
 const STARTS: usize = 100;
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         foreign: false,
         withhold_poses: false,
         drift: 0.005,
-        rescale: false,
+        unit: Unit::Metres,
     };
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;

@@ -22,7 +22,7 @@ use viola_align::{AlignParams, MadeBy};
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
-    SceneClips, Suite, SurveyParams,
+    SceneClips, Suite, SurveyParams, Unit,
 };
 use viola_lab::simulate::{ClipParams, Set};
 use viola_network::manifest::Task;
@@ -80,6 +80,14 @@ pub struct EvaluateArguments {
     /// Multiply poses and depth of each clip by a factor between 0.2 and 5, drawn at random, and withhold their unit.
     #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track", "fit"])]
     rescale: bool,
+    /// Multiply poses and depth of each clip by this factor, and say that they are metres.
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        value_parser = numbers::factor,
+        conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track", "fit", "rescale"]
+    )]
+    wrong_scale: Option<f64>,
     /// Use the poses of devices without refinement, even if they drift.
     #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track"])]
     keep_poses: bool,
@@ -149,6 +157,15 @@ impl EvaluateArguments {
     /// Returns the lengths of the clips in frames.
     fn lengths(&self) -> Vec<usize> {
         if self.frames.is_empty() { vec![DEFAULT_FRAMES] } else { self.frames.clone() }
+    }
+
+    /// Returns the unit of the clips.
+    fn unit(&self) -> Unit {
+        match self.wrong_scale {
+            Some(factor) => Unit::Wrong(factor),
+            None if self.rescale => Unit::Withheld,
+            None => Unit::Metres,
+        }
     }
 
     /// Returns the first length, for evaluations of clips of one length.
@@ -315,7 +332,7 @@ fn homes(arguments: &EvaluateArguments) -> HomesParams {
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
         drift: arguments.drift,
-        rescale: arguments.rescale,
+        unit: arguments.unit(),
     }
 }
 
@@ -357,7 +374,7 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
         None => evaluate::excerpts(total, *length),
     };
     let ranges = arguments.lengths().iter().flat_map(cut).collect();
-    Ok(Box::new(SceneClips::new(scene, ranges, arguments.rescale)))
+    Ok(Box::new(SceneClips::new(scene, ranges, arguments.unit())))
 }
 
 fn share(text: &str) -> Result<f64, String> {

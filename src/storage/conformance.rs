@@ -229,6 +229,7 @@ fn answer(state: AlignmentState) -> AttemptEnd {
         scale: None,
         scale_std: None,
         scale_rival_gaps_m: Vec::new(),
+        better_scale: None,
         reasons: vec![reason("two_modes")],
         hits: 7,
         key_frames: 2,

@@ -144,9 +144,9 @@ pub enum UploadError {
     NotFound,
     #[error("the upload expired, was joined into another one, or was refused; begin a new one")]
     Gone,
-    #[error("the upload has {received} bytes; go on there")]
+    #[error("the upload has {received} bytes; resume there")]
     WrongOffset { received: u64 },
-    #[error("another request has gone on with this upload meanwhile; ask for its offset and go on there")]
+    #[error("another request has gone on with this upload meanwhile; ask for its offset and resume there")]
     Overtaken,
     #[error("the length of the upload was told before, and is another one")]
     LengthTold,

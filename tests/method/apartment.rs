@@ -6,7 +6,7 @@ use viola_align::{AlignParams, Alignment, AlignmentState};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Progress, Silent, Stage};
-use viola_lab::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips};
+use viola_lab::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips, Unit};
 
 fn apartment() -> Option<PathBuf> {
     viola_testing::data::folder("scannet/scene0000_00")
@@ -16,7 +16,7 @@ fn apartment() -> Option<PathBuf> {
 fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult> {
     let observe = AlignParams::default();
     let run = Run {
-        suite: &SceneClips::new(scene, clips, false),
+        suite: &SceneClips::new(scene, clips, Unit::Metres),
         methods: &[Method::viola(AlignParams::default())],
         observe: &observe,
         workers: 1,

@@ -8,7 +8,7 @@ use viola_geometry::progress::Silent;
 use viola_lab::evaluate::home::{SampleParams, consecutive, fuse, simulated};
 use viola_lab::evaluate::labels::{self, Truth};
 use viola_lab::evaluate::{
-    ClipResult, HomeClips, HomesParams, Method, Run, Scene, SceneClips, Suite, excerpts,
+    ClipResult, HomeClips, HomesParams, Method, Run, Scene, SceneClips, Suite, Unit, excerpts,
 };
 use viola_lab::simulate::Set;
 use viola_network::RuntimeParams;
@@ -58,7 +58,7 @@ fn homes(sets: &[Set], seeds: std::ops::Range<u64>, frames: usize) -> HomesParam
         foreign: false,
         withhold_poses: false,
         drift: 0.005,
-        rescale: false,
+        unit: Unit::Metres,
     }
 }
 
@@ -67,7 +67,7 @@ fn short_real_clips_are_found_and_called_aligned() {
     let Some(folder) = apartment() else { return };
     let scene = scene(&folder);
     let clips: Vec<_> = excerpts(scene.clip.frames().len(), 10).into_iter().step_by(4).collect();
-    let results = results(&SceneClips::new(scene, clips, false), &["viola"]);
+    let results = results(&SceneClips::new(scene, clips, Unit::Metres), &["viola"]);
     let (right, aligned, wrong) = count(&results);
     eprintln!("{right} right, {aligned} aligned, {wrong} wrong of {}", results.len());
     assert_eq!((results.len(), wrong), (15, 0));
@@ -79,7 +79,7 @@ fn registration_is_many_times_faster_than_the_paper_s() {
     let Some(folder) = apartment() else { return };
     let scene = scene(&folder);
     let one = excerpts(scene.clip.frames().len(), 10)[24..25].to_vec();
-    let results = results(&SceneClips::new(scene, one, false), &["paper", "viola"]);
+    let results = results(&SceneClips::new(scene, one, Unit::Metres), &["paper", "viola"]);
     let [paper, viola] = [&results[0], &results[1]].map(|result| result.register_seconds);
     eprintln!("{paper} and {viola} s");
     assert!(paper > 30.0 * viola, "{paper} and {viola} s");
@@ -93,6 +93,18 @@ fn simulated_clips_are_found_and_called_aligned() {
     eprintln!("{right} right, {aligned} aligned, {wrong} wrong of {}", results.len());
     assert_eq!((results.len(), wrong), (12, 0));
     assert!(right >= 8 && aligned >= 6, "{right} right, {aligned} aligned");
+}
+
+#[test]
+fn a_clip_in_a_wrong_unit_is_not_called_aligned_where_it_is_wrong() {
+    for factor in [0.9, 1.12] {
+        let homes = HomesParams { unit: Unit::Wrong(factor), ..homes(&[Set::Normal], 2000..2010, 40) };
+        let results = results(&HomeClips::new(homes), &["viola"]);
+        let told = results.iter().filter(|one| one.reasons.iter().any(|code| code == "scale_disagrees"));
+        let (told, (_, aligned, wrong)) = (told.count(), count(&results));
+        eprintln!("{factor}: {aligned} aligned, {wrong} wrong, {told} told of {}", results.len());
+        assert!(wrong <= 1 && told >= 2, "{factor}: {wrong} wrong, {told} told");
+    }
 }
 
 #[test]

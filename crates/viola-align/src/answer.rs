@@ -2,7 +2,7 @@
 
 use super::complete::View;
 use super::refine::Spread;
-use super::score::{Evidence, LossWeights, is_different};
+use super::score::{BetterScale, Evidence, LossWeights, is_different};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
@@ -103,6 +103,9 @@ pub struct Alignment {
     /// Loss of the explanations at other scales minus that of the best one; empty if the answer was read from a file.
     #[serde(skip)]
     pub scale_rival_gaps_m: Vec<f64>,
+    /// Another scale at which a clip in metres fits better; `None` if the answer was read from a file.
+    #[serde(skip)]
+    pub better_scale: Option<BetterScale>,
     pub reasons: Vec<Reason>,
     pub hits: usize,
     pub key_frames: usize,
@@ -166,6 +169,7 @@ impl Alignment {
             scale: None,
             scale_std: None,
             scale_rival_gaps_m: Vec::new(),
+            better_scale: None,
             reasons: Vec::new(),
             hits: 0,
             key_frames: 0,

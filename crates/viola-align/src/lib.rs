@@ -32,8 +32,9 @@ pub use rooms::NamedRooms;
 pub use scale::observe_any_scale;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
-    Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MIN_ALIGNED_PROBABILITY,
-    MODEL, MadeBy, Model, PoseScorer, ScoreParams, TYPICAL_HITS, features, fraction_of_odds, is_different,
+    BetterScale, Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights,
+    MIN_ALIGNED_PROBABILITY, MODEL, MadeBy, Model, PoseScorer, ScoreParams, TYPICAL_HITS, features,
+    fraction_of_odds, is_different,
 };
 pub use search::{Candidate, Modes, SearchLimits, SearchParams};
 pub use target::Target;

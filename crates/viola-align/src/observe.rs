@@ -1,5 +1,7 @@
 //! Stages 1-6: from a clip to its virtual scan.
 
+mod remarks;
+
 use super::answer::ReferenceCamera;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment};
@@ -141,7 +143,7 @@ pub(super) fn fuse(
         fused = fuse(Some(&refined))?;
         tracked = Some(refined);
     }
-    let mut reasons: Vec<Reason> = no_color(clip).into_iter().chain(few_poses(clip)).collect();
+    let mut reasons: Vec<Reason> = remarks::of(clip);
     reasons.extend(by_device.iter().map(|trajectory| trajectory.reason.clone()));
     reasons.extend(tracked.iter().flat_map(|tracked| tracked.reasons.clone()));
     let fused = match fused {
@@ -152,6 +154,9 @@ pub(super) fn fuse(
         }
     };
     reasons.extend(fused.remarks());
+    if tracked.is_none() {
+        reasons.extend(track::other_convention(&fused.key_frames));
+    }
     let up = up_in_world(clip, tracked.as_ref(), by_device.as_ref());
     let sparse_track = tracked.as_ref().is_some_and(|tracked| tracked.is_sparse);
     Ok(Ok(Fusion { fused, up, sparse_track, reasons }))
@@ -257,20 +262,6 @@ fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Tr
         (_, Some(trajectory)) => clip.up_by(trajectory.posed(clip)),
         _ => clip.up_in_world(),
     }
-}
-
-fn no_color(clip: &Clip) -> Option<Reason> {
-    let detail = "the clip has no colour pictures; it is aligned by depth alone, without a network's labels";
-    (!clip.has_color()).then(|| Reason::new("no_colour", detail))
-}
-
-/// Returns a reason if most frames of a clip with poses have none: the recording of the poses may have been cut off.
-fn few_poses(clip: &Clip) -> Option<Reason> {
-    let info = clip.info();
-    let is_cut = info.frames_with_pose > 0 && 2 * info.frames_with_pose < info.frames;
-    let detail =
-        format!("{} of {} frames have no pose and were left out", info.skipped_without_pose, info.frames);
-    is_cut.then(|| Reason::new("frames_without_pose", detail))
 }
 
 /// Tracks the wanted frames of a clip if none of them has a pose.

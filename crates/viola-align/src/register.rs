@@ -12,8 +12,8 @@ use crate::score::{self, Candidates, ProbabilityCaps, Ranked};
 use crate::search::{Likelihood, Modes, Search, SearchLimits, reach_m};
 use crate::{AlignError, AlignParams, Target};
 use std::sync::Arc;
-use viola_geometry::LevelName;
 use viola_geometry::progress::{self, Progress, Stage};
+use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::Reason;
 
 /// Minimum number of hits: a metre of wall.
@@ -213,50 +213,57 @@ impl<'a> Registration<'a> {
             sparse_track: view.sparse_track,
         };
         let complete = cut_short.is_none();
-        let answer = decide(ranked, cut_short, hits, answer, self.targets, caps);
+        let answer = self.decide(ranked, cut_short, hits, answer, caps);
         Ok(Placed { answer, hypothesis, complete })
+    }
+
+    /// Turns ranked poses into an answer with probabilities and a state. `cut_short` is a search that ended at its
+    /// budget.
+    fn decide(
+        &self,
+        ranked: Vec<Ranked>,
+        cut_short: Option<&Modes>,
+        hits: &[Hit],
+        mut answer: Alignment,
+        caps: ProbabilityCaps,
+    ) -> Alignment {
+        let Some(best) = ranked.first() else {
+            let detail = "the search found no place in the map where the clip could lie";
+            answer.reasons.push(Reason::new("no_candidate", detail));
+            return answer;
+        };
+        let (level, pose) = (best.alternative.level, best.alternative.map_from_clip);
+        answer.level = level;
+        let target = on_level(self.targets, level);
+        answer.coverage = target.map(|target| score::coverage(&pose, hits, target));
+        answer.loss_m = Some(best.alternative.loss_m);
+        answer.inliers = Some(best.alternative.inliers);
+        answer.covariance = Some(best.covariance.into());
+        answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
+        score::set_probabilities(&mut answer, caps);
+        if let Some(target) = target.filter(|_| answer.scale.is_none() && score::is_sure(&answer)) {
+            let on_level = answer.alternatives.iter().filter(|other| other.level == level);
+            let poses: Vec<Pose2> = on_level.map(|other| other.map_from_clip).collect();
+            answer.better_scale = score::better_scale(&poses, hits, target, &self.params.score);
+            score::set_probabilities(&mut answer, caps);
+        }
+        if let Some(found) = cut_short {
+            let detail = format!(
+                "the search ended at its budget of {} nodes; poses that score up to {:.2} may be missing",
+                found.nodes, found.open_bound
+            );
+            answer.reasons.push(Reason::new("search_incomplete", detail));
+        }
+        score::set_state(&mut answer);
+        if answer.state != AlignmentState::Failed {
+            answer.map_from_clip = Some(pose);
+        } else {
+            (answer.covariance, answer.probability) = (None, None);
+        }
+        answer
     }
 }
 
 fn on_level<'a>(targets: &[&'a Target], level: LevelName) -> Option<&'a Target> {
     targets.iter().find(|target| target.level == level).copied()
-}
-
-/// Turns ranked poses into an answer with probabilities and a state. `cut_short` is a search that ended at its
-/// budget.
-fn decide(
-    ranked: Vec<Ranked>,
-    cut_short: Option<&Modes>,
-    hits: &[Hit],
-    mut answer: Alignment,
-    targets: &[&Target],
-    caps: ProbabilityCaps,
-) -> Alignment {
-    let Some(best) = ranked.first() else {
-        let detail = "the search found no place in the map where the clip could lie";
-        answer.reasons.push(Reason::new("no_candidate", detail));
-        return answer;
-    };
-    let (level, pose) = (best.alternative.level, best.alternative.map_from_clip);
-    answer.level = level;
-    answer.coverage = on_level(targets, level).map(|target| score::coverage(&pose, hits, target));
-    answer.loss_m = Some(best.alternative.loss_m);
-    answer.inliers = Some(best.alternative.inliers);
-    answer.covariance = Some(best.covariance.into());
-    answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
-    score::set_probabilities(&mut answer, caps);
-    if let Some(found) = cut_short {
-        let detail = format!(
-            "the search ended at its budget of {} nodes; poses that score up to {:.2} may be missing",
-            found.nodes, found.open_bound
-        );
-        answer.reasons.push(Reason::new("search_incomplete", detail));
-    }
-    score::set_state(&mut answer);
-    if answer.state != AlignmentState::Failed {
-        answer.map_from_clip = Some(pose);
-    } else {
-        (answer.covariance, answer.probability) = (None, None);
-    }
-    answer
 }

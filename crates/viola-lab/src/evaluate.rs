@@ -45,7 +45,7 @@ pub use run::Run;
 pub use scene::{Scene, SceneClips};
 pub use section::Section;
 pub use success::{SUCCESS_DEG, SUCCESS_M};
-pub use suite::{Case, Sample, Suite};
+pub use suite::{Case, Sample, Suite, Unit};
 pub use survey::{Survey, SurveyError, SurveyParams};
 pub use table::{TableRow, clips_csv, markdown, tabulate};
 pub use weights::{LearnedLoss, learned_loss};

@@ -12,6 +12,7 @@
 
 mod agreement;
 mod clip;
+mod conventions;
 pub(crate) mod corners;
 mod device;
 mod graph;
@@ -26,6 +27,7 @@ mod shutter;
 mod step;
 
 pub use clip::{TrackedClip, refine, track};
+pub use conventions::other_convention;
 pub use lost::Lost;
 
 use corners::Describer;

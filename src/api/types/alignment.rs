@@ -28,7 +28,7 @@ answer! {
         /// Loss by which alternatives are ranked, in metres: the mean robust distance of the hits to the map,
         /// plus the penalties from free space and the rooms' names.
         loss_m: f64,
-        /// Share of the hits within 0.1 m of the map, 0..1.
+        /// Fraction of the hits within 0.1 m of the map, 0..1.
         inliers: f64,
         /// Contradictions between the pose and free space; null if the method does not look at free space.
         free_space: Option<FreeSpace>,
@@ -45,11 +45,11 @@ answer! {
 answer! {
     /// Contradictions: places that the clip or the robot saw free, and where the other has an obstacle.
     struct FreeSpace from viola_align::FreeSpace {
-        /// Share of the clip's rays that run through walls of the map, 0..1.
+        /// Fraction of the clip's rays that run through walls of the map, 0..1.
         blocked_rays: f64,
-        /// Share of the hits that stand where the robot saw free floor, 0..1.
+        /// Fraction of the hits that stand where the robot saw free floor, 0..1.
         hits_on_floor: f64,
-        /// Share of the hits that fit a wall on the side from which the robot never saw it, 0..1.
+        /// Fraction of the hits that fit a wall on the side from which the robot never saw it, 0..1.
         unseen_sides: f64,
         /// Map walls on floor that the clip saw free, as a share of these walls and the clip's hits, 0..1.
         walls_on_floor: f64,
@@ -78,7 +78,7 @@ answer! {
         /// Loss of the best alternative.
         loss_m: Option<f64>,
         inliers: Option<f64>,
-        /// Share of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
+        /// Fraction of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
         coverage: Option<f64>,
         /// The ranked explanations, the chosen one first.
         alternatives: Vec<Alternative>,
@@ -139,7 +139,7 @@ answer! {
     struct ViewReport from viola_align::ViewReport {
         /// In the clip frame.
         view: View,
-        /// Share of the picture that was filled in, 0..1.
+        /// Fraction of the picture that was filled in, 0..1.
         imagined_share: f64,
         /// Points that the view added.
         points: usize,

@@ -11,10 +11,10 @@ use uuid::Uuid;
 answer! {
     /// The part of the LiDAR map that was seen.
     struct Coverage from viola_home::Coverage {
-        /// Share of the LiDAR map's occupied points that the fused map explains: it has a surface other than the floor
+        /// Fraction of the LiDAR map's occupied points that the fused map explains: it has a surface other than the floor
         /// within 10 cm of it, below 2 m. 0 for a map without such points.
         seen: f64,
-        /// Share of the LiDAR map's free area over which the fused map has the floor or an object on it. 0
+        /// Fraction of the LiDAR map's free area over which the fused map has the floor or an object on it. 0
         /// for a map without free area.
         floor_seen: f64,
         by_room: Vec<RoomCoverage>,
@@ -26,7 +26,7 @@ answer! {
     struct RoomCoverage from viola_home::RoomCoverage {
         /// Id of the room.
         room: String,
-        /// Share of the occupied points in the room and at its walls.
+        /// Fraction of the occupied points in the room and at its walls.
         seen: f64,
         floor_seen: f64,
     }

@@ -7,7 +7,7 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// The codes of the method and the service with the advice of docs/api.md, in its order.
 #[rustfmt::skip]
-const REASONS: [(&str, &str); 50] = [
+const REASONS: [(&str, &str); 52] = [
     ("no_lidar_map", "send the home's LiDAR map"),
     ("cancelled", "align the clip again"),
     ("superseded", "none; a newer job aligns the clip"),
@@ -35,6 +35,7 @@ const REASONS: [(&str, &str); 50] = [
     ("track_unconstrained", "avoid frames that show only a bare wall or floor"),
     ("track_jump", "move slowly, and send recordings without cuts"),
     ("frames_without_pose", "check that the recording of the poses was not cut off"),
+    ("poses_disagree", "check that the poses are world from camera, in metres, with x right, y down and z forward"),
     ("poses_dropped", "none; the outliers are left out, the drift is refined"),
     ("poses_refined", "none; the outliers are left out, the drift is refined"),
     ("no_floor", "include some floor in the recording"),
@@ -42,6 +43,7 @@ const REASONS: [(&str, &str); 50] = [
     ("floor_assumed", "include some floor in the recording"),
     ("scale_unknown", "include some floor, or record with a phone that measures depth"),
     ("several_scales", "film more of the room, or record with a phone that measures depth"),
+    ("scale_disagrees", "check the unit of the depth and the size of the map's cells, or film more of the room"),
     ("map_empty", "send a LiDAR map that has walls"),
     ("too_few_hits", "film more of the room, and its lower half"),
     ("no_candidate", "check that the LiDAR map is of this home"),

@@ -23,7 +23,7 @@ pub(in crate::api) enum UploadRefusal {
     FileMismatch,
     #[error("the service is stopping; retry in a few seconds")]
     Stopping,
-    #[error("the body is too slow: {0}; ask for the offset (HEAD) and go on there")]
+    #[error("the body is too slow: {0}; ask for the offset (HEAD) and resume there")]
     Stalled(String),
     #[error("the process that opened this file died; the file is damaged or malicious")]
     Unreadable,

@@ -23,6 +23,12 @@ pub fn drift_m(text: &str) -> Result<f64, String> {
     drift_m.ok_or_else(|| format!("a drift is 0 to {MAX_DRIFT_M} m"))
 }
 
+/// Parses a factor of lengths.
+pub fn factor(text: &str) -> Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| (0.01..=100.0).contains(factor));
+    factor.ok_or_else(|| "a factor is 0.01 to 100".to_owned())
+}
+
 /// Parses a seed.
 pub fn seed(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))

@@ -100,6 +100,7 @@ fn described(arguments: &EvaluateArguments) -> Value {
         "withhold_poses": arguments.withhold_poses,
         "drift": arguments.drift,
         "rescale": arguments.rescale,
+        "wrong_scale": arguments.wrong_scale,
         "keep_poses": arguments.keep_poses,
     })
 }

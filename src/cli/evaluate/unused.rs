@@ -64,6 +64,7 @@ mod tests {
             "--scene s",
             "--scene s --lidar l --truth t --frames 60,40 --clips 3 --methods paper,viola --threads 2",
             "--scene s --rescale --frames 40 --keep-poses --seed 1",
+            "--set normal --wrong-scale 0.9",
             "--map a --map b --clips 50 --frames 20,30 --methods viola --threads 1",
             "--map a --methods complete-all --models m",
             "--set normal,upper --seeds 1..2 --clips 1 --frames 60,10 --drift 0.01",
@@ -107,6 +108,7 @@ mod tests {
                 "--keep-poses",
                 "--fit model.json",
                 "--rescale",
+                "--wrong-scale 0.9",
                 "--map m",
             ],
         ),
@@ -141,7 +143,8 @@ mod tests {
                 "--changes",
             ],
         ),
-        (&["--map m"], &["--keep-poses", "--rescale", "--trajectories t"]),
+        (&["--map m"], &["--keep-poses", "--rescale", "--wrong-scale 2", "--trajectories t"]),
+        (&["--scene s --rescale", "--set normal --fit model.json"], &["--wrong-scale 2"]),
         (&["--scene s", "--labels --scene s", "--scene s --methods viola"], &["--trajectories t"]),
     ];
 

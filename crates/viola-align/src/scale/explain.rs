@@ -58,7 +58,8 @@ fn explained(
             continue;
         }
         let refined = distinct(refine::refine_with_scale(starts, hits, target, step));
-        let resized: Vec<Vec<Hit>> = refined.iter().map(|at| resized(hits, at.factor)).collect();
+        let scaled = |at: &Rescaled| hits.iter().map(|hit| hit.scaled(at.factor)).collect();
+        let resized: Vec<Vec<Hit>> = refined.iter().map(scaled).collect();
         let mut scorer =
             PoseScorer::new(hits, scan, params.score.unknown_fraction).comparing(targets.iter().copied());
         for (Rescaled { map_from_clip, factor }, hits) in refined.into_iter().zip(&resized) {
@@ -84,9 +85,4 @@ fn distinct(refined: Vec<Rescaled>) -> Vec<Rescaled> {
         }
     }
     kept
-}
-
-fn resized(hits: &[Hit], factor: f64) -> Vec<Hit> {
-    let resized = |hit: &Hit| Hit { point_m: hit.point_m * factor, from_m: hit.from_m * factor, ..*hit };
-    hits.iter().map(resized).collect()
 }

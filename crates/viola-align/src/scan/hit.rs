@@ -45,6 +45,13 @@ pub struct Hit {
     pub from_m: Point2,
 }
 
+impl Hit {
+    /// Returns the hit of a clip whose horizontal lengths are `factor` times as long.
+    pub(crate) fn scaled(&self, factor: f64) -> Hit {
+        Hit { point_m: self.point_m * factor, from_m: self.from_m * factor, ..*self }
+    }
+}
+
 #[cfg(test)]
 impl Hit {
     /// Returns a hit on a wall with full weight, seen from the origin.

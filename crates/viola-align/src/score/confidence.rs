@@ -1,18 +1,21 @@
 //! Probability that the best pose is right, calibrated on simulated homes. Only this module sets it.
 //!
-//! A logistic regression on three features of the answer, at most the answer's fraction of the odds of all
+//! A logistic regression on features of the answer, at most the answer's fraction of the odds of all
 //! explanations, capped by facts that the features do not include. The coefficients are those of [`MODEL`].
 
 use super::model::{MODEL, Model};
-use crate::answer::{Alignment, Alternative};
+use crate::answer::{Alignment, Alternative, FreeSpace};
 
-/// Names of the features: log odds against all different explanations, loss in metres, logarithm of the hits.
-pub const FEATURES: [&str; 3] = ["odds", "loss", "log_hits"];
+/// Names of the features: log odds against all different explanations, loss in metres, and two kinds of evidence of the
+/// pose, which clips of other homes have more of than their part of the loss tells.
+pub const FEATURES: [&str; 4] = ["odds", "loss", "walls_on_floor", "unseen_sides"];
 
 /// Features use at most this many alternatives.
 const LISTED: usize = 8;
 /// Odds of unlisted explanations, which bound the log odds at 3.9.
 const UNLISTED_ODDS: f64 = 0.02;
+/// Odds that a clip or a map has another unit than it says, before anything is seen (docs/experiments.md).
+const WRONG_UNIT_ODDS: f64 = 1e-2;
 /// Maximum difference in loss of a rival that explains the clip nearly as well.
 const NEAR_RIVAL_M: f64 = 0.02;
 
@@ -38,16 +41,12 @@ pub fn near_scales(alignment: &Alignment) -> usize {
 }
 
 /// Returns the features of an answer, in the order of [`FEATURES`]; `None` without a pose to judge.
-/// `alternatives` are sorted by loss, `temperature_m` is that of a clip with `hits`.
-pub fn features(
-    alternatives: &[Alternative],
-    hits: usize,
-    temperature_m: f64,
-) -> Option<[f64; FEATURES.len()]> {
+/// `alternatives` are sorted by loss, `temperature_m` is that of the clip's hits.
+pub fn features(alternatives: &[Alternative], temperature_m: f64) -> Option<[f64; FEATURES.len()]> {
     let best = alternatives.first()?;
-    best.free_space?;
+    let FreeSpace { walls_on_floor, unseen_sides, .. } = best.free_space?;
     let against = odds_against(alternatives, temperature_m)?;
-    Some([-against.ln(), best.loss_m, (hits.max(1) as f64 / 100.0).ln()])
+    Some([-against.ln(), best.loss_m, walls_on_floor, unseen_sides])
 }
 
 /// Returns the odds of all different explanations against the best one; `None` without a pose.
@@ -99,18 +98,26 @@ fn cap(probability: &mut Option<f64>, most: f64) {
     *probability = probability.map(|p| p.min(most));
 }
 
+/// Returns the odds of explanations at other scales against the best one. A unit that was withheld may be any; one
+/// that was told is rarely wrong.
+fn odds_of_other_scales(answer: &Alignment, temperature_m: f64) -> f64 {
+    let odds = |gap_m: f64| (-gap_m / temperature_m).exp();
+    let withheld: f64 = answer.scale_rival_gaps_m.iter().map(|gap_m| odds(*gap_m)).sum();
+    let wrong = answer.better_scale.map_or(0.0, |better| WRONG_UNIT_ODDS * odds(-better.gain_m));
+    withheld + wrong
+}
+
 /// Sets the regression's probability for the best pose, at most its fraction of the odds. The rest is divided among the
 /// other explanations by their losses, with a part for unlisted poses.
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
     let temperature_m = model.temperature_m(answer.hits);
-    let Some(mut features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
+    let Some(mut features) = features(&answer.alternatives, temperature_m) else { return };
     let Some(mut fraction) = fraction_of_odds(&answer.alternatives, temperature_m * model.bound) else {
         return;
     };
-    if !answer.scale_rival_gaps_m.is_empty() {
-        let odds = |gap_m: &f64| (-gap_m / temperature_m).exp();
-        let at_other_scales: f64 = answer.scale_rival_gaps_m.iter().map(odds).sum();
+    let at_other_scales = odds_of_other_scales(answer, temperature_m);
+    if at_other_scales > 0.0 {
         features[0] = -((-features[0]).exp() + at_other_scales).ln();
         fraction = 1.0 / (1.0 / fraction + at_other_scales);
     }
@@ -128,7 +135,7 @@ fn regress(answer: &mut Alignment, model: &Model) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::FreeSpace;
+    use crate::{BetterScale, FreeSpace};
     use viola_geometry::{LevelName, Pose2};
 
     #[test]
@@ -176,6 +183,19 @@ mod tests {
         assert!(by_gap[0] < 0.5 && by_gap[5] > 0.9, "{by_gap:?}");
         let by_hits = [50, 100, 200, 400, 800].map(|hits| beside_a_rival(0.01, hits));
         assert!(by_hits.is_sorted(), "{by_hits:?}");
+    }
+
+    #[test]
+    fn a_better_scale_is_a_rival() {
+        let at_gain = |gain_m: f64| {
+            let mut answer = sure();
+            answer.better_scale = Some(BetterScale { factor: 1.1, gain_m });
+            set_probabilities(&mut answer, ProbabilityCaps { search_incomplete: false, sparse_track: false });
+            answer.probability.unwrap()
+        };
+        let by_gain = [0.0, 0.005, 0.01, 0.02, 0.04].map(at_gain);
+        assert!(by_gain.is_sorted_by(|a, b| a > b), "{by_gain:?}");
+        assert!(by_gain[0] > 0.95 && by_gain[4] < 0.1, "{by_gain:?}");
     }
 
     fn check(caps: ProbabilityCaps, most: f64) {

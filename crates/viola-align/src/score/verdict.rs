@@ -9,8 +9,22 @@ const MIN_INLIER_FRACTION: f64 = 0.3;
 /// Minimum probability of the state `aligned`.
 pub const MIN_ALIGNED_PROBABILITY: f64 = 0.9;
 
+/// Minimum gain of another scale that is told as the reason of a doubt.
+const MIN_TOLD_GAIN_M: f64 = 0.005;
 /// Maximum probability of all listed explanations together at which the clip is said to be of another home.
 const FOREIGN: f64 = 0.3;
+
+/// Returns whether the probability is that of the state `aligned`.
+pub fn is_sure(answer: &Alignment) -> bool {
+    answer.probability.is_some_and(|probability| probability >= MIN_ALIGNED_PROBABILITY)
+}
+
+/// Describes a clip that fits better if its lengths are multiplied by `factor`.
+fn disagreement(factor: f64) -> String {
+    format!(
+        "clip and map disagree about lengths: multiplied by {factor:.2}, the clip fits the map much better; check the unit of the depth, and the size of the map's cells"
+    )
+}
 
 /// Sets the state from inliers and probability, with the reasons for anything but `aligned`.
 pub fn set_state(answer: &mut Alignment) {
@@ -23,13 +37,15 @@ pub fn set_state(answer: &mut Alignment) {
             format!("only {percent:.0} % of what the clip shows at the vacuum's height is in the map anywhere; is it the map of this home?"),
         ));
         answer.state = AlignmentState::Failed;
-    } else if probability >= MIN_ALIGNED_PROBABILITY {
+    } else if is_sure(answer) {
         answer.state = AlignmentState::Aligned;
     } else {
         answer.state = AlignmentState::Ambiguous;
         let percent = probability * 100.0;
         let (rivals, scales) = (near_rivals(answer), near_scales(answer));
-        answer.reasons.push(if scales > 0 {
+        answer.reasons.push(if let Some(better) = answer.better_scale.filter(|better| better.gain_m > MIN_TOLD_GAIN_M) {
+            Reason::new("scale_disagrees", disagreement(better.factor))
+        } else if scales > 0 {
             let fit = if scales == 1 {
                 "an explanation at another scale fits".to_owned()
             } else {
@@ -69,6 +85,7 @@ pub fn set_state(answer: &mut Alignment) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BetterScale;
     use crate::answer::Alternative;
     use viola_geometry::{LevelName, Pose2};
 
@@ -92,6 +109,19 @@ mod tests {
         };
         set_state(&mut answer);
         answer.reasons.into_iter().map(|reason| reason.code).collect()
+    }
+
+    #[test]
+    fn a_clip_in_another_unit_is_told() {
+        let mut answer = Alignment {
+            probability: Some(0.6),
+            inliers: Some(0.9),
+            better_scale: Some(BetterScale { factor: 1.1, gain_m: 0.03 }),
+            ..Alignment::failed()
+        };
+        set_state(&mut answer);
+        let told: Vec<_> = answer.reasons.iter().map(|reason| reason.code.as_str()).collect();
+        assert_eq!(told, ["scale_disagrees", "not_this_home"]);
     }
 
     #[test]

@@ -113,7 +113,7 @@ impl Answer {
         let right = ranked.first()?.1;
         let alternatives: Vec<Alternative> = ranked.into_iter().map(|(alternative, _)| alternative).collect();
         let temperature_m = model.temperature_m(result.hits);
-        let features = features(&alternatives, result.hits, temperature_m)?;
+        let features = features(&alternatives, temperature_m)?;
         let mut fractions = [1.0; BOUNDS.len()];
         for (fraction, bound) in fractions.iter_mut().zip(BOUNDS) {
             *fraction = fraction_of_odds(&alternatives, temperature_m * bound)?;
@@ -124,7 +124,7 @@ impl Answer {
 }
 
 /// Sign of the effect of each of [`FEATURES`].
-const SIGNS: [f64; FEATURES.len()] = [1.0, -1.0, 1.0];
+const SIGNS: [f64; FEATURES.len()] = [1.0, -1.0, -1.0, -1.0];
 
 /// Fits the regression; a feature whose effect would have the wrong sign has none.
 fn regress(answers: &[Answer]) -> Option<(f64, Vec<Coefficient>)> {

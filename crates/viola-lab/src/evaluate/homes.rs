@@ -1,7 +1,7 @@
 //! Simulated homes: any number of clips with exact truth, rendered on demand.
 
 use super::oracle::Oracle;
-use super::{Case, RunError, Sample, Suite};
+use super::{Case, RunError, Sample, Suite, Unit};
 use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, clip_in_memory};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
@@ -33,8 +33,7 @@ pub struct HomesParams {
     pub withhold_poses: bool,
     /// Error of the device's poses after one metre, in metres, as in [`ClipParams`].
     pub drift: f64,
-    /// Multiplies poses and depth of each clip by a factor that is drawn, and withholds their unit.
-    pub rescale: bool,
+    pub unit: Unit,
 }
 
 /// Factor of the frame rate without device poses: 10 Hz instead of 2.5 Hz. At 2.5 Hz half of the picture is
@@ -129,13 +128,13 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The cases contain the other parameters.
-        let HomesParams { picture_labels, withhold_poses, drift, rescale, .. } = &self.params;
+        let HomesParams { picture_labels, withhold_poses, drift, unit, .. } = &self.params;
         let poses = if *withhold_poses {
             format!(" without poses, with an accelerometer, {DENSER} times as densely")
         } else {
             String::new()
         };
-        let unit = if *rescale { " without metres" } else { "" };
+        let unit = unit.fingerprint();
         format!("simulated {picture_labels:?}{poses} {drift}{unit}")
     }
 
@@ -179,8 +178,7 @@ impl Suite for HomeClips {
         let params = &AlignParams { label, ..params.clone() };
         let targets: Vec<&Target> =
             map.target.iter().chain(others.iter().flatten()).map(Arc::as_ref).collect();
-        let unit = self.params.rescale.then(|| super::suite::without_metres(&clip, seed * 1000 + number));
-        let (clip, scale) = unit.map_or((clip, None), |(clip, metres)| (clip, Some(metres)));
+        let (clip, scale) = self.params.unit.applied(clip, seed * 1000 + number);
         let observation = align::observe_any_scale(&targets, &clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         let first = observation.first_camera.as_ref().map_or(0, |camera| camera.index);
@@ -220,7 +218,7 @@ mod tests {
                 foreign: true,
                 withhold_poses: false,
                 drift: 0.0,
-                rescale: false,
+                unit: Unit::Metres,
             });
             let sample = |index| suite.sample(index, &AlignParams::default(), &Silent).unwrap().unwrap();
             let (own, foreign) = (sample(0), sample(1));

@@ -1,6 +1,6 @@
 //! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
-use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams, labels};
+use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams, Unit, labels};
 use nalgebra::UnitQuaternion;
 use serde::Deserialize;
 use std::ops::Range;
@@ -91,20 +91,19 @@ pub struct SceneClips {
     scene: Scene,
     cases: Vec<Case>,
     ranges: Vec<Range<usize>>,
-    rescale: bool,
+    unit: Unit,
 }
 
 impl SceneClips {
-    /// `ranges` are non-empty index ranges of the recording's frames. `rescale` multiplies poses and depth of each
-    /// excerpt by a factor that is drawn, and withholds their unit.
-    pub fn new(scene: Scene, ranges: Vec<Range<usize>>, rescale: bool) -> SceneClips {
+    /// `ranges` are non-empty index ranges of the recording's frames.
+    pub fn new(scene: Scene, ranges: Vec<Range<usize>>, unit: Unit) -> SceneClips {
         let headers = scene.clip.frames();
         let case = |range: &Range<usize>| Case {
             name: format!("{:06}", headers[range.start].number),
             set: scene.name.clone(),
             frames: range.len(),
         };
-        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges, rescale }
+        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges, unit }
     }
 }
 
@@ -116,7 +115,7 @@ impl Suite for SceneClips {
     fn fingerprint(&self) -> String {
         let Scene { name, clip, lidar, map_from_world, .. } = &self.scene;
         let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
-        let unit = if self.rescale { " without metres" } else { "" };
+        let unit = self.unit.fingerprint();
         format!("{name} {:?} {:?} {sum} {map_from_world:?}{unit}", clip.info(), lidar.info)
     }
 
@@ -132,16 +131,14 @@ impl Suite for SceneClips {
             return Ok(None);
         };
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let unit = self.rescale.then(|| super::suite::without_metres(&self.scene.clip, index as u64));
-        let (clip, scale) =
-            unit.map_or((self.scene.clip.clone(), None), |(clip, metres)| (clip, Some(metres)));
+        let (clip, scale) = self.unit.applied(self.scene.clip.clone(), index as u64);
         let targets: Vec<&Target> = self.scene.target.iter().map(Arc::as_ref).collect();
         let observation = align::observe_any_scale(&targets, &clip, Some(numbers.clone()), params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         let first = observation.first_camera.as_ref().map_or(begin, |camera| camera.index);
         let Some(map_from_clip) = self.scene.map_from_clip(first) else { return Ok(None) };
         // The labels are in metres, and the excerpt is not.
-        let labels = self.scene.labels.as_ref().filter(|_| !self.rescale);
+        let labels = self.scene.labels.as_ref().filter(|_| self.unit == Unit::Metres);
         let floor_in_sight = labels.and_then(|truth| labels::shows_floor(&observation, truth));
         Ok(Some(Sample {
             observation,

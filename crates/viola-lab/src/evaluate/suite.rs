@@ -69,11 +69,38 @@ impl Sample {
     }
 }
 
-/// Returns the clip in a unit between 0.2 and 5 m, drawn by `seed`, and the metres of this unit.
-pub(super) fn without_metres(clip: &Clip, seed: u64) -> (Clip, f64) {
-    let widest = 5f64.ln();
-    let metres = ChaCha8Rng::seed_from_u64(seed).random_range(-widest..widest).exp();
-    (clip.scaled(1.0 / metres).with_unknown_scale(), metres)
+/// The unit of a clip's poses and depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unit {
+    Metres,
+    /// A unit between 0.2 and 5 m, drawn for each clip, which the clip does not tell.
+    Withheld,
+    /// So many times the metres that the clip tells.
+    Wrong(f64),
+}
+
+impl Unit {
+    /// Returns the clip in this unit, and the metres of a withheld unit.
+    pub(super) fn applied(self, clip: Clip, seed: u64) -> (Clip, Option<f64>) {
+        match self {
+            Unit::Metres => (clip, None),
+            Unit::Wrong(factor) => (clip.scaled(factor), None),
+            Unit::Withheld => {
+                let widest = 5f64.ln();
+                let metres = ChaCha8Rng::seed_from_u64(seed).random_range(-widest..widest).exp();
+                (clip.scaled(1.0 / metres).with_unknown_scale(), Some(metres))
+            }
+        }
+    }
+
+    /// Returns the part of a fingerprint for this unit.
+    pub(super) fn fingerprint(self) -> String {
+        match self {
+            Unit::Metres => String::new(),
+            Unit::Withheld => " without metres".to_owned(),
+            Unit::Wrong(factor) => format!(" times {factor}"),
+        }
+    }
 }
 
 /// Clips with their truth, made one at a time by several threads.

@@ -84,6 +84,7 @@ fn count(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::Unit;
     use crate::simulate::Set;
     use std::cell::RefCell;
 
@@ -98,7 +99,7 @@ mod tests {
             foreign: false,
             withhold_poses: false,
             drift: 0.0,
-            rescale: false,
+            unit: Unit::Metres,
         };
         let names = RefCell::new(Vec::new());
         let advance = |clip: &str| names.borrow_mut().push(clip.to_owned());
