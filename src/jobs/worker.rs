@@ -170,15 +170,15 @@ impl Attempt<'_> {
         }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await.ok();
-        let outcome = match &ending {
-            Some(ending) => metrics::outcome(ending).to_owned(),
-            None => self.why_lost().await,
-        };
-        Span::current().record("outcome", &*outcome);
         let kept = match &ending {
             Some(ending) => self.record(ending, stop).await,
             None => Ok(false),
         };
+        let outcome = match (&ending, &kept) {
+            (None, _) | (_, Ok(false)) => self.why_lost().await,
+            (Some(ending), _) => metrics::outcome(ending).to_owned(),
+        };
+        Span::current().record("outcome", &*outcome);
         let took = begun.elapsed();
         let is_kept = matches!(kept, Ok(true));
         metrics::ended(&outcome, ending.as_ref().filter(|_| is_kept), took);

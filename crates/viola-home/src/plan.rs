@@ -147,7 +147,8 @@ fn room(outline: Outline, owner: u32, rooms: &[Room]) -> PlanRoom {
     }
 }
 
-/// Returns a point in a polygon that is far from its border: the best of a raster.
+/// Returns a point in a polygon that is far from its border: the best of a raster, or a corner of a polygon that the raster
+/// misses.
 fn inner_point(outline: &Outline) -> [f64; 2] {
     const STEPS: usize = 24;
     let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
@@ -155,13 +156,14 @@ fn inner_point(outline: &Outline) -> [f64; 2] {
     };
     let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
     let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
-    let mut best = (f64::NEG_INFINITY, [0.0; 2]);
+    let mut best = (f64::NEG_INFINITY, outline.ring_m.first().copied().unwrap_or_default());
     for i in 0..STEPS * STEPS {
         let at = [i % STEPS, i / STEPS];
         let p =
             [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / STEPS as f64 * (high[axis] - low[axis]));
         let point = Point2::from(p);
-        if !super::rooms::outline::contains(&outline.ring_m, &point) {
+        let contains = |ring: &Vec<[f64; 2]>| super::rooms::outline::contains(ring, &point);
+        if !contains(&outline.ring_m) || outline.holes_m.iter().any(contains) {
             continue;
         }
         let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);

@@ -60,7 +60,8 @@ pub fn deepen_front(bounds: &mut UprightBox, class: Class, members: &[u32], poin
         upright += x.hypot(y);
     }
     let least_m = kind::kind(class).map_or(0.0, |kind| kind.short_m.start);
-    let shows_front = is_shallower(bounds, class, least_m) && out.abs() >= MIN_FRONT_FRACTION * upright;
+    let is_facing = upright > 0.0 && out.abs() >= MIN_FRONT_FRACTION * upright;
+    let shows_front = is_shallower(bounds, class, least_m) && is_facing;
     if !is_front(bounds, class) && !shows_front {
         return;
     }

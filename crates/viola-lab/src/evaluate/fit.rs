@@ -16,7 +16,7 @@ const FOREIGN_WEIGHT: f64 = 0.1;
 /// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
 /// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks.
-/// The loss stays that of [`MODEL`] unless a learned one ranks clips of other homes better. `made_by` is the model's
+/// The loss stays that of [`MODEL`] unless a learned one ranks clips of other homes clearly better. `made_by` is the model's
 /// provenance.
 pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
     let learned = learned_loss(results, &MODEL.loss).filter(|_| learning_pays(results));
@@ -38,18 +38,23 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
     Some(model)
 }
 
-/// Returns whether a loss that was learned on half of the homes ranks the true pose first in more clips of the other
-/// half than that of [`MODEL`], both ways together.
+/// Minimum fraction of the clips that a learned loss wins in other homes. With less, its probabilities were worse
+/// (docs/experiments.md, Probability).
+const MIN_GAIN: f64 = 0.01;
+
+/// Returns whether a loss that was learned on half of the homes ranks the true pose first in clearly more clips of the
+/// other half than that of [`MODEL`], both ways together.
 fn learning_pays(results: &[ClipResult]) -> bool {
     let homes: BTreeSet<&str> = results.iter().map(home).collect();
     let odd: BTreeSet<&str> = homes.into_iter().skip(1).step_by(2).collect();
+    let known = results.iter().filter(|result| !result.foreign).count();
     let (odd, even): (Vec<ClipResult>, Vec<ClipResult>) =
         results.iter().cloned().partition(|result| odd.contains(home(result)));
     let gain = |train: &[ClipResult], test: &[ClipResult]| {
         let learned = learned_loss(train, &MODEL.loss)?;
         Some(ranked_right(test, &learned.weights) as i64 - ranked_right(test, &MODEL.loss) as i64)
     };
-    gain(&odd, &even).zip(gain(&even, &odd)).is_some_and(|(a, b)| a + b > 0)
+    gain(&odd, &even).zip(gain(&even, &odd)).is_some_and(|(a, b)| (a + b) as f64 > MIN_GAIN * known as f64)
 }
 
 /// Returns the name of a clip's home, which starts the clip's name.
