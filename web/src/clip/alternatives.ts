@@ -5,8 +5,9 @@ import { h } from "../dom.ts";
 import { around, place, type Point2 } from "../frames.ts";
 import { dots, line, wedge } from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
-import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
+import type { Alternative, Clip, LidarMap, Scan } from "../types.ts";
 import { decimal, degrees, levelWord, many, metres, percent } from "../words.ts";
+import { isLast, isOfEarlierMap } from "./last.ts";
 import { isDoubtful, isForeign } from "./plausible.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
@@ -22,11 +23,14 @@ export interface Ground {
   scan: Scan | null;
 }
 
-/** The plan of a level with a clip at a pose: its hits, its way and where it began. */
-function planAt(ground: Ground, level: string, at: Pose2, label: string): PlanView {
+/**
+ * The plan of a level with a clip at a pose: its hits, its way and where it began. The frame of an earlier LiDAR map is not
+ * that of the current one, so poses in it are drawn without the map.
+ */
+function planAt(ground: Ground, isEarlier: boolean, { level, map_from_clip: at }: Alternative, label: string): PlanView {
   const plan = new PlanView(label, null);
   const { lidars, pictures, scan } = ground;
-  const lidar = lidars.find((map) => map.level === level) ?? null;
+  const lidar = isEarlier ? null : (lidars.find((map) => map.level === level) ?? null);
   const hits = (scan?.hits_m ?? []).map((hit) => place(at, hit));
   const way = (scan?.cameras ?? []).map(({ position_m: [x, y] }): Point2 => place(at, [x, y]));
   plan.setPicture(pictures.get(level) ?? null, lidar?.image ?? null);
@@ -43,6 +47,7 @@ export function headingOf(clip: Clip): string {
   const count = clip.alignment?.alternatives.length ?? 0;
   if (clip.state === "failed" || isForeign(clip)) return "Places that were tried";
   const chosen = chosenOf(clip);
+  if (isLast(clip)) return chosen === null ? "Places of the last answer" : "Its last place";
   if (chosen !== null) return clip.choice ? `Its place: place ${chosen + 1}, chosen by a person` : "Its place";
   if (poseInForce(clip)) return "Places of the newest answer; the clip lies elsewhere";
   return count === 1 ? "The place that was found" : `${count} places that may be right`;
@@ -56,31 +61,34 @@ export function alternatives(
 ): HTMLElement {
   const list = clip.alignment?.alternatives ?? [];
   const chosen = chosenOf(clip);
+  const isEarlier = isOfEarlierMap(clip);
   const isOffered = chosen === null && !isForeign(clip) && clip.state !== "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
     const isLikely = chosen === null ? i < 2 || (one.probability ?? 1) >= UNLIKELY : i === chosen;
     const isPrimary = isOffered && i === 0 && !isDoubtful(clip, one);
-    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary }, ground, onChoose));
+    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary, isEarlier }, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
     h("summary", {}, chosen === null
       ? `${many(others.length, "place")} of less than 1 %`
       : `${many(others.length, "other place")} that ${others.length === 1 ? "was" : "were"} compared`),
     h("ol", { class: "alternatives" }, ...others));
-  return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
+  const why = isEarlier && h("p", { class: "hint" },
+    "Drawn without walls: the new LiDAR map may lie elsewhere. The pictures show the previous one.");
+  return h("div", {}, why, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
 }
 
 function card(
   one: Alternative,
   index: number,
-  { isChosen, isPrimary }: { isChosen: boolean; isPrimary: boolean },
+  { isChosen, isPrimary, isEarlier }: { isChosen: boolean; isPrimary: boolean; isEarlier: boolean },
   ground: Ground,
   onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
 ): HTMLElement {
   const name = `Place ${index + 1}`;
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
-  const plan = planAt(ground, one.level, one.map_from_clip, `${name} on the plan`);
+  const plan = planAt(ground, isEarlier, one, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
   const word = isChosen ? "Chosen" : "Choose this";
   const button = h("button", { type: "button", class: isPrimary ? "primary" : "", disabled: isChosen, "data-key": name }, word);

@@ -21,7 +21,8 @@ const COLOURINGS: Colouring[] = ["colour", "class", "probability"];
 export class ClipCloud {
   readonly element = h("section", {});
   private opened = new AbortController();
-  private job = "";
+  /** The answer whose points are offered. */
+  private offered = "";
 
   constructor(
     private readonly signal: AbortSignal,
@@ -30,13 +31,13 @@ export class ClipCloud {
     signal.addEventListener("abort", () => this.opened.abort());
   }
 
-  /** Offers the points of the clip's newest answer. */
+  /** Offers the points of the clip's answer. They stay open while the same answer becomes the last one. */
   show(clip: Clip): void {
-    const job = hasPoints(clip) ? (clip.job?.id ?? "answer") : "";
-    if (job === this.job) return;
-    this.job = job;
+    const answer = hasPoints(clip) ? JSON.stringify(clip.alignment) : "";
+    if (answer === this.offered) return;
+    this.offered = answer;
     this.stop();
-    if (job) this.offer(clip, "Show the clip's points");
+    if (answer) this.offer(clip, "Show the clip's points");
     else put(this.element);
   }
 

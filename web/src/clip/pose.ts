@@ -1,6 +1,7 @@
 // The pose of a clip that is in force, and the alternative of its answer that has it.
 
 import type { Clip, Pose2 } from "../types.ts";
+import { isOfEarlierMap } from "./last.ts";
 
 /** An alternative is the pose in force if both differ by less than this. */
 const SAME_M = 0.3;
@@ -26,7 +27,8 @@ export function poseInForce({ choice, placement, alignment, state }: Clip): Pose
  */
 export function chosenOf(clip: Clip): number | null {
   const pose = poseInForce(clip);
-  if (!pose) return null;
+  // A choice moves to the new LiDAR map at once, the last answer stays in the frame of the previous one.
+  if (!pose || (clip.choice && isOfEarlierMap(clip))) return null;
   const near = (clip.alignment?.alternatives ?? []).flatMap((one, index) => {
     const distance_m = distance(one.map_from_clip, pose.map_from_clip);
     const turn_rad = Math.abs(turn(one.map_from_clip.yaw_rad - pose.map_from_clip.yaw_rad));

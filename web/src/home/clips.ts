@@ -2,6 +2,7 @@
 
 import { deleteClip } from "../api.ts";
 import { adviceOf } from "../clip/advice.ts";
+import { lastAnswerFigure } from "../clip/last.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { css } from "../cloud/colours.ts";
 import { h, keepFocus, put as fill, putAgain } from "../dom.ts";
@@ -128,7 +129,7 @@ export class ClipsPanel {
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
     const same = twin ? `Same file as ${named(this.data.nameOf(twin))}` : null;
-    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
+    const when = [same, sure ?? lastAnswerFigure(clip), level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
     const [advice] = adviceOf(clip);
     const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },

@@ -131,7 +131,7 @@ export class HomeData {
     this.isReading = true;
     try {
       for (;;) {
-        const wanted = this.clips.filter((clip) => clip.alignment && !this.scans.has(clip.id)).slice(0, SCANS_AT_ONCE);
+        const wanted = this.clips.filter((clip) => (clip.alignment || clip.last_answer) && !this.scans.has(clip.id)).slice(0, SCANS_AT_ONCE);
         if (wanted.length === 0) return;
         const scans = await Promise.all(wanted.map((clip) => api.scan(this.home.id, clip.id, signal)));
         wanted.forEach((clip, i) => this.scans.set(clip.id, scans[i] ?? null));

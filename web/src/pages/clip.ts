@@ -5,6 +5,7 @@ import { adviceOf } from "../clip/advice.ts";
 import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
+import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
 import { isDoubtful, isForeign } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
@@ -37,9 +38,10 @@ export async function showClip(place: Place, home: string, id: string): Promise<
 }
 
 class ClipPage {
-  private ground: Ground = { lidars: [], pictures: new Map(), scan: null };
+  private ground: Ground = noGround();
   private drawn = "";
-  private job: string | undefined;
+  /** Names the shown answer. */
+  private answer = "";
   private state: ClipState | null = null;
   private readonly head = h("div", {});
   private readonly verdict = h("section", { class: "verdict" });
@@ -95,6 +97,11 @@ class ClipPage {
     return clipName(this.clip, this.number);
   }
 
+  /** The clip with the answer that is shown. */
+  private get shown(): Clip {
+    return withShownAnswer(this.clip);
+  }
+
   async show(): Promise<void> {
     const { place, clip } = this;
     put(place.main, h("div", { class: "page clip-page" },
@@ -123,20 +130,21 @@ class ClipPage {
     const word = this.home.name || clip.home;
     setCrumbs(this.place, [{ word: "Homes", href: toHomes() }, { word, href: toHome(clip.home) }], name);
     // Another job may have aligned it to another LiDAR map.
-    if (this.job !== job?.id) this.ground = { lidars: [], pictures: new Map(), scan: null };
-    this.job = job?.id;
+    if (this.answer !== answerName(clip)) this.ground = noGround();
+    this.answer = answerName(clip);
     putAgain(this.head, h("div", { class: "head" },
       h("h1", { dir: "auto" }, name), stateBadge(clip.state), mayChange() && this.actions(),
       clip.duplicate_of && h("p", { class: "hint" }, "Same file as ",
         h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin", dir: "auto" }, this.twin ?? "another clip"))));
     this.drawVerdict();
-    const figures = answer(clip);
+    const { shown } = this;
+    const figures = answer(shown);
     put(this.rest,
-      figures && h("section", { class: "card padded" }, h("h2", {}, "Answer"), figures),
-      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Time of each step"), stages(clip.alignment.seconds)),
-      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(clip), technical(clip)));
+      figures && h("section", { class: "card padded" }, h("h2", {}, isLast(clip) ? "Last answer" : "Answer"), figures),
+      shown.alignment && h("section", { class: "card padded" }, h("h2", {}, "Time of each step"), stages(shown.alignment.seconds)),
+      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(shown), technical(shown)));
     this.drawPictures();
-    this.cloud.show(clip);
+    this.cloud.show(shown);
     await this.readGround();
     if (!this.place.signal.aborted) this.drawPlaces();
   }
@@ -151,6 +159,7 @@ class ClipPage {
       h("div", { class: "verdict-text" },
         isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
         h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) ? FOREIGN : stateMeaning(clip.state)),
+        lastAnswerNote(clip) && h("p", {}, lastAnswerNote(clip)),
         reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
         ...advice));
   }
@@ -196,11 +205,13 @@ class ClipPage {
   }
 
   private async readGround(): Promise<void> {
-    const { clip, ground, place: { signal } } = this;
+    const { shown: clip, ground, place: { signal } } = this;
     try {
       if (ground.lidars.length === 0) ground.lidars = await api.lidarMaps(clip.home, signal);
       if (clip.alignment) ground.scan ??= await api.scan(clip.home, clip.id, signal);
       const levels = new Set((clip.alignment?.alternatives ?? []).map(({ level }) => level));
+      // The service has pictures of the current LiDAR maps only.
+      if (isOfEarlierMap(clip)) return;
       for (const { level } of ground.lidars) {
         if (!levels.has(level) || ground.pictures.has(level)) continue;
         const address = await addressOf(await inkOf(api.lidarPicture(clip.home, level), isDark(), signal));
@@ -214,7 +225,7 @@ class ClipPage {
   }
 
   private drawPlaces(): void {
-    const { clip, ground } = this;
+    const { shown: clip, ground } = this;
     const list = clip.alignment?.alternatives ?? [];
     if (list.length === 0) return put(this.places);
     const choose = (index: number, button: HTMLButtonElement) =>
@@ -224,14 +235,14 @@ class ClipPage {
         await api.choose(this.clip, index).finally(() => this.repeated.again());
         say(`Place ${index + 1} chosen. The map is being rebuilt.`);
       });
-    putAgain(this.places, h("h2", {}, headingOf(clip)), alternatives(clip, ground, isUnderWay(clip) || !mayChange() ? null : choose));
+    putAgain(this.places, h("h2", {}, headingOf(clip)), alternatives(clip, ground, isLast(clip) || isUnderWay(clip) || !mayChange() ? null : choose));
   }
 
   private drawPictures(): void {
-    const { clip } = this;
+    const { shown: clip } = this;
     if (!clip.alignment) return put(this.pictures);
     const picture = (name: string, title: string, alt: string, shape = "") => {
-      const address = `${api.clipPath(clip, name)}?job=${clip.job?.id ?? ""}`;
+      const address = `${api.clipPath(clip, name)}?job=${answerName(clip)}`;
       const image = h("img", { class: "paper", src: address, alt, loading: "lazy" });
       const caption = h("figcaption", {}, title);
       const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
@@ -245,13 +256,17 @@ class ClipPage {
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
       clip.alignment.hits > 0 && picture("overlay.png",
-        "The service's own answer over the LiDAR map: green points are on walls, red ones are not, orange are the other places",
+        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map: green points are on walls, red ones are not, orange are the other places`,
         "The clip's points over the LiDAR map, at the service's own answer"),
       clip.alignment.completion
         ? picture("completion.png", "Views that were completed because the clip is in doubt",
             "The completed views, and the plan before and after")
         : null));
   }
+}
+
+function noGround(): Ground {
+  return { lidars: [], pictures: new Map(), scan: null };
 }
 
 /** Asks before an improbable place is chosen: a wrong one spoils the map. */
