@@ -52,6 +52,25 @@ test("places of a choice count from 1, and warnings come first", () => {
   assert.deepEqual(adviceOf(given), []);
 });
 
+test("wrong units and conventions of the files come before doubts about the home", () => {
+  const of = (codes: string[], probability: number) => clipWith({
+    state: "ambiguous", reasons: codes.map((code) => ({ code, detail: `${code} is told; check the unit of the depth` })),
+    alignment: { alternatives: [{ probability }] },
+  });
+  for (const [codes, probability, advice] of [
+    [["scale_disagrees", "not_this_home"], 0.05, /^The clip or the map has a wrong size/],
+    [["scale_disagrees"], 0.1, /^The clip or the map has a wrong size/],
+    [["tracked", "poses_disagree", "no_support"], 0.01, /^Correct the camera poses/],
+    [["poses_disagree", "several_modes"], 0.4, /^Correct the camera poses/],
+  ] as const) {
+    const clip = of([...codes], probability);
+    assert.equal(adviceOf(clip).length, 1, codes.join());
+    assert.match(adviceOf(clip)[0] ?? "", advice);
+    assert.match(reasonsOf(clip)[0]?.text ?? "", /^(scale|poses)_disagrees? is told$/);
+  }
+  assert.deepEqual(adviceOf(of(["poses_disagree", "scale_disagrees"], 0.5)).length, 2);
+});
+
 test("a damaged file is not a matter of filming, and one doubtful place is not several", () => {
   const failed = (codes: string[], alignment: object | null) =>
     adviceOf(clipWith({ state: "failed", alignment, reasons: codes.map((code) => ({ code, detail: code })) }));

@@ -21,7 +21,8 @@ const ADVICE: Record<string, string> = {
   several_modes: MORE_OF_ROOM,
   search_incomplete: MORE_OF_ROOM,
   several_scales: "Film more of the room, or record with a phone that measures depth.",
-  scale_disagrees: "Check the unit of the clip's depth, and the size of the map's cells. If both are right, film more of the room.",
+  scale_disagrees: "The clip or the map has a wrong size. Check the unit of the clip's depth and the size of the map's cells, and send " +
+    "the corrected file. If both are right, film more of the room.",
   weak_evidence: "Film more of the walls, and their lower half.",
   too_few_hits: "Film more of the walls: step back, and hold the phone so that the floor is in sight too.",
   no_floor: "Film again with the floor in sight.",
@@ -31,7 +32,8 @@ const ADVICE: Record<string, string> = {
   no_posed_frame: "Record with an app that stores the path of the phone.",
   no_frame_in_range: "Let its place be found again, with frames that it has.",
   sparse_frames: "Record at 10 frames a second or more.",
-  poses_disagree: "The frames do not agree by their camera poses. Check that the poses are world from camera, in metres.",
+  poses_disagree: "Correct the camera poses, and send the clip again: they must be world from camera, in metres, with x right, y down " +
+    "and z forward. If an app made the file, record with another app.",
   poses_dropped: "Check that the poses of the recording are in metres.",
   track_dark: "Switch on the light and film again.",
   track_jump: SLOWER,
@@ -58,6 +60,12 @@ const MAY_BE_FOREIGN = "It may be of another home: no place stands out. If you r
 const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Upload a newer LiDAR map, or " +
   "film again with more walls and floor in sight.";
 
+/**
+ * Codes of wrong units or conventions in the files. Their advice stands alone: until the files are corrected, no place is
+ * right, and it does not matter whether the clip is of this home.
+ */
+const OF_FILES = ["poses_disagree", "scale_disagrees"];
+
 /** Advice about a choice that another LiDAR map may have made wrong. */
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
@@ -70,12 +78,19 @@ export function adviceFor(code: string): string | null {
   return ADVICE[code] ?? null;
 }
 
+/** True if a reason tells that units or conventions in the files are wrong. */
+export function isOfFiles(code: string): boolean {
+  return OF_FILES.includes(code);
+}
+
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
   if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set<string>(clip.reasons.map(({ code }) => code));
   const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
+  const ofFiles = OF_FILES.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
+  if (ofFiles.length > 0) return ofFiles;
   if (mayBeForeign(clip)) return [MAY_BE_FOREIGN];
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;
   if (list.length > 0) return [...new Set(list)].slice(0, 2);

@@ -1,7 +1,7 @@
 // The reasons of a clip's state, in the words of the page.
 
 import type { Clip } from "../types.ts";
-import { adviceFor, adviceOf } from "./advice.ts";
+import { adviceFor, adviceOf, isOfFiles } from "./advice.ts";
 import { chosenOf } from "./pose.ts";
 
 /** Codes of reasons that ask a person to look at a choice again. */
@@ -16,7 +16,7 @@ export interface Told {
   isWarning: boolean;
 }
 
-/** The reasons of a clip, warnings first. */
+/** The reasons of a clip: warnings first, then wrong units and conventions of its files. */
 export function reasonsOf(clip: Clip): Told[] {
   const given = adviceOf(clip);
   const textOf = (code: string, detail: string) => {
@@ -25,7 +25,8 @@ export function reasonsOf(clip: Clip): Told[] {
     return given.length > 0 && adviceFor(code) !== null ? withoutAdvice(text) : text;
   };
   const told = clip.reasons.map(({ code, detail }) => ({ code, text: textOf(code, detail), isWarning: WARNINGS.has(code) }));
-  return told.sort((a, b) => Number(b.isWarning) - Number(a.isWarning));
+  const rank = ({ code, isWarning }: Told) => (isWarning ? 0 : isOfFiles(code) ? 1 : 2);
+  return told.sort((a, b) => rank(a) - rank(b));
 }
 
 /** The service ends the detail of some reasons with advice; the page gives its own. */
