@@ -85,6 +85,7 @@ function twoLevels() {
     }),
     "/v1/homes/h/map/rooms": () => ({ rooms: levels.map((level) => ({ id: `${level}~room-1`, level })) }),
     "/v1/homes/h/map/objects": () => ({ objects: service.objects }),
+    "/v1/homes/h/map/corrections": () => ({ objects: [{ id: "sofa-1", hidden: true }], rooms: [] }),
   };
   globalThis.fetch = async (path) => {
     const [address = ""] = String(path).split("?");

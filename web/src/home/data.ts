@@ -71,6 +71,7 @@ export class HomeData {
     if (!levels.includes(this.level)) this.level = levels.includes(MAIN) ? MAIN : (levels[0] ?? MAIN);
     this.takeLevel();
     await this.describe(signal);
+    await this.readRemoved(signal);
   }
 
   /** Shows another level. Its LiDAR map is there at once; its rooms and objects come with the next `refresh`. */
@@ -109,6 +110,17 @@ export class HomeData {
       [this.rooms, this.things, this.coverage] = [[], [], null];
     }
     this.described = described;
+  }
+
+  /** Puts the objects back that were removed here and brought back elsewhere. */
+  private async readRemoved(signal: AbortSignal): Promise<void> {
+    if (this.removed.size === 0) return;
+    const { removals } = this;
+    const { objects } = await api.corrections(this.home.id, signal);
+    // A person changed something meanwhile; the next reading follows.
+    if (removals !== this.removals) return;
+    const hidden = new Set(objects.filter((object) => object.hidden).map(({ id }) => id));
+    for (const id of [...this.removed.keys()]) if (!hidden.has(id)) this.bringBack(id);
   }
 
   /** Takes an object out of the lists at once: the map without it comes later. */
