@@ -71,6 +71,16 @@ test("wrong units and conventions of the files come before doubts about the home
   assert.deepEqual(adviceOf(of(["poses_disagree", "scale_disagrees"], 0.5)).length, 2);
 });
 
+test("a fault of the filming comes before the doubt that the clip is of another home", () => {
+  const of = (...codes: string[]) => adviceOf(clipWith({
+    state: "ambiguous", reasons: codes.map((code) => ({ code, detail: code })), alignment: { alternatives: [{ probability: 0.1 }] },
+  }));
+  const [first, second, ...others] = of("no_floor", "several_modes", "track_dark");
+  assert.match(first ?? "", /floor in sight/);
+  assert.match(second ?? "", /^It may be of another home/);
+  assert.deepEqual([others.length, of("several_modes").length], [0, 1]);
+});
+
 test("a damaged file is not a matter of filming, and one doubtful place is not several", () => {
   const failed = (codes: string[], alignment: object | null) =>
     adviceOf(clipWith({ state: "failed", alignment, reasons: codes.map((code) => ({ code, detail: code })) }));

@@ -66,6 +66,11 @@ const FOREIGN = "Probably not this home, or a part of it that the robot has not 
  */
 const OF_FILES = ["poses_disagree", "scale_disagrees"];
 
+/** Codes of faults of the filming. Their advice comes first if no place stands out: a better clip may have a certain place. */
+const OF_FILMING = [
+  "no_floor", "up_unknown", "sparse_frames", "track_dark", "track_jump", "track_no_depth", "track_unconstrained", "track_failed",
+];
+
 /** Advice about a choice that another LiDAR map may have made wrong. */
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
@@ -88,11 +93,11 @@ export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
   if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set<string>(clip.reasons.map(({ code }) => code));
-  const known = Object.entries(ADVICE).filter(([code]) => codes.has(code)).map(([, advice]) => advice);
-  const ofFiles = OF_FILES.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
+  const of = (wanted: string[]) => wanted.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
+  const ofFiles = of(OF_FILES);
   if (ofFiles.length > 0) return ofFiles;
-  if (mayBeForeign(clip)) return [MAY_BE_FOREIGN];
-  const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : known;
+  if (mayBeForeign(clip)) return [...of(OF_FILMING).slice(0, 1), MAY_BE_FOREIGN];
+  const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : of(Object.keys(ADVICE));
   if (list.length > 0) return [...new Set(list)].slice(0, 2);
   if (clip.state !== "failed") return [];
   // The other codes are those of the readers of files, which end before there is an answer.
