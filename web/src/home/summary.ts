@@ -38,6 +38,7 @@ export class Summary {
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);
     put(this.empty, ...(hasPoints ? [] : nextStep(data)));
     this.empty.hidden = hasPoints || isPlanEnough;
+    this.empty.className = lidar ? "stage-empty over-map" : "stage-empty";
   }
 }
 
