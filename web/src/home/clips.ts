@@ -139,7 +139,7 @@ export class ClipsPanel {
         show, title, stateBadge(clip.state),
         mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
-      isUnderWay(clip) ? h("p", { class: "progress" }, bar, stage) : null,
+      clip.state === "aligning" ? h("p", { class: "progress" }, bar, stage) : null,
       why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
       advice ? h("p", { class: "advice" }, advice) : null);
     return { drawn, element, bar, stage };

@@ -157,7 +157,7 @@ class ClipPage {
     put(this.verdict,
       thumbnail(clip, this.name),
       h("div", { class: "verdict-text" },
-        isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
+        clip.state === "aligning" ? h("p", { class: "progress" }, this.bar, this.stage) : null,
         h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) ? FOREIGN : stateMeaning(clip.state)),
         lastAnswerNote(clip) && h("p", {}, lastAnswerNote(clip)),
         reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
