@@ -90,10 +90,11 @@ function card(
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, isEarlier, one, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const word = isChosen ? "Chosen" : "Choose this";
-  const button = h("button", { type: "button", class: isPrimary ? "primary" : "", disabled: isChosen, "data-key": name }, word);
-  button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
+  const button = h("button", { type: "button", class: isPrimary ? "primary" : "", "data-key": name }, "Choose this");
+  button.setAttribute("aria-label", `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
+  // It takes the focus of the button that chose it.
+  const here = h("p", { class: "hint", tabindex: -1, "data-key": name }, "The clip lies here.");
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
     h("figure", {}, plan.element,
       h("figcaption", {},
@@ -109,7 +110,7 @@ function card(
             h("dt", {}, "Turned by"), h("dd", {}, degrees(yaw_rad)),
             h("dt", { title: "loss_m" }, "Misfit"), h("dd", {}, metres(one.loss_m)),
             ...freeSpace(one), ...misplaced(one))),
-        onChoose || isChosen ? button : null)));
+        isChosen ? here : onChoose ? button : null)));
 }
 
 function freeSpace({ free_space }: Alternative): HTMLElement[] {
