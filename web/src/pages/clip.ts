@@ -105,7 +105,7 @@ class ClipPage {
   async show(): Promise<void> {
     const { place, clip } = this;
     put(place.main, h("div", { class: "page clip-page" },
-      this.lost, this.said, this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
+      this.lost, this.said, this.head, this.verdict, this.places, this.pictures, this.cloud.element, this.rest));
     onTheme(() => {
       this.ground.pictures.clear();
       this.drawn = "";
