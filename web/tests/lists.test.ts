@@ -57,6 +57,13 @@ test("an object is found by the words that people use for it", () => {
   assert.equal(synonymsOf("a_new_class"), "");
 });
 
+test("rooms are listed by their names and numbers", () => {
+  const rooms = ["Living room", "Bedroom 10", "Bathroom", "Bedroom 9"].map((name) => ({ id: name, name, area_m2: 9 }));
+  const panel = new ThingsPanel({ rooms, things: [], classNamed: () => undefined } as unknown as HomeData, new Looks(), () => {});
+  const rows = fake(panel.element).all("button").map((row) => row.all("span").find(({ className }) => className === "word")?.textContent);
+  assert.deepEqual(rows, ["Bathroom", "Bedroom 9", "Bedroom 10", "Living room"]);
+});
+
 test("a name is hidden until a picture has placed it, and keeps its place after that", () => {
   const names = new Names();
   const name = { text: "Sofa", at_m: [0, 0, 0] as [number, number, number], kind: "object" as const };

@@ -85,7 +85,9 @@ export class ThingsPanel {
       const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";
       return { group, selection: { kind: "object", id: thing.id }, name, note, colour, area_m2: 0, words };
     });
-    return [...rooms, ...things.sort((a, b) => a.name.localeCompare(b.name))];
+    // The number orders rooms of one name: "Bedroom 10" is after "Bedroom 9".
+    const byName = (a: Entry, b: Entry) => a.name.localeCompare(b.name, undefined, { numeric: true });
+    return [...rooms.sort(byName), ...things.sort(byName)];
   }
 
   private part(group: string, entries: Entry[]): HTMLElement[] {
