@@ -7,6 +7,8 @@ import { arrange, shortened, textWidth } from "../parts/labels.ts";
 import type { PictureFrame } from "../types.ts";
 
 const UNITS = 100;
+/** Around an object that is shown: so much of its room is in sight that a person sees where it is. */
+const AROUND_M = 2;
 /** A press that moves further is a drag and no click. */
 const CLICK_PX = 5;
 /** Of a name on the screen; the fonts are those of the style sheet. */
@@ -137,7 +139,7 @@ export class PlanView {
 
   /** Moves to a part of the home, with room around it. */
   show({ min, max }: Box2): void {
-    const margin_m = Math.max(0.8, (max[0] - min[0] + max[1] - min[1]) / 4);
+    const margin_m = Math.max(AROUND_M, (max[0] - min[0] + max[1] - min[1]) / 4);
     this.window = windowOf({ min, max }, margin_m);
     this.apply();
     this.onMoved();
