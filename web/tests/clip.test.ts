@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { adviceOf } from "../src/clip/advice.ts";
+import { isDoubtful } from "../src/clip/plausible.ts";
 import { chosenOf, poseInForce } from "../src/clip/pose.ts";
 import { reasonsOf } from "../src/clip/reasons.ts";
 import type { Clip } from "../src/types.ts";
@@ -65,6 +66,7 @@ test("wrong units and conventions of the files come before doubts about the home
   ] as const) {
     const clip = of([...codes], probability);
     assert.equal(adviceOf(clip).length, 1, codes.join());
+    assert.ok(clip.alignment?.alternatives.every((one) => isDoubtful(clip, one)), "a place is offered without a question");
     assert.match(adviceOf(clip)[0] ?? "", advice);
     assert.match(reasonsOf(clip)[0]?.text ?? "", /^(scale|poses)_disagrees? is told$/);
   }

@@ -1,7 +1,7 @@
 // Advice about a clip that has no certain place: the next step, by the reasons of the service.
 
 import type { Clip } from "../types.ts";
-import { isForeign, mayBeForeign } from "./plausible.ts";
+import { isForeign, mayBeForeign, OF_FILES } from "./plausible.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
@@ -60,12 +60,6 @@ const MAY_BE_FOREIGN = "It may be of another home: no place stands out. If you r
 const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Upload a newer LiDAR map, or " +
   "film again with more walls and floor in sight.";
 
-/**
- * Codes of wrong units or conventions in the files. Their advice stands alone: until the files are corrected, no place is
- * right, and it does not matter whether the clip is of this home.
- */
-const OF_FILES = ["poses_disagree", "scale_disagrees"];
-
 /** Codes of faults of the filming. Their advice comes first if no place stands out: a better clip may have a certain place. */
 const OF_FILMING = [
   "no_floor", "up_unknown", "sparse_frames", "track_dark", "track_jump", "track_no_depth", "track_unconstrained", "track_failed",
@@ -83,11 +77,6 @@ export function adviceFor(code: string): string | null {
   return ADVICE[code] ?? null;
 }
 
-/** True if a reason tells that units or conventions in the files are wrong. */
-export function isOfFiles(code: string): boolean {
-  return OF_FILES.includes(code);
-}
-
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
@@ -95,6 +84,7 @@ export function adviceOf(clip: Clip): string[] {
   const codes = new Set<string>(clip.reasons.map(({ code }) => code));
   const of = (wanted: string[]) => wanted.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
   const ofFiles = of(OF_FILES);
+  // No place of such a clip is right, and it does not matter whether it is of this home.
   if (ofFiles.length > 0) return ofFiles;
   if (mayBeForeign(clip)) return [...of(OF_FILMING).slice(0, 1), MAY_BE_FOREIGN];
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : of(Object.keys(ADVICE));

@@ -1,7 +1,8 @@
 // The reasons of a clip's state, in the words of the page.
 
 import type { Clip } from "../types.ts";
-import { adviceFor, adviceOf, isOfFiles } from "./advice.ts";
+import { adviceFor, adviceOf } from "./advice.ts";
+import { OF_FILES } from "./plausible.ts";
 import { chosenOf } from "./pose.ts";
 
 /** Codes of reasons that ask a person to look at a choice again. */
@@ -25,7 +26,7 @@ export function reasonsOf(clip: Clip): Told[] {
     return given.length > 0 && adviceFor(code) !== null ? withoutAdvice(text) : text;
   };
   const told = clip.reasons.map(({ code, detail }) => ({ code, text: textOf(code, detail), isWarning: WARNINGS.has(code) }));
-  const rank = ({ code, isWarning }: Told) => (isWarning ? 0 : isOfFiles(code) ? 1 : 2);
+  const rank = ({ code, isWarning }: Told) => (isWarning ? 0 : OF_FILES.includes(code) ? 1 : 2);
   return told.sort((a, b) => rank(a) - rank(b));
 }
 

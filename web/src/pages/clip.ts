@@ -6,7 +6,7 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
-import { isDoubtful, isForeign } from "../clip/plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
@@ -158,7 +158,7 @@ class ClipPage {
       thumbnail(clip, this.name),
       h("div", { class: "verdict-text" },
         clip.state === "aligning" ? h("p", { class: "progress" }, this.bar, this.stage) : null,
-        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) ? FOREIGN : stateMeaning(clip.state)),
+        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) && !hasWrongFiles(clip) ? FOREIGN : stateMeaning(clip.state)),
         lastAnswerNote(clip) && h("p", {}, lastAnswerNote(clip)),
         reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
         ...advice));
@@ -231,7 +231,7 @@ class ClipPage {
     const choose = (index: number, button: HTMLButtonElement) =>
       void attempt(button, async () => {
         const one = list[index];
-        if (one && isDoubtful(clip, one) && !(await confirmDoubtful(index, one.probability))) return;
+        if (one && isDoubtful(clip, one) && !(await confirmDoubtful(clip, index, one.probability))) return;
         await api.choose(this.clip, index).finally(() => this.repeated.again());
         say(`Place ${index + 1} chosen. The map is being rebuilt.`);
       });
@@ -270,9 +270,11 @@ function noGround(): Ground {
 }
 
 /** Asks before an improbable place is chosen: a wrong one spoils the map. */
-function confirmDoubtful(index: number, probability: number | null): Promise<boolean> {
-  const title = probability === null ? `Choose place ${index + 1}?` : `Place ${index + 1} is only ${percent(probability)} probable. Choose it?`;
-  const text = "The clip may be of another home. At a wrong place it puts walls and furniture into the map that are not there. " +
+function confirmDoubtful(clip: Clip, index: number, probability: number | null): Promise<boolean> {
+  const isWrong = hasWrongFiles(clip);
+  const title = probability === null || isWrong ? `Choose place ${index + 1}?` : `Place ${index + 1} is only ${percent(probability)} probable. Choose it?`;
+  const why = isWrong ? "Units or camera poses of the files are wrong." : "The clip may be of another home.";
+  const text = `${why} At a wrong place it puts walls and furniture into the map that are not there. ` +
     "Compare the pictures with the place first. You can withdraw the choice later.";
   return confirm(title, text, `Choose place ${index + 1}`);
 }
