@@ -243,7 +243,8 @@ class ClipPage {
     if (!clip.alignment) return put(this.pictures);
     const picture = (name: string, title: string, alt: string, shape = "") => {
       const address = `${api.clipPath(clip, name)}?job=${answerName(clip)}`;
-      const image = h("img", { class: "paper", src: address, alt, loading: "lazy" });
+      // Photographs are not drawn on paper.
+      const image = h("img", { class: shape === "row" ? null : "paper", src: address, alt, loading: "lazy" });
       const caption = h("figcaption", {}, title);
       const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
       // Not every answer has every picture.
