@@ -59,8 +59,8 @@ test("wrong units and conventions of the files come before doubts about the home
     alignment: { alternatives: [{ probability }] },
   });
   for (const [codes, probability, advice] of [
-    [["scale_disagrees", "not_this_home"], 0.05, /^The clip or the map has a wrong size/],
-    [["scale_disagrees"], 0.1, /^The clip or the map has a wrong size/],
+    [["scale_disagrees", "not_this_home"], 0.05, /^Check the unit of the clip/],
+    [["scale_disagrees"], 0.1, /^Check the unit of the clip/],
     [["tracked", "poses_disagree", "no_support"], 0.01, /^Correct the camera poses/],
     [["poses_disagree", "several_modes"], 0.4, /^Correct the camera poses/],
   ] as const) {

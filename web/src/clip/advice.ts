@@ -21,8 +21,8 @@ const ADVICE: Record<string, string> = {
   several_modes: MORE_OF_ROOM,
   search_incomplete: MORE_OF_ROOM,
   several_scales: "Film more of the room, or record with a phone that measures depth.",
-  scale_disagrees: "The clip or the map has a wrong size. Check the unit of the clip's depth and the size of the map's cells, and send " +
-    "the corrected file. If both are right, film more of the room.",
+  scale_disagrees: "Check the unit of the clip's depth and the size of the map's cells: one of them seems to be wrong. Send the " +
+    "corrected file. If both are right, film more of the room.",
   weak_evidence: "Film more of the walls, and their lower half.",
   too_few_hits: "Film more of the walls: step back, and hold the phone so that the floor is in sight too.",
   no_floor: "Film again with the floor in sight.",

@@ -8,7 +8,7 @@ import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Scan } from "../types.ts";
 import { decimal, degrees, levelWord, many, metres, percent } from "../words.ts";
 import { isLast, isOfEarlierMap } from "./last.ts";
-import { isDoubtful, isForeign } from "./plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign } from "./plausible.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
 /** Places less probable than this are folded away. */
@@ -45,9 +45,9 @@ function planAt(ground: Ground, isEarlier: boolean, { level, map_from_clip: at }
 /** The heading of the places: the answer, if there is one. */
 export function headingOf(clip: Clip): string {
   const count = clip.alignment?.alternatives.length ?? 0;
-  if (clip.state === "failed" || isForeign(clip)) return "Places that were tried";
   const chosen = chosenOf(clip);
   if (isLast(clip)) return chosen === null ? "Places of the last answer" : "Its last place";
+  if (clip.state === "failed" || isForeign(clip) || (chosen === null && hasWrongFiles(clip))) return "Places that were tried";
   if (chosen !== null) return clip.choice ? `Its place: place ${chosen + 1}, chosen by a person` : "Its place";
   if (poseInForce(clip)) return "Places of the newest answer; the clip lies elsewhere";
   return count === 1 ? "The place that was found" : `${count} places that may be right`;
