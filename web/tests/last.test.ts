@@ -39,6 +39,10 @@ test("a clip that waits for a new LiDAR map shows its last answer as such", () =
   assert.match(fake(files(shown)).textContent, /Download the points/);
   const drawn = fake(alternatives(shown, { lidars: [], pictures: new Map(), scan: null }, null));
   assert.match(drawn.textContent, /^Drawn without walls.*Place 1/);
+  const [{ alternatives: [first] }] = [alignment];
+  const two = { ...shown, alignment: { ...alignment, alternatives: [first, first] } } as unknown as Clip;
+  assert.match(fake(alternatives({ ...two, last_answer: { ...clip.last_answer, alignment: two.alignment } } as Clip,
+    { lidars: [], pictures: new Map(), scan: null }, null)).textContent, /1 other place that was compared/);
   assert.deepEqual(drawn.all("button"), [], "a person cannot choose a place of the last answer");
 });
 
@@ -71,5 +75,5 @@ test("the list of clips shows the last answer", () => {
     clips: [clip], map: null, hasLevels: false, indexOf: () => 0, nameOf: () => "Hall", colourOf: () => [0, 0, 0],
   } as unknown as HomeData;
   const { element } = new ClipsPanel(data, new Looks(), () => {});
-  assert.match(fake(element).textContent, /Last answer: 97 % sure, from the previous map, being placed again · /);
+  assert.match(fake(element).textContent, /60 framesLast answer: 97 % sure, from the previous map, being placed again$/);
 });

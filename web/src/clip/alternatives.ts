@@ -65,12 +65,13 @@ export function alternatives(
   const isOffered = chosen === null && !isForeign(clip) && clip.state !== "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
-    const isLikely = chosen === null ? i < 2 || (one.probability ?? 1) >= UNLIKELY : i === chosen;
+    // Without walls, places that are not the first one tell nothing.
+    const isLikely = chosen === null && !isEarlier ? i < 2 || (one.probability ?? 1) >= UNLIKELY : i === (chosen ?? 0);
     const isPrimary = isOffered && i === 0 && !isDoubtful(clip, one);
-    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary, isEarlier }, ground, onChoose));
+    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary }, clip, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
-    h("summary", {}, chosen === null
+    h("summary", {}, chosen === null && !isEarlier
       ? `${many(others.length, "place")} of less than 1 %`
       : `${many(others.length, "other place")} that ${others.length === 1 ? "was" : "were"} compared`),
     h("ol", { class: "alternatives" }, ...others));
@@ -82,19 +83,20 @@ export function alternatives(
 function card(
   one: Alternative,
   index: number,
-  { isChosen, isPrimary, isEarlier }: { isChosen: boolean; isPrimary: boolean; isEarlier: boolean },
+  { isChosen, isPrimary }: { isChosen: boolean; isPrimary: boolean },
+  clip: Clip,
   ground: Ground,
   onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
 ): HTMLElement {
   const name = `Place ${index + 1}`;
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
-  const plan = planAt(ground, isEarlier, one, `${name} on the plan`);
+  const plan = planAt(ground, isOfEarlierMap(clip), one, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
   const button = h("button", { type: "button", class: isPrimary ? "primary" : "", "data-key": name }, "Choose this");
   button.setAttribute("aria-label", `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   // It takes the focus of the button that chose it.
-  const here = h("p", { class: "hint", tabindex: -1, "data-key": name }, "The clip lies here.");
+  const here = h("p", { class: "hint", tabindex: -1, "data-key": name }, isLast(clip) ? "The clip lay here." : "The clip lies here.");
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
     h("figure", {}, plan.element,
       h("figcaption", {},

@@ -129,8 +129,9 @@ export class ClipsPanel {
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
     const same = twin ? `Same file as ${named(this.data.nameOf(twin))}` : null;
-    const when = [same, sure ?? lastAnswerFigure(clip), level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
+    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
     const [advice] = adviceOf(clip);
+    const last = lastAnswerFigure(clip);
     const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
       // The title is the same link.
@@ -140,6 +141,7 @@ export class ClipsPanel {
         mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
       clip.state === "aligning" ? h("p", { class: "progress" }, bar, stage) : null,
+      last ? h("p", { class: "hint" }, last) : null,
       why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
       advice ? h("p", { class: "advice" }, advice) : null);
     return { drawn, element, bar, stage };
