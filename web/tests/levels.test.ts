@@ -1,6 +1,7 @@
 import { until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
+import { isOfPreviousLidar, lidarBelow } from "../src/home/below.ts";
 import { HomeData } from "../src/home/data.ts";
 import { type Ink, LevelPicture } from "../src/home/picture.ts";
 import type { PictureFrame } from "../src/types.ts";
@@ -146,4 +147,19 @@ test("a removed object goes at once, and stays away until the map is without it"
   service.revision = 4;
   await data.refresh(never);
   assert.deepEqual(words(data).at(-1), ["bed-1", "sofa-1"]);
+});
+
+test("a LiDAR map in another frame is not drawn below a map of the previous one", () => {
+  const below = (revision: number, x_m: number | null, points = 9, replaced = 1) => {
+    const from_earlier = x_m === null ? null : { revision: replaced, map_from_earlier: { x_m, y_m: 0, yaw_rad: 0 } };
+    const map = { levels: [{ level: "main", lidar_map_revision: 1, info: { points } }] };
+    const data = { level: "main", lidar: { revision, from_earlier }, map } as unknown as HomeData;
+    return [lidarBelow(data) !== null, isOfPreviousLidar(data)];
+  };
+  assert.deepEqual(below(1, null), [true, false]);
+  assert.deepEqual(below(2, 5), [false, true]);
+  assert.deepEqual(below(2, null), [false, true], "the maps do not tell the frame");
+  assert.deepEqual(below(2, 0.02), [true, true], "the robot kept its frame");
+  assert.deepEqual(below(3, 0.02, 9, 2), [false, true], "the frame of the revision between is not known");
+  assert.deepEqual(below(2, 5, 0), [true, false], "there are no points yet");
 });

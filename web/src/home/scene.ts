@@ -18,6 +18,7 @@ import type { Room, Thing } from "../types.ts";
 import { named, percent } from "../words.ts";
 import { filmedRooms, WANTED, wantedRooms } from "./coverage.ts";
 import { Aim } from "./aim.ts";
+import { lidarBelow } from "./below.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
@@ -153,7 +154,8 @@ export class HomeScene {
     const { drawn } = this.data;
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    const { map, lidar } = this.data;
+    const { map } = this.data;
+    const lidar = lidarBelow(this.data);
     const bounds = this.bounds();
     if (this.level !== this.data.level) {
       this.level = this.data.level;
@@ -189,7 +191,8 @@ export class HomeScene {
   }
 
   private bounds(): Box2 | null {
-    const { map, lidar } = this.data;
+    const { map } = this.data;
+    const lidar = lidarBelow(this.data);
     const ends = [lidar?.info.min_m, lidar?.info.max_m, map?.info.min_m, map?.info.max_m].filter((end) => !!end);
     return around(ends.map((end) => [end[0] ?? NaN, end[1] ?? NaN] as const));
   }
@@ -214,7 +217,7 @@ export class HomeScene {
   }
 
   private drawPicture(): void {
-    this.picture.update(this.data.level, this.data.lidar, isDark() ? "dark" : "light");
+    this.picture.update(this.data.level, lidarBelow(this.data), isDark() ? "dark" : "light");
   }
 
   private apply(): void {

@@ -4,6 +4,7 @@ import { h, put } from "../dom.ts";
 import { mayChange } from "../session.ts";
 import type { Clip } from "../types.ts";
 import { count, isUnderWay, levelWord, many, percent } from "../words.ts";
+import { isOfPreviousLidar } from "./below.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
@@ -28,7 +29,7 @@ export class Summary {
     const { data, looks } = this;
     const { map, lidar } = data;
     const clips = map?.clips.filter(({ level }) => level === data.level).length ?? 0;
-    const seen = data.coverage ? ` · shows ${percent(data.coverage.seen)} of the LiDAR map` : "";
+    const seen = data.coverage ? ` · shows ${percent(data.coverage.seen)} of the ${isOfPreviousLidar(data) ? "previous " : ""}LiDAR map` : "";
     const waits = data.clips.some(isUnderWay) && map?.state === "due";
     const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
     this.figures.textContent = map
