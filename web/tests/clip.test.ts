@@ -58,14 +58,16 @@ test("wrong units and conventions of the files come before doubts about the home
     state: "ambiguous", reasons: codes.map((code) => ({ code, detail: `${code} is told; check the unit of the depth` })),
     alignment: { alternatives: [{ probability }] },
   });
-  for (const [codes, probability, advice] of [
-    [["scale_disagrees", "not_this_home"], 0.05, /^Check the unit of the clip/],
-    [["scale_disagrees"], 0.1, /^Check the unit of the clip/],
-    [["tracked", "poses_disagree", "no_support"], 0.01, /^Correct the camera poses/],
-    [["poses_disagree", "several_modes"], 0.4, /^Correct the camera poses/],
+  for (const [codes, probability, advice, second] of [
+    [["scale_disagrees", "not_this_home"], 0.05, /^Check the unit of the clip/, /^Probably not this home/],
+    [["scale_disagrees"], 0.1, /^Check the unit of the clip/, /^It may be of another home/],
+    [["scale_disagrees"], 0.6, /^Check the unit of the clip/, null],
+    [["tracked", "poses_disagree", "no_support"], 0.01, /^Correct the camera poses/, null],
+    [["poses_disagree", "several_modes"], 0.4, /^Correct the camera poses/, null],
   ] as const) {
     const clip = of([...codes], probability);
-    assert.equal(adviceOf(clip).length, 1, codes.join());
+    assert.equal(adviceOf(clip).length, second ? 2 : 1, codes.join());
+    if (second) assert.match(adviceOf(clip)[1] ?? "", second);
     assert.ok(clip.alignment?.alternatives.every((one) => isDoubtful(clip, one)), "a place is offered without a question");
     assert.match(adviceOf(clip)[0] ?? "", advice);
     assert.match(reasonsOf(clip)[0]?.text ?? "", /^(scale|poses)_disagrees? is told$/);

@@ -85,8 +85,11 @@ export function adviceOf(clip: Clip): string[] {
   const of = (wanted: string[]) => wanted.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
   const ofFiles = of(OF_FILES);
   // No place of such a clip is right, and it does not matter whether it is of this home.
+  if (codes.has("poses_disagree")) return ofFiles;
+  // A clip of another home may fit better at another scale by chance.
+  if (ofFiles.length > 0 && isForeign(clip)) return [...ofFiles, FOREIGN];
+  if (mayBeForeign(clip)) return [...[...ofFiles, ...of(OF_FILMING)].slice(0, 1), MAY_BE_FOREIGN];
   if (ofFiles.length > 0) return ofFiles;
-  if (mayBeForeign(clip)) return [...of(OF_FILMING).slice(0, 1), MAY_BE_FOREIGN];
   const list = isForeign(clip) && !codes.has("no_support") ? [FOREIGN] : of(Object.keys(ADVICE));
   if (list.length > 0) return [...new Set(list)].slice(0, 2);
   if (clip.state !== "failed") return [];
