@@ -2,7 +2,7 @@
 
 use super::complete::View;
 use super::refine::Spread;
-use super::score::{BetterScale, Evidence, LossWeights, is_different};
+use super::score::{Evidence, LossWeights, is_different};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
@@ -59,6 +59,15 @@ pub struct FreeSpace {
     pub unseen_sides: f64,
     /// Walls of the map where the clip saw free floor, as a fraction of these walls and the hits, 0..1.
     pub walls_on_floor: f64,
+}
+
+/// A scale at which the clip fits better.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BetterScale {
+    /// Factor of the clip's lengths.
+    pub factor: f64,
+    /// How much smaller the loss is, in the clip's metres.
+    pub gain_m: f64,
 }
 
 /// The first used camera of a clip: the clip frame has its origin on the floor below it and faces along its heading.

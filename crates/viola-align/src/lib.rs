@@ -20,8 +20,8 @@ mod target;
 mod within;
 
 pub use answer::{
-    Alignment, AlignmentState, Alternative, AnswerSummary, CompletionReport, FreeSpace, ReferenceCamera,
-    ViewReport,
+    Alignment, AlignmentState, Alternative, AnswerSummary, BetterScale, CompletionReport, FreeSpace,
+    ReferenceCamera, ViewReport,
 };
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
 pub use maps::later_from_earlier;
@@ -32,9 +32,8 @@ pub use rooms::NamedRooms;
 pub use scale::observe_any_scale;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
-    BetterScale, Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights,
-    MIN_ALIGNED_PROBABILITY, MODEL, MadeBy, Model, PoseScorer, ScoreParams, TYPICAL_HITS, features,
-    fraction_of_odds, is_different,
+    Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MIN_ALIGNED_PROBABILITY,
+    MODEL, MadeBy, Model, PoseScorer, ScoreParams, TYPICAL_HITS, features, fraction_of_odds, is_different,
 };
 pub use search::{Candidate, Modes, SearchLimits, SearchParams};
 pub use target::Target;

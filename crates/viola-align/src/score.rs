@@ -14,6 +14,6 @@ pub use different::is_different;
 pub use evidence::{Evidence, PoseScorer};
 pub use hit_weights::{HitWeightParams, hit_weights};
 pub use model::{Coefficient, CovarianceModel, LossWeights, MODEL, MadeBy, Model, TYPICAL_HITS};
-pub use other_scales::{BetterScale, better_scale};
+pub use other_scales::better_scale;
 pub use rank::{Candidates, Ranked, ScoreParams, coverage, rank};
 pub use verdict::{MIN_ALIGNED_PROBABILITY, is_sure, set_state};
