@@ -97,8 +97,8 @@ fn simulated_clips_are_found_and_called_aligned() {
 
 #[test]
 fn a_clip_in_a_wrong_unit_is_not_called_aligned_where_it_is_wrong() {
-    for factor in [0.9, 1.12] {
-        let homes = HomesParams { unit: Unit::Wrong(factor), ..homes(&[Set::Normal], 2000..2010, 40) };
+    for factor in [0.93, 1.1] {
+        let homes = HomesParams { unit: Unit::Wrong(factor), ..homes(&[Set::Normal], 2000..2010, 20) };
         let results = results(&HomeClips::new(homes), &["viola"]);
         let told = results.iter().filter(|one| one.reasons.iter().any(|code| code == "scale_disagrees"));
         let (told, (_, aligned, wrong)) = (told.count(), count(&results));
