@@ -7,6 +7,7 @@
 
 mod append;
 mod begun;
+mod delete;
 mod expire;
 mod finish;
 mod join;
@@ -18,7 +19,7 @@ pub use join::Joining;
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::quota::{self, QuotaCheck};
-use super::{HomeId, Storage, StorageError, Tenant, homes, pending_deletes};
+use super::{HomeId, Storage, StorageError, Tenant, homes};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -259,26 +260,6 @@ impl Storage {
     /// Returns an upload that can still be continued or used.
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
         find_living(&mut *self.database.snapshot().await?, id, now).await
-    }
-
-    /// Deletes an upload and its bytes. A clip that was made of it stays.
-    pub async fn delete_upload(&self, id: Uuid, now: Timestamp) -> Result<(), UploadError> {
-        // A refusal inside the transaction keeps its lock until the driver has rolled back, after the answer.
-        self.living_upload(id, now).await?;
-        let mut transaction = self.database.begin().await?;
-        // A join by another process may take the pieces.
-        let lock = transaction.either(
-            "SELECT id FROM uploads WHERE id = $1",
-            "SELECT id FROM uploads WHERE id = $1 FOR UPDATE",
-        );
-        query(lock).bind(id.to_string()).fetch_optional(&mut transaction).await?;
-        find_living(&mut transaction, id, now).await?;
-        let keys = piece_keys(&mut transaction, id).await?;
-        query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
-        pending_deletes::add(&mut transaction, &owner(id), &keys, now).await?;
-        transaction.commit().await?;
-        self.discard_pending(&owner(id), &keys).await;
-        Ok(())
     }
 
     #[cfg(test)]

@@ -108,3 +108,16 @@ fn field_frame(points_m: &[Point2], map_cell_m: Option<f64>) -> Option<GridFrame
     let margin_m = ((MARGIN_M / cell_m).ceil() + 0.5) * cell_m;
     Some(GridFrame::covering(min, max, margin_m, cell_m))
 }
+
+/// Returns points on the walls of an L-shaped room: a rectangle fits itself mirrored.
+#[cfg(test)]
+pub(crate) fn l_shaped_room() -> Vec<Point2> {
+    let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (2.0, 5.0), (0.0, 5.0), (0.0, 0.0)];
+    let side = |pair: &[(f64, f64)]| {
+        let ((ax, ay), (bx, by)) = (pair[0], pair[1]);
+        (0..100)
+            .map(move |i| f64::from(i) / 100.0)
+            .map(move |t| Point2::new(ax + (bx - ax) * t, ay + (by - ay) * t))
+    };
+    corners.windows(2).flat_map(side).collect()
+}

@@ -1,9 +1,9 @@
 //! Repeated requests to begin an upload.
 
-use super::{NewUpload, Storage, owner, piece_keys};
+use super::{NewUpload, Storage};
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
-use crate::storage::{HomeId, StorageError, pending_deletes};
+use crate::storage::{HomeId, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -44,26 +44,5 @@ impl Storage {
         .bind(now.as_millisecond());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
         row.map(|row| row.id("id")).transpose()
-    }
-
-    /// Deletes an upload whose first request broke, since its client does not know the path. The upload stays if a repeated
-    /// request finds it by its content, and if another request has resumed it, which may have acknowledged bytes.
-    pub async fn abandon_upload(&self, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        // The first request incremented the fence once.
-        let unknown = transaction.either(
-            "SELECT id FROM uploads WHERE id = $1 AND content_key IS NULL AND fence <= 1",
-            "SELECT id FROM uploads WHERE id = $1 AND content_key IS NULL AND fence <= 1 FOR UPDATE",
-        );
-        let unknown = query(unknown).bind(id.to_string()).fetch_optional(&mut transaction).await?;
-        if unknown.is_none() {
-            return Ok(());
-        }
-        let keys = piece_keys(&mut transaction, id).await?;
-        query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
-        pending_deletes::add(&mut transaction, &owner(id), &keys, now).await?;
-        transaction.commit().await?;
-        self.discard_pending(&owner(id), &keys).await;
-        Ok(())
     }
 }

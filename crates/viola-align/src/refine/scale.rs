@@ -161,27 +161,17 @@ fn radius_m(hits: &[Weighted]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::target::l_shaped_room;
     use viola_geometry::Vector2;
-
-    /// Returns an L-shaped room: a rectangle fits itself mirrored.
-    fn walls() -> Vec<Point2> {
-        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (2.0, 5.0), (0.0, 5.0), (0.0, 0.0)];
-        let side = |pair: &[(f64, f64)]| {
-            let ((ax, ay), (bx, by)) = (pair[0], pair[1]);
-            (0..100)
-                .map(move |i| f64::from(i) / 100.0)
-                .map(move |t| Point2::new(ax + (bx - ax) * t, ay + (by - ay) * t))
-        };
-        corners.windows(2).flat_map(side).collect()
-    }
 
     #[test]
     fn finds_pose_and_scale_of_a_room() {
-        let target = Target::from_points(walls(), None, None).unwrap();
+        let target = Target::from_points(l_shaped_room(), None, None).unwrap();
         let truth = Pose2::new(1.2, 1.7, 0.6);
         for factor in [0.97, 0.99, 1.0, 1.015, 1.03] {
             let in_clip = |p: &Point2| truth.inverse().apply(p) / factor;
-            let hits: Vec<Hit> = walls().iter().map(|p| Hit::standing(in_clip(p), Vector2::x())).collect();
+            let hits: Vec<Hit> =
+                l_shaped_room().iter().map(|p| Hit::standing(in_clip(p), Vector2::x())).collect();
             let start = Pose2::new(1.23, 1.66, 0.61);
             let found = refine_with_scale(&[start], &hits, &target, 0.05)[0];
             assert!((found.factor / factor - 1.0).abs() < 0.003, "{factor} {found:?}");

@@ -31,7 +31,7 @@ pub fn better_scale(
     target: &Target,
     params: &ScoreParams,
 ) -> Option<BetterScale> {
-    // What the clip saw free has no scaled copy, so it does not count.
+    // The free space of the clip has no scaled copy, so it does not count.
     let scan = VirtualScan::default();
     let loss_m = |pose: &Pose2, hits: &[Hit]| {
         params.weights.loss_m(&PoseScorer::new(hits, &scan, params.unknown_fraction).evidence(pose, target))
@@ -60,28 +60,18 @@ pub fn better_scale(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::target::l_shaped_room;
     use viola_geometry::{Point2, Vector2};
-
-    /// Returns the walls of an L-shaped room.
-    fn walls() -> Vec<Point2> {
-        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (2.0, 5.0), (0.0, 5.0), (0.0, 0.0)];
-        let side = |pair: &[(f64, f64)]| {
-            let ((ax, ay), (bx, by)) = (pair[0], pair[1]);
-            (0..100)
-                .map(move |i| f64::from(i) / 100.0)
-                .map(move |t| Point2::new(ax + (bx - ax) * t, ay + (by - ay) * t))
-        };
-        corners.windows(2).flat_map(side).collect()
-    }
 
     #[test]
     fn a_clip_in_another_unit_fits_better_in_its_own() {
-        let target = Target::from_points(walls(), None, None).unwrap();
+        let target = Target::from_points(l_shaped_room(), None, None).unwrap();
         let truth = Pose2::new(1.2, 1.7, 0.6);
         let far = Pose2::new(3.0, 1.0, 2.0);
         for unit in [0.8, 0.9, 0.99, 1.0, 1.01, 1.12, 1.25] {
             let in_clip = |p: &Point2| truth.inverse().apply(p) / unit;
-            let hits: Vec<Hit> = walls().iter().map(|p| Hit::standing(in_clip(p), Vector2::x())).collect();
+            let hits: Vec<Hit> =
+                l_shaped_room().iter().map(|p| Hit::standing(in_clip(p), Vector2::x())).collect();
             let found = |poses: &[Pose2]| better_scale(poses, &hits, &target, &ScoreParams::default());
             if f64::abs(f64::ln(unit)) < SAME_LOG {
                 assert_eq!(found(&[truth, far]), None, "{unit}");
