@@ -78,8 +78,9 @@ fn run<W: Write + Send>(
     let mut params = params().map_err(AttemptError::system)?;
     params.unknown_scale = order.unknown_scale;
     params.scratch = Scratch::new(&order.into, Vec::new());
-    // The networks of `params` are loaded, and the threads are started: the limit is for the clip alone.
-    rayon::current_num_threads();
+    // The networks of `params` are loaded, and all threads have begun, each with memory for itself: the limit is
+    // for the clip alone.
+    rayon::broadcast(|_| ());
     memory::limit(order.memory_bytes).map_err(AttemptError::system)?;
     let read = |level: &LevelName| -> io::Result<LevelFile> {
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
