@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as THREE from "three";
 import { Names } from "../src/cloud/names.ts";
-import { attentionOf, withAttention } from "../src/home/attention.ts";
+import { attentionOf, nextStepOf, withAttention } from "../src/home/attention.ts";
 import type { HomeData } from "../src/home/data.ts";
 import { Looks } from "../src/home/looks.ts";
 import { Summary } from "../src/home/summary.ts";
@@ -27,6 +27,12 @@ test("the reasons for attention are told with the next step", () => {
     const home = { needs_attention: [...needs_attention], clips_by_state: { ...none, ...counts }, lidar_map_revision };
     assert.deepEqual(attentionOf(home as unknown as Home), [...told]);
   }
+});
+
+test("a home without clips has a next step", () => {
+  assert.equal(nextStepOf({ clips: 0, lidar_map_revision: null }), "Add the LiDAR map of the robot vacuum");
+  assert.equal(nextStepOf({ clips: 0, lidar_map_revision: 2 }), "Film the rooms and add the clips");
+  assert.equal(nextStepOf({ clips: 1, lidar_map_revision: null }), null);
 });
 
 test("homes that need attention come first, also those of later pages", () => {

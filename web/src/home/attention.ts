@@ -1,4 +1,4 @@
-// The reasons for which a person should look at a home, and the homes that need it first.
+// The reasons for which a person should look at a home, the homes that need it first, and the next step of one without clips.
 
 import type { Home, List } from "../types.ts";
 import { many } from "../words.ts";
@@ -19,6 +19,12 @@ export function attentionOf({ needs_attention, clips_by_state, lidar_map_revisio
   };
   // A newer service may have other reasons.
   return needs_attention.map((reason) => words[reason] ?? reason.replaceAll("_", " "));
+}
+
+/** The next step of a home that nobody has filmed; null for a home with clips: its clips have their own advice. */
+export function nextStepOf({ clips, lidar_map_revision }: Pick<Home, "clips" | "lidar_map_revision">): string | null {
+  if (clips > 0) return null;
+  return lidar_map_revision === null ? "Add the LiDAR map of the robot vacuum" : "Film the rooms and add the clips";
 }
 
 /** The homes that need attention, then the others; each part in its order. */

@@ -2,7 +2,7 @@
 
 import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
-import { attentionFirst, attentionOf, withAttention } from "../home/attention.ts";
+import { attentionFirst, attentionOf, nextStepOf, withAttention } from "../home/attention.ts";
 import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
 import { attempt, messageOf } from "../parts/notices.ts";
@@ -159,6 +159,8 @@ function search(asked: Asked): HTMLElement {
 }
 
 function card(home: Home): HTMLElement {
+  // A key that can only look cannot take it.
+  const step = mayChange() ? nextStepOf(home) : null;
   const picture = home.lidar_map_revision
     ? h("img", {
         class: "paper", alt: "", loading: "lazy", decoding: "async",
@@ -173,7 +175,7 @@ function card(home: Home): HTMLElement {
         h("strong", { dir: "auto" }, home.name || home.id),
         home.name ? h("code", { class: "hint" }, home.id) : null,
         h("span", { class: "hint" }, `${many(home.clips, "clip")} · changed ${time(home.updated_at)}`),
-        states(home), ...attention(home))));
+        states(home), step && h("span", { class: "advice" }, step), ...attention(home))));
 }
 
 function attention(home: Home): HTMLElement[] {
