@@ -32,14 +32,13 @@ export class Summary {
     const seen = data.coverage ? ` · shows ${percent(data.coverage.seen)} of the ${isOfPreviousLidar(data) ? "previous " : ""}LiDAR map` : "";
     const waits = data.clips.some(isUnderWay) && map?.state === "due";
     const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
-    this.figures.textContent = map
-      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(clips, "clip")}${seen}${state}`
-      : "";
     const hasPoints = (map?.info.points ?? 0) > 0;
+    const shown = hasPoints ? `${count(map?.info.points ?? 0)} points · ${many(clips, "clip")}${seen}` : "no clip in it yet";
+    this.figures.textContent = map ? `Map ${map.revision} · ${shown}${state}` : "";
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);
     put(this.empty, ...(hasPoints ? [] : nextStep(data)));
     this.empty.hidden = hasPoints || isPlanEnough;
-    this.empty.className = lidar ? "stage-empty over-map" : "stage-empty";
+    this.empty.className = lidar ? "stage-empty below-map" : "stage-empty";
   }
 }
 

@@ -39,9 +39,9 @@ export class Toolbar {
     this.level.addEventListener("change", () => onLevel(this.level.value));
     this.top.addEventListener("click", () => scene.fit("above"));
     this.element = h("div", { class: "toolbar" },
-      this.level, view, this.body, this.colourings,
+      this.level, view, this.body,
       h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
-      this.top, scene.measure.button, this.share(), scene.measure.element);
+      this.top, this.colourings, scene.measure.button, this.share(), scene.measure.element);
     // The plan lies below the tools, which may need several rows. It does not move while a person measures in it.
     const sizes = new ResizeObserver(() => {
       if (!scene.measure.element.hidden) return;
@@ -62,8 +62,12 @@ export class Toolbar {
       put(this.level, ...data.levels.map((name) => h("option", { value: name, selected: name === data.level, dir: "auto" }, levelWord(name))));
       this.level.hidden = !data.hasLevels;
     }
+    // Tools for something that is not there.
+    const hasPoints = (data.map?.info.points ?? 0) > 0;
+    this.element.hidden = !data.lidar && !data.map;
     this.top.hidden = looks.view === "2d";
-    this.body.hidden = looks.view === "2d";
+    this.body.hidden = looks.view === "2d" || !hasPoints;
+    this.colourings.hidden = !hasPoints;
     for (const input of this.colourings.querySelectorAll("input")) {
       input.checked = input.value === looks.colouring;
       input.disabled = !looks.colourings.some((name) => name === input.value);
