@@ -4,6 +4,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { h } from "../dom.ts";
+import { fitted, type Part } from "./fit.ts";
 import type { Point3, Ray } from "./pick.ts";
 
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
@@ -23,6 +24,18 @@ const CLICK_PX = 5;
 const FLIGHT_MS = 450;
 /** The direction from a scene to an eye at a corner above it. */
 const FROM_CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
+/** Between a scene that fits the picture and its edges: half of a name may stand there. */
+const EDGE_PX = 28;
+/** A low picture keeps so much of its height for the scene below the tools. */
+const LEAST_HEIGHT = 0.4;
+
+/** What `look` shows. */
+export interface Scene {
+  /** Around everything; the range of the zoom depends on it. */
+  box: THREE.Box3;
+  /** The points that are in the picture. */
+  outline: THREE.Vector3[];
+}
 
 /** The eye of a person and the point it looks at, in metres. */
 export interface Viewpoint {
@@ -81,7 +94,7 @@ export class Stage {
   private done = 0;
   private isStale = true;
   /** The view to show as soon as the stage has a size. */
-  private pending: { box: THREE.Box3; from: "corner" | "above" } | null = null;
+  private pending: { scene: Scene; from: "corner" | "above" } | null = null;
   private flight = 0;
 
   constructor(label: string, signal: AbortSignal) {
@@ -140,27 +153,36 @@ export class Stage {
     if (!this.asked) this.asked = requestAnimationFrame(() => this.frame());
   }
 
-  /** Looks at a box from a corner above it, or straight down. */
-  look(box: THREE.Box3, from: "corner" | "above" = "corner"): void {
+  /** Looks at a scene from a corner above it, or straight down. */
+  look(scene: Scene, from: "corner" | "above" = "corner"): void {
+    const { box, outline } = scene;
     if (box.isEmpty()) return;
     const { width, height } = this.size();
     if (width === 0 || height === 0) {
-      this.pending = { box, from };
+      this.pending = { scene, from };
       return;
     }
     this.camera.aspect = width / height;
-    const sphere = box.getBoundingSphere(new THREE.Sphere());
-    const direction =
-      from === "above" ? new THREE.Vector3(0, -0.001, 1) : FROM_CORNER.clone();
-    const distance = this.reach(sphere);
-    this.controls.target.copy(sphere.center);
-    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
+    this.reach(box.getBoundingSphere(new THREE.Sphere()));
+    const direction = from === "above" ? new THREE.Vector3(0, -0.001, 1) : FROM_CORNER;
+    const up = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
+    const { eye_m, target_m } = fitted(outline, direction, [up * this.camera.aspect, up], this.free(width, height));
+    this.controls.target.fromArray(target_m);
+    this.camera.position.fromArray(eye_m);
     this.controls.update();
     this.draw();
   }
 
-  /** Fits the depth range and the zoom to a sphere. Returns the distance from which all of it is in the picture. */
-  private reach(sphere: THREE.Sphere): number {
+  /** The part of the picture that no tools cover. */
+  private free(width: number, height: number): Part {
+    const tools = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
+    const covered_px = tools ? tools.offsetTop + tools.offsetHeight : 0;
+    const [x, y] = [Math.max(0.2, 1 - (2 * EDGE_PX) / width), Math.max(0.2, 1 - (2 * EDGE_PX) / height)];
+    return { left: -x, right: x, bottom: -y, top: Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * covered_px) / height) };
+  }
+
+  /** Fits the depth range and the zoom to a sphere. */
+  private reach(sphere: THREE.Sphere): void {
     // The narrower side of the stage decides the distance.
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
     const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
@@ -169,7 +191,6 @@ export class Stage {
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.maxDistance = distance * 6;
-    return distance;
   }
 
   /** Flies to a box without turning the view. */
@@ -335,7 +356,7 @@ export class Stage {
   }
 
   private lookAtPending(): void {
-    if (this.pending) this.look(this.pending.box, this.pending.from);
+    if (this.pending) this.look(this.pending.scene, this.pending.from);
     this.pending = null;
   }
 

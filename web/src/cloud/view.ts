@@ -38,6 +38,7 @@ export class CloudView {
   private cloud: { cloud: Cloud; voxel_m: number } | null = null;
   private surface: Surface | null = null;
   private bounds = new THREE.Box3();
+  private outline: THREE.Vector3[] = [];
   private isFramed = false;
   /** The distance of the first shown point on a ray; only every `stride`-th point counts. */
   surfaceOn: ((ray: Ray, reach_rad: number, stride: number) => number | null) | null = null;
@@ -238,15 +239,20 @@ export class CloudView {
     this.isFramed = false;
   }
 
-  /** Sets the box that `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */
-  setBounds(min: readonly number[], max: readonly number[], isFirm = true): void {
+  /**
+   * Sets the box around the home, and the points that `fit` shows; without points, the corners of the box. They are shown at
+   * once until they are firm; then the view stays where one has moved it.
+   */
+  setBounds(min: Point3, max: Point3, outline_m: readonly Point3[] = [], isFirm = true): void {
     this.bounds = new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max));
+    const corners = [min, max].flatMap(([x]) => [min, max].flatMap(([, y]) => [min, max].map(([, , z]): Point3 => [x, y, z])));
+    this.outline = (outline_m.length > 0 ? outline_m : corners).map((point) => new THREE.Vector3(...point));
     if (!this.isFramed) this.fit();
     this.isFramed ||= isFirm;
   }
 
   fit(from: "corner" | "above" = "corner"): void {
-    this.stage.look(this.bounds, from);
+    this.stage.look({ box: this.bounds, outline: this.outline }, from);
   }
 
   draw(): void {

@@ -198,6 +198,6 @@ export class HomeData {
   /** Key of the picture: the same text means the same picture. */
   get drawn(): string {
     const poses = this.clips.map((clip) => [clip.id, this.poseOf(clip), this.scans.has(clip.id)]);
-    return JSON.stringify([this.level, this.map?.revision, this.map?.created_at, this.lidar?.revision, this.removals, poses]);
+    return JSON.stringify([this.level, this.described, this.map?.revision, this.map?.created_at, this.lidar?.revision, this.removals, poses]);
   }
 }

@@ -168,8 +168,9 @@ export class HomeScene {
       // Mirrors and windows show things far away.
       const from = low.map((at, axis) => Math.max(at, (lidar?.info.min_m[axis] ?? -Infinity) - AROUND_M));
       const to = high.map((at, axis) => Math.min(at, (lidar?.info.max_m[axis] ?? Infinity) + AROUND_M));
-      this.cloudView?.setBounds(from, to);
-    } else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
+      // The rooms of a level that was just chosen come later.
+      this.cloudView?.setBounds(from as Point3, to as Point3, this.outline(to[2] ?? 0), this.data.described !== "");
+    } else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], this.outline(0), false);
     this.drawPicture();
     this.points.update(this.data);
     this.apply();
@@ -195,6 +196,12 @@ export class HomeScene {
     const lidar = lidarBelow(this.data);
     const ends = [lidar?.info.min_m, lidar?.info.max_m, map?.info.min_m, map?.info.max_m].filter((end) => !!end);
     return around(ends.map((end) => [end[0] ?? NaN, end[1] ?? NaN] as const));
+  }
+
+  /** The corners of all rooms, on the floor and at a height: the picture shows the home whole, filmed or not. */
+  private outline(height_m: number): Point3[] {
+    const corners = this.data.rooms.flatMap(({ polygon_m }) => polygon_m);
+    return corners.flatMap(([x, y]): Point3[] => [[x, y, 0], [x, y, height_m]]);
   }
 
   private pictureOf(signal: AbortSignal): LevelPicture {
