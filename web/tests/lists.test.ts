@@ -88,6 +88,14 @@ test("a name is hidden until a picture has placed it, and keeps its place after 
   assert.deepEqual(elements().map(({ hidden }) => hidden), [false, true]);
 });
 
+test("walls of its own room do not hide a room's name from above", () => {
+  const names = new Names();
+  const asked: number[] = [];
+  names.set([{ text: "Kitchen", at_m: [0, 0, 0], kind: "room" }, { text: "Sofa", at_m: [0, 0, 0.8], kind: "object" }]);
+  names.hide((at) => asked.push(at.z) < 0);
+  assert.deepEqual(asked, [2, 0.8]);
+});
+
 test("the map is promised for the time when all clips have settled", () => {
   const told = (states: string[], map: object | null = null) => {
     const clips = states.map((state, i) => ({ id: String(i), state }));
@@ -105,4 +113,5 @@ test("the map is promised for the time when all clips have settled", () => {
   const map = { revision: 2, state: "due", clips: [], info: { points: 9 } };
   assert.match(told(["aligned", "queued"], map), / · rebuilt when all clips have settled$/);
   assert.match(told(["aligned"], map), / · being rebuilt$/);
+  assert.equal(told(["ambiguous"], { ...map, state: "current", info: { points: 0 } }), "Map 2 · no clip in it yet");
 });

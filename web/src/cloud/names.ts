@@ -17,12 +17,14 @@ const PADDING_PX = 14;
 /** As in the style sheet. */
 const MAX_WIDTH_PX = 220;
 const FONTS = { room: "650 13px", object: "400 12px" } as const;
+/** A room's name is hidden only if this height above its floor is: its own walls do not hide it from above. */
+const ROOM_SEEN_AT_M = 2;
 
 export class Names {
   readonly element = h("div", { class: "names", "aria-hidden": "true" });
   /** Names above would lie below the tools. */
   private top = 0;
-  private shown: { element: HTMLElement; at: THREE.Vector3; width: number; isBehind: boolean }[] = [];
+  private shown: { element: HTMLElement; at: THREE.Vector3; seenAt: THREE.Vector3; width: number; isBehind: boolean }[] = [];
 
   set(names: Name[]): void {
     const toolbar = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
@@ -30,6 +32,7 @@ export class Names {
     this.shown = names.map(({ text, at_m, kind }, i) => ({
       element: this.elementOf(i, text, `name ${kind}`),
       at: new THREE.Vector3(...at_m),
+      seenAt: new THREE.Vector3(at_m[0], at_m[1], at_m[2] + (kind === "room" ? ROOM_SEEN_AT_M : 0)),
       width: Math.min(textWidth(text, FONTS[kind]) + PADDING_PX, MAX_WIDTH_PX),
       isBehind: false,
     }));
@@ -45,7 +48,7 @@ export class Names {
 
   /** Finds the names that are behind something. */
   hide(isBehind: (at: THREE.Vector3) => boolean): void {
-    for (const name of this.shown) name.isBehind = isBehind(name.at);
+    for (const name of this.shown) name.isBehind = isBehind(name.seenAt);
   }
 
   /** Puts every name where its thing is now; a name that has no room beside the earlier ones is left out. */
