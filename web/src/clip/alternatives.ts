@@ -92,8 +92,7 @@ function card(
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, isOfEarlierMap(clip), one, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const button = h("button", { type: "button", class: isPrimary ? "primary" : "", "data-key": name }, "Choose this");
-  button.setAttribute("aria-label", `Choose ${name.toLowerCase()}`);
+  const button = h("button", { type: "button", class: isPrimary ? "primary" : "", "data-key": name }, `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   // It takes the focus of the button that chose it.
   const here = h("p", { class: "hint", tabindex: -1, "data-key": name }, isLast(clip) ? "The clip lay here." : "The clip lies here.");

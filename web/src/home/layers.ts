@@ -25,7 +25,7 @@ export class LayersPanel {
       });
       this.draw(true);
     };
-    this.both = h("div", { class: "row" },
+    this.both = h("div", { class: "row", role: "group", "aria-label": "Show classes" },
       h("button", { type: "button", class: "small", onclick: all(true) }, "All"),
       h("button", { type: "button", class: "small", onclick: all(false) }, "None"));
     this.element = h("div", {},
@@ -72,5 +72,5 @@ export class LayersPanel {
 
 /** A part of the side that can be closed. */
 export function section(title: string, isOpen: boolean, ...children: (Node | null)[]): HTMLDetailsElement {
-  return h("details", { class: "section", open: isOpen }, h("summary", {}, title), ...children);
+  return h("details", { class: "section", open: isOpen }, h("summary", {}, h("h2", {}, title)), ...children);
 }

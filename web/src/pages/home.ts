@@ -102,7 +102,8 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const repeated = keepUpToDate(place, data, { clips, status }, draw);
 
   const foot = h("div", { class: "stage-foot" }, status.shown, legend.element, summary.figures);
-  put(stage, scene.element, summary.empty, foot, toolbar.element, details.element, status.said);
+  // In the order in which keys reach them.
+  put(stage, toolbar.element, scene.element, summary.empty, foot, details.element, status.said);
   put(side,
     settings.heading,
     upload?.element,
