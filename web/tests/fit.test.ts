@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as THREE from "three";
-import { fitted } from "../src/cloud/fit.ts";
+import { fitted, freePart } from "../src/cloud/fit.ts";
 
 const CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
 const ABOVE = new THREE.Vector3(0, -0.001, 1);
@@ -31,4 +31,9 @@ test("a scene fills the free part of a picture and no more", () => {
       assert.ok(Math.min(across, upward) < 1e-6, `the scene could be larger: ${gaps}`);
     }
   }
+});
+
+test("tools leave a low picture a part for the scene", () => {
+  const { bottom, top } = freePart(390, 200, 150);
+  assert.ok(top - bottom >= 0.79 && top < 1, `${bottom} to ${top}`);
 });

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { along, type Point3, pointOn, type Ray, spanOf, thingAbove, thingOn, throughBox } from "../src/cloud/pick.ts";
+import { along, hullOf, type Point3, pointOn, type Ray, thingAbove, thingOn, throughBox } from "../src/cloud/pick.ts";
 import { isInside } from "../src/frames.ts";
 import { Looks } from "../src/home/looks.ts";
 import { between } from "../src/home/measure.ts";
@@ -24,8 +24,8 @@ test("a ray goes through a turned box where its faces are", () => {
   assert.ok(Math.abs((enter ?? 0) - 4.5) < 1e-9 && Math.abs((leave ?? 0) - 5.5) < 1e-9, `${enter} to ${leave}`);
   assert.equal(throughBox({ origin: [0, 1.1, 0.5], direction: [1, 0, 0] }, box), null);
   assert.equal(throughBox({ origin: [10, 0, 0.5], direction: [1, 0, 0] }, box), null, "behind the eye");
-  const { min, max } = spanOf(box);
-  assert.ok(Math.hypot(min[0] - 4.5, min[1] + 1, max[0] - 5.5, max[1] - 1, max[2] - 1) < 1e-9);
+  const ends = [0, 1, 2].flatMap((axis) => [Math.min, Math.max].map((end) => end(...hullOf(box).map((point) => point[axis] ?? NaN))));
+  [4.5, 5.5, -1, 1, 0, 1].forEach((expected, i) => assert.ok(Math.abs((ends[i] ?? NaN) - expected) < 1e-9, `${ends}`));
 });
 
 test("the nearest shown point under a pixel is taken", () => {

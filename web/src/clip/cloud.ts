@@ -2,10 +2,11 @@
 
 import { classes, clipPath } from "../api.ts";
 import { COLOURING_WORDS, type Colouring } from "../cloud/colours.ts";
+import type { Point3 } from "../cloud/pick.ts";
 import { load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h, put, putAgain } from "../dom.ts";
-import { around } from "../frames.ts";
+import { around, type Point2 } from "../frames.ts";
 import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
 import { oneOf } from "../parts/switches.ts";
@@ -16,6 +17,9 @@ import { hasPoints } from "./facts.ts";
 
 /** The service fuses clips into voxels of this size. */
 const VOXEL_M = 0.03;
+/** The view is framed by about this number of points; a ceiling is not shown. */
+const MOST_OUTLINE = 2000;
+const CEILING_M = 2;
 const COLOURINGS: Colouring[] = ["colour", "class", "probability"];
 
 export class ClipCloud {
@@ -91,11 +95,15 @@ export class ClipCloud {
       },
       ended: (cloud) => {
         const { position } = cloud.raw;
-        const places = function* () {
-          for (let i = 0; i < position.length; i += 3) yield [position[i] ?? 0, position[i + 1] ?? 0] as const;
-        };
-        const box = around(places());
-        if (box) view.setBounds([...box.min, 0], [...box.max, 2]);
+        const [places, outline]: [Point2[], Point3[]] = [[], []];
+        const step = Math.max(1, Math.floor(cloud.count / MOST_OUTLINE));
+        for (let i = 0; i < cloud.count; i += step) {
+          const [x = 0, y = 0, z = 0] = position.subarray(3 * i, 3 * i + 3);
+          places.push([x, y]);
+          outline.push([x, y, Math.min(z, CEILING_M)]);
+        }
+        const box = around(places);
+        if (box) view.setBounds([...box.min, 0], [...box.max, CEILING_M], outline);
       },
       nothing: () => this.fail(clip, new Error("The clip has no points yet.")),
       failed: (error) => this.fail(clip, error),

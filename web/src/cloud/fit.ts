@@ -3,12 +3,38 @@
 import * as THREE from "three";
 import type { Viewpoint } from "./stage.ts";
 
+/** Between the points and the edges of the picture: half of a name may stand there. */
+const EDGE_PX = 28;
+/** A low picture keeps this fraction of its height for the points below the tools. */
+const LEAST_HEIGHT = 0.6;
+/** The size of a picture of one object or room beside its own size, and its least size. */
+const SURROUNDINGS = 1.3;
+const LEAST_M = 1.2;
+
 /** The part of the picture for the points: -1 to 1 from left to right and from bottom to top. */
 export interface Part {
   left: number;
   right: number;
   bottom: number;
   top: number;
+}
+
+/** The part of a picture that no tools cover; they lie at its top. */
+export function freePart(width_px: number, height_px: number, covered_px: number): Part {
+  const [x, y] = [Math.max(0.2, 1 - (2 * EDGE_PX) / width_px), Math.max(0.2, 1 - (2 * EDGE_PX) / height_px)];
+  return { left: -x, right: x, bottom: -y, top: Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * covered_px) / height_px) };
+}
+
+/** The points of an object or a room, farther apart: a person sees the things around it. */
+export function withSurroundings(points: readonly THREE.Vector3[]): THREE.Vector3[] {
+  const box = new THREE.Box3().setFromPoints([...points]);
+  const [middle, size] = [box.getCenter(new THREE.Vector3()), box.getSize(new THREE.Vector3())];
+  const factor = Math.max(SURROUNDINGS, LEAST_M / Math.max(size.x, size.y, size.z, 0.01));
+  return points.map((point) => point.clone().sub(middle).multiplyScalar(factor).add(middle));
+}
+
+export function cornersOf({ min, max }: THREE.Box3): THREE.Vector3[] {
+  return [min.x, max.x].flatMap((x) => [min.y, max.y].flatMap((y) => [min.z, max.z].map((z) => new THREE.Vector3(x, y, z))));
 }
 
 /**

@@ -95,9 +95,7 @@ export function thingAbove([x, y]: readonly [number, number], things: readonly T
 }
 
 /** The corners of a box in space. */
-export function spanOf(thing: Thing): { min: Point3; max: Point3 } {
-  const base = corners(thing.centre_m, thing.size_m, thing.yaw_rad);
-  const [xs, ys] = [base.map(([x]) => x), base.map(([, y]) => y)];
+export function hullOf(thing: Thing): Point3[] {
   const [z, half] = [thing.centre_m[2], thing.size_m[2] / 2];
-  return { min: [Math.min(...xs), Math.min(...ys), z - half], max: [Math.max(...xs), Math.max(...ys), z + half] };
+  return corners(thing.centre_m, thing.size_m, thing.yaw_rad).flatMap(([x, y]): Point3[] => [[x, y, z - half], [x, y, z + half]]);
 }

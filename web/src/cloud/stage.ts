@@ -4,7 +4,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { h } from "../dom.ts";
-import { fitted, type Part } from "./fit.ts";
+import { fitted, freePart, withSurroundings } from "./fit.ts";
 import type { Point3, Ray } from "./pick.ts";
 
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
@@ -24,10 +24,6 @@ const CLICK_PX = 5;
 const FLIGHT_MS = 450;
 /** The direction from a scene to an eye at a corner above it. */
 const FROM_CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
-/** Between a scene that fits the picture and its edges: half of a name may stand there. */
-const EDGE_PX = 28;
-/** A low picture keeps so much of its height for the scene below the tools. */
-const LEAST_HEIGHT = 0.4;
 
 /** What `look` shows. */
 export interface Scene {
@@ -165,20 +161,20 @@ export class Stage {
     this.camera.aspect = width / height;
     this.reach(box.getBoundingSphere(new THREE.Sphere()));
     const direction = from === "above" ? new THREE.Vector3(0, -0.001, 1) : FROM_CORNER;
-    const up = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
-    const { eye_m, target_m } = fitted(outline, direction, [up * this.camera.aspect, up], this.free(width, height));
+    const { eye_m, target_m } = this.framed(outline, direction);
     this.controls.target.fromArray(target_m);
     this.camera.position.fromArray(eye_m);
     this.controls.update();
     this.draw();
   }
 
-  /** The part of the picture that no tools cover. */
-  private free(width: number, height: number): Part {
+  /** The nearest viewpoint in a direction that has all points below the tools. */
+  private framed(points: readonly THREE.Vector3[], towardsEye: THREE.Vector3): Viewpoint {
+    const { width, height } = this.size();
+    const up = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
     const tools = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
     const covered_px = tools ? tools.offsetTop + tools.offsetHeight : 0;
-    const [x, y] = [Math.max(0.2, 1 - (2 * EDGE_PX) / width), Math.max(0.2, 1 - (2 * EDGE_PX) / height)];
-    return { left: -x, right: x, bottom: -y, top: Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * covered_px) / height) };
+    return fitted(points, towardsEye, [(up * width) / height, up], freePart(width, height, covered_px));
   }
 
   /** Fits the depth range and the zoom to a sphere. */
@@ -193,19 +189,17 @@ export class Stage {
     this.controls.maxDistance = distance * 6;
   }
 
-  /** Flies to a box without turning the view. */
-  fly(box: THREE.Box3): void {
-    if (box.isEmpty() || this.size().width === 0) return;
+  /** Flies to an object or a room without turning the view. */
+  fly(points: readonly THREE.Vector3[]): void {
+    if (points.length === 0 || this.size().width === 0) return;
     // The stage may have got its size, and not yet the view that waits for it.
     this.lookAtPending();
-    const sphere = box.getBoundingSphere(new THREE.Sphere());
-    const half = Math.atan(Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * Math.min(1, this.camera.aspect));
     const arm = this.camera.position.clone().sub(this.controls.target);
     if (arm.lengthSq() === 0) arm.copy(FROM_CORNER);
-    arm.setLength((Math.max(0.6, sphere.radius) / Math.sin(half)) * 1.25);
     // A view from a low angle ends in the walls around a room.
     arm.z = Math.max(arm.z, 0.75 * Math.hypot(arm.x, arm.y));
-    this.moveTo(sphere.center.clone().add(arm), sphere.center);
+    const { eye_m, target_m } = this.framed(withSurroundings(points), arm);
+    this.moveTo(new THREE.Vector3(...eye_m), new THREE.Vector3(...target_m));
   }
 
   get viewpoint(): Viewpoint {

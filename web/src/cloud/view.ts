@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import type { PictureFrame, Thing } from "../types.ts";
 import { type Colouring, type Rgb, rgb } from "./colours.ts";
+import { cornersOf } from "./fit.ts";
 import { PointMaterial } from "./material.ts";
 import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
@@ -207,8 +208,8 @@ export class CloudView {
     return this.stage.rayAt(0, 0);
   }
 
-  fly({ min, max }: { min: Point3; max: Point3 }): void {
-    this.stage.fly(new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max)));
+  fly(points_m: readonly Point3[]): void {
+    this.stage.fly(points_m.map((point) => new THREE.Vector3(...point)));
   }
 
   get viewpoint(): Viewpoint {
@@ -245,8 +246,7 @@ export class CloudView {
    */
   setBounds(min: Point3, max: Point3, outline_m: readonly Point3[] = [], isFirm = true): void {
     this.bounds = new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max));
-    const corners = [min, max].flatMap(([x]) => [min, max].flatMap(([, y]) => [min, max].map(([, , z]): Point3 => [x, y, z])));
-    this.outline = (outline_m.length > 0 ? outline_m : corners).map((point) => new THREE.Vector3(...point));
+    this.outline = outline_m.length > 0 ? outline_m.map((point) => new THREE.Vector3(...point)) : cornersOf(this.bounds);
     if (!this.isFramed) this.fit();
     this.isFramed ||= isFirm;
   }

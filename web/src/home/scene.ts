@@ -25,7 +25,7 @@ import { Measure } from "./measure.ts";
 import { LevelPicture } from "./picture.ts";
 import { Pointing } from "./pointing.ts";
 import { HomePoints } from "./points.ts";
-import { boundsOf, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
+import { hullOfSelected, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
 import type { Framing } from "./share.ts";
 import { HomeSurface } from "./surface.ts";
 import { TopView } from "./top.ts";
@@ -127,10 +127,10 @@ export class HomeScene {
 
   /** Flies to what is selected. */
   show(selection: Selection): void {
-    const bounds = boundsOf(this.data, selection);
-    if (!bounds) return;
-    if (this.looks.view === "3d") this.cloudView?.fly(bounds);
-    else this.plan.show({ min: [bounds.min[0], bounds.min[1]], max: [bounds.max[0], bounds.max[1]] });
+    const points = hullOfSelected(this.data, selection);
+    const box = around(points.map(([x, y]) => [x, y]));
+    if (this.looks.view === "3d") this.cloudView?.fly(points);
+    else if (box) this.plan.show(box);
   }
 
   get framing(): Framing {

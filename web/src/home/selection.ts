@@ -1,10 +1,13 @@
 // The object or room that a person looks at.
 
-import { type Point3, spanOf } from "../cloud/pick.ts";
+import { hullOf, type Point3 } from "../cloud/pick.ts";
 import { isInside, type Point2 } from "../frames.ts";
 import type { Room, Thing } from "../types.ts";
 import { plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
+
+/** A picture of a room shows it up to this height. */
+const ROOM_HEIGHT_M = 1.5;
 
 export interface Selection {
   kind: "object" | "room";
@@ -44,12 +47,10 @@ export function roomAt(rooms: readonly Room[], point: Point2): Room | null {
   return rooms.find(isIn) ?? null;
 }
 
-/** The box around what is selected. */
-export function boundsOf(data: HomeData, selected: Selection): { min: Point3; max: Point3 } | null {
+/** The corners of what is selected; empty if it is not there. */
+export function hullOfSelected(data: HomeData, selected: Selection): Point3[] {
   const thing = thingOf(data, selected);
-  if (thing) return spanOf(thing);
-  const room = roomOf(data, selected);
-  if (!room) return null;
-  const [xs, ys] = [room.polygon_m.map(([x]) => x), room.polygon_m.map(([, y]) => y)];
-  return { min: [Math.min(...xs), Math.min(...ys), 0], max: [Math.max(...xs), Math.max(...ys), 1.5] };
+  if (thing) return hullOf(thing);
+  const ring = roomOf(data, selected)?.polygon_m ?? [];
+  return ring.flatMap(([x, y]): Point3[] => [[x, y, 0], [x, y, ROOM_HEIGHT_M]]);
 }
