@@ -69,6 +69,9 @@ async function anEmptyServerHelps() {
   await makeHome("Flat");
   await page.getByRole("heading", { name: "This home is empty" }).waitFor();
   await shot("02-empty-home");
+  await go("#/");
+  await page.locator(".home-card", { hasText: "Add the LiDAR map of the robot vacuum" }).click();
+  await page.getByRole("heading", { name: "This home is empty" }).waitFor();
 }
 
 async function filesAreDroppedAndFollowed() {
@@ -160,6 +163,8 @@ async function theBreadcrumbCanBeHit() {
 }
 
 async function theCardLiesBelowTheMap() {
+  const [map, figures] = [await boxOf(page.locator(".views")), await boxOf(page.locator(".stage-foot"))];
+  assert.ok(map.y + map.height <= figures.y, "the figures cover the map");
   await page.locator(".thing-row").first().click();
   const [views, card] = [await boxOf(page.locator(".views")), await boxOf(page.locator(".details"))];
   assert.ok(views.y + views.height <= card.y, "the card covers the selected object");

@@ -19,13 +19,13 @@ export interface Part {
   top: number;
 }
 
-/** The part of a picture that no tools cover; they lie at its top. */
+/** Returns the part of a picture that no tools cover; they lie at its top. */
 export function freePart(width_px: number, height_px: number, covered_px: number): Part {
   const [x, y] = [Math.max(0.2, 1 - (2 * EDGE_PX) / width_px), Math.max(0.2, 1 - (2 * EDGE_PX) / height_px)];
   return { left: -x, right: x, bottom: -y, top: Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * covered_px) / height_px) };
 }
 
-/** The points of an object or a room, farther apart: a person sees the things around it. */
+/** Returns the points of an object or a room, farther apart: a person sees the things around it. */
 export function withSurroundings(points: readonly THREE.Vector3[]): THREE.Vector3[] {
   const box = new THREE.Box3().setFromPoints([...points]);
   const [middle, size] = [box.getCenter(new THREE.Vector3()), box.getSize(new THREE.Vector3())];
@@ -38,8 +38,8 @@ export function cornersOf({ min, max }: THREE.Box3): THREE.Vector3[] {
 }
 
 /**
- * The viewpoint in the direction `towardsEye` from the points; the nearest one that has all of them in the part. `lens` is the
- * tangent of half the angle of view, across and up.
+ * Returns the nearest viewpoint in the direction `towardsEye` that has all points in the part. `lens` is the tangent of half
+ * the angle of view, across and up.
  */
 export function fitted(points: readonly THREE.Vector3[], towardsEye: THREE.Vector3, lens: [number, number], part: Part): Viewpoint {
   const back = towardsEye.clone().normalize();
@@ -57,7 +57,7 @@ export function fitted(points: readonly THREE.Vector3[], towardsEye: THREE.Vecto
   return { eye_m: at(depth), target_m: at(middle) };
 }
 
-/** The least depth of an eye along one axis of the picture, and its place on this axis at a depth. */
+/** Returns the least depth of an eye along one axis of the picture, and its place on this axis at a depth. */
 function span(places: number[], depths: number[], low: number, high: number) {
   const from = Math.max(...places.map((place, i) => place + high * (depths[i] ?? 0)));
   const to = Math.min(...places.map((place, i) => place + low * (depths[i] ?? 0)));

@@ -33,7 +33,8 @@ export class Summary {
     const waits = data.clips.some(isUnderWay) && map?.state === "due";
     const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
     const hasPoints = (map?.info.points ?? 0) > 0;
-    const shown = hasPoints ? `${count(map?.info.points ?? 0)} points · ${many(clips, "clip")}${seen}` : "no clip in it yet";
+    const none = data.hasLevels ? "no clip of this level in it yet" : "no clip in it yet";
+    const shown = hasPoints ? `${count(map?.info.points ?? 0)} points · ${many(clips, "clip")}${seen}` : none;
     this.figures.textContent = map ? `Map ${map.revision} · ${shown}${state}` : "";
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);
     put(this.empty, ...(hasPoints ? [] : nextStep(data)));
