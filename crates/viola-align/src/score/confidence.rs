@@ -6,9 +6,9 @@
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative, FreeSpace};
 
-/// Names of the features: log odds against all different explanations, loss in metres, and evidence of the pose, which
-/// tells clips of other homes better than its part of the loss does.
-pub const FEATURES: [&str; 5] = ["odds", "loss", "walls_on_floor", "unseen_sides", "inliers"];
+/// Names of the features: log odds against all different explanations, and evidence of the pose, which tells clips of
+/// other homes better than its part of the loss does.
+pub const FEATURES: [&str; 4] = ["odds", "walls_on_floor", "unseen_sides", "inliers"];
 
 /// Features use at most this many alternatives.
 const LISTED: usize = 8;
@@ -46,7 +46,7 @@ pub fn features(alternatives: &[Alternative], temperature_m: f64) -> Option<[f64
     let best = alternatives.first()?;
     let FreeSpace { walls_on_floor, unseen_sides, .. } = best.free_space?;
     let against = odds_against(alternatives, temperature_m)?;
-    Some([-against.ln(), best.loss_m, walls_on_floor, unseen_sides, best.inliers])
+    Some([-against.ln(), walls_on_floor, unseen_sides, best.inliers])
 }
 
 /// Returns the odds of all different explanations against the best one; `None` without a pose.

@@ -129,7 +129,7 @@ impl Answer {
 }
 
 /// Sign of the effect of each of [`FEATURES`].
-const SIGNS: [f64; FEATURES.len()] = [1.0, -1.0, -1.0, -1.0, 1.0];
+const SIGNS: [f64; FEATURES.len()] = [1.0, -1.0, -1.0, 1.0];
 
 /// Fits the regression; a feature whose effect would have the wrong sign has none.
 fn regress(answers: &[Answer]) -> Option<(f64, Vec<Coefficient>)> {
