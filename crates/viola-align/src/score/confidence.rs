@@ -6,8 +6,8 @@
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative, FreeSpace};
 
-/// Names of the features: log odds against all different explanations, and evidence of the pose, which tells clips of
-/// other homes better than its part of the loss does.
+/// Names of the features: log odds against all different explanations, and three kinds of evidence of the pose. They
+/// separate clips of other homes better than the loss, which has them with its own weights.
 pub const FEATURES: [&str; 4] = ["odds", "walls_on_floor", "unseen_sides", "inliers"];
 
 /// Features use at most this many alternatives.
