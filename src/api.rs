@@ -59,7 +59,6 @@ pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::{UploadParams, opened_clip_json};
 
 use crate::jobs::Queue;
-use crate::storage::Storage;
 use crate::webhooks::WebhookParams;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -76,6 +75,7 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use viola_storage::Storage;
 
 /// Maximum size of a JSON body. Files are streamed and have limits of their own.
 const MAX_JSON_BYTES: usize = 64 << 10;

@@ -117,7 +117,7 @@ enum Command {
 /// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
     viola_network::return_large_buffers();
-    crate::tls::use_ring();
+    viola_storage::tls::use_ring();
     end_without_standard_output();
     let first = std::env::args().nth(1);
     if first.is_some_and(|name| child::has_command(&name)) {

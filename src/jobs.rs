@@ -23,13 +23,13 @@ pub use priority::give_way;
 pub use run::Method;
 pub use worker::{WorkerParams, work};
 
-use crate::storage::{Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 use uuid::Uuid;
+use viola_storage::{Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant};
 use watch::Watched;
 
 /// Polling interval of listeners and idle workers: another process may have written.

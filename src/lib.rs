@@ -1,13 +1,11 @@
 //! The service and the command line of `viola`, which aligns short RGB-D clips of a home to the 2D LiDAR map
-//! of its robot vacuum. The method is in the crates below `crates/`.
+//! of its robot vacuum. The method and the storage are in the crates below `crates/`.
 //!
 //! The modules in reading order, lowest floor first. A module imports only from lower floors; `tests/house`
 //! checks this.
 //!
 //! | floor | module | content |
 //! |---|---|---|
-//! | 6 | [`tls`] | the cryptography of TLS |
-//! | 7 | [`storage`] | records and blobs |
 //! | 8 | [`jobs`], [`webhooks`] | the queue and its workers; messages to other services |
 //! | 9 | [`api`] | HTTP |
 //! | 10 | [`cli`] | the command line |
@@ -15,6 +13,4 @@
 pub mod api;
 pub mod cli;
 pub mod jobs;
-pub mod storage;
-pub mod tls;
 pub mod webhooks;

@@ -12,7 +12,6 @@ mod target;
 pub use params::WebhookParams;
 pub use target::{TargetError, check_url};
 
-use crate::storage::{Sending, Sent, Storage, StorageError};
 use metrics::{counter, describe_counter};
 use send::Sender;
 use std::sync::Arc;
@@ -21,6 +20,7 @@ use tokio::sync::{Notify, Semaphore};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
+use viola_storage::{Sending, Sent, Storage, StorageError};
 
 /// Lease of a webhook, longer than a batch takes.
 const LEASE: Duration = Duration::from_secs(60);

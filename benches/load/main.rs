@@ -48,7 +48,7 @@ fn number(text: &str) -> u64 {
 
 #[tokio::main]
 async fn main() -> anyhow::Result<()> {
-    viola::tls::use_ring();
+    viola_storage::tls::use_ring();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments.as_slice() {

@@ -8,12 +8,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Queue, WorkerParams, work};
-use viola::storage::{
-    Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams, UnpackParams,
-};
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
+use viola_storage::{
+    Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams, UnpackParams,
+};
 
 const SCHEMA: &str = "viola_load";
 const HOMES: u64 = 200;

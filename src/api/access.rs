@@ -6,7 +6,6 @@ use super::connections::Asked;
 use super::error::{Defence, Error};
 use super::fairness::Turn;
 use super::peer;
-use crate::storage::{ApiKey, HomeId, Role, Secret, SessionToken, StorageError, Tenant};
 use axum::extract::{FromRequestParts, MatchedPath, Request, State};
 use axum::http::request::Parts;
 use axum::http::{Extensions, HeaderMap, Method, header};
@@ -20,6 +19,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 use tokio_util::task::AbortOnDropHandle;
 use uuid::Uuid;
+use viola_storage::{ApiKey, HomeId, Role, Secret, SessionToken, StorageError, Tenant};
 
 /// The cookie of the viewer's session: image requests of a page cannot send a header.
 pub(super) const COOKIE: &str = "viola_session";
@@ -50,7 +50,7 @@ impl Caller {
     /// Returns the tenant's home with an id; refuses a home that the caller may not access.
     pub fn home(&self, id: &HomeId) -> Result<HomeId, Error> {
         let home = self.tenant.home(id);
-        if self.may_know(&home) { Ok(home) } else { Err(crate::storage::StorageError::NoSuchHome.into()) }
+        if self.may_know(&home) { Ok(home) } else { Err(viola_storage::StorageError::NoSuchHome.into()) }
     }
 
     /// Returns whether the caller may access a home and its resources.

@@ -6,7 +6,6 @@ use super::error::Error;
 use super::fairness::{Arrival, FairPlace};
 use super::metrics;
 use super::reply::REVALIDATED;
-use crate::storage::{Arrived, BlobReader};
 use axum::body::{Body, BodyDataStream};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -24,6 +23,7 @@ use tracing::Instrument;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
 use utoipa::{PartialSchema, ToSchema};
+use viola_storage::{Arrived, BlobReader};
 
 /// Minimum mean rate of a file's body, in each window of time.
 const MIN_BYTES_PER_S: f64 = 1024.0;

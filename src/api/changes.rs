@@ -9,11 +9,11 @@ use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::Change;
-use crate::storage::{Changes, ChangesCursor, StorageError, Tenant};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
+use viola_storage::{Changes, ChangesCursor, StorageError, Tenant};
 
 const MAX_WAIT_S: u64 = 30;
 

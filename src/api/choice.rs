@@ -7,12 +7,12 @@ use super::extract::{ClipPath, Json, Member, member};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Resource, may_change};
 use super::types::{self, Clip};
-use crate::storage::{self, ChoiceError, Chosen, StorageError};
 use axum::extract::State;
 use axum::http::HeaderMap;
 use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::{LevelName, Pose2};
+use viola_storage::{ChoiceError, Chosen, StorageError};
 
 /// Maximum angle: a larger one is probably in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
@@ -121,7 +121,7 @@ pub(super) async fn withdraw_alignment(
 }
 
 /// Returns whether a request allows to change a clip.
-fn is_expected(headers: HeaderMap) -> impl Fn(&storage::Clip) -> bool + Send {
+fn is_expected(headers: HeaderMap) -> impl Fn(&viola_storage::Clip) -> bool + Send {
     move |clip| may_change(&headers, Some(&Clip::from(clip.clone())))
 }
 

@@ -9,9 +9,9 @@ use super::list::{List, ListQuery, UpdatedQuery, states};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::{Clip, ClipState, ReasonCode};
-use crate::storage::{self, ClipFilter};
 use axum::extract::State;
 use serde::Deserialize;
+use viola_storage::ClipFilter;
 
 /// The filter of a list of clips.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -28,9 +28,9 @@ pub(super) struct ClipsQuery {
 
 impl ClipsQuery {
     fn filter(&self, updated: &UpdatedQuery) -> Result<ClipFilter, Error> {
-        let all = &storage::ClipState::ALL;
+        let all = &viola_storage::ClipState::ALL;
         Ok(ClipFilter {
-            states: states(self.state.as_deref(), all, storage::ClipState::name)?,
+            states: states(self.state.as_deref(), all, viola_storage::ClipState::name)?,
             codes: codes(self.code.as_deref())?,
             updated_after: updated.updated_after()?,
         })

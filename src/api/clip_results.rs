@@ -7,11 +7,11 @@ use super::extract::ClipPath;
 use super::problems::CommonProblems;
 use super::reply::{is_known, tag_of, tagged, unless_known};
 use super::types::ClipScan;
-use crate::storage::{StorageError, result_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use viola_home::{MAP_VOXEL_M, UnknownFileFormat, cloud_ply, read_cloud_ply};
+use viola_storage::{StorageError, result_file};
 
 /// The media type of PLY.
 const PLY: &str = "model/ply";

@@ -9,7 +9,6 @@ use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
 use super::types::{Clip, ClipInfo, Estimate};
-use crate::storage::{self, Added, Arrived, ClipEdit, HomeId, NewClip, StorageError};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -20,6 +19,7 @@ use uuid::Uuid;
 use viola_formats::clip;
 use viola_formats::video::Tools;
 use viola_reconstruct::estimate;
+use viola_storage::{Added, Arrived, ClipEdit, HomeId, NewClip, StorageError};
 
 /// Earliest time of recording: no phone recorded depth before the year 2000.
 const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);
@@ -261,7 +261,7 @@ pub(super) async fn patch_clip(
     headers: HeaderMap,
     Json(patch): Json<ClipPatch>,
 ) -> Result<Resource<Clip>, Error> {
-    let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+    let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
     let clip = match edit(&app, &home, id, &patch).await? {
         edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
         edit => app.storage.edit_clip(&home, id, edit, is_expected, app.storage.now()).await?,
@@ -306,7 +306,7 @@ pub(super) async fn delete_clip(
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+        let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
         app.storage.delete_clip(&home, clip, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)

@@ -7,13 +7,13 @@ use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
-use crate::storage::{ObjectChange, RoomChange};
 use axum::extract::State;
 use axum::http::HeaderMap;
 use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, RoomCorrection};
+use viola_storage::{ObjectChange, RoomChange};
 
 const MAX_NAME_CHARACTERS: usize = 100;
 /// Maximum distance of a place from the origin of the map, and range of its height: beyond any home.

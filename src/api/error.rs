@@ -12,7 +12,6 @@ pub(super) use codes::CODES;
 pub(super) use defence::Defence;
 
 use super::uploads::UploadRefusal;
-use crate::storage::{CorrectionError, MAX_WEBHOOKS, StorageError};
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -21,6 +20,7 @@ use std::any::Any;
 use viola_formats::clip::ClipError;
 use viola_formats::lidar::LidarError;
 use viola_geometry::LevelName;
+use viola_storage::{CorrectionError, MAX_WEBHOOKS, StorageError};
 
 /// `Retry-After` for an export that is refused because too many run.
 const EXPORT_RETRY_AFTER_S: u64 = 5;

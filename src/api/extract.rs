@@ -5,7 +5,6 @@ use super::access;
 use super::bodies::media_type;
 use super::error::Error;
 use super::types;
-use crate::storage::{HomeId, UploadError};
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
@@ -18,6 +17,7 @@ use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
 use viola_geometry::LevelName;
+use viola_storage::{HomeId, UploadError};
 
 /// Maximum characters of a media type that an answer repeats.
 const MAX_SHOWN_CHARACTERS: usize = 64;

@@ -3,7 +3,6 @@
 use super::error::{Error, Problem};
 use super::metrics;
 use super::problems::KeyProblems;
-use crate::storage::{Storage, StorageError};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
@@ -14,6 +13,7 @@ use std::time::Duration;
 use tokio::time::{Instant, timeout, timeout_at};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use viola_storage::{Storage, StorageError};
 
 /// Minimum free space on the disk of incoming files; with less, the process is not ready.
 const MIN_FREE_BYTES: u64 = 256 << 20;

@@ -12,11 +12,11 @@ use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change, may_repeat, unmet};
 use super::types::Home;
-use crate::storage::{self, HomeFilter, HomeId, Tenant};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use serde::Deserialize;
 use std::future::Future;
+use viola_storage::{HomeFilter, HomeId, Tenant};
 
 /// Number of searches of a process and of a tenant at once. SQLite has four connections that read, and a search may read
 /// all homes of the tenant.
@@ -66,7 +66,7 @@ pub(super) async fn put_home(
         return Err(Error::InvalidMember { field: "name", detail });
     }
     let name = body.name.as_deref();
-    let is_expected = |home: Option<&storage::Home>| {
+    let is_expected = |home: Option<&viola_storage::Home>| {
         let is_same = home.is_some_and(|home| home.name.as_deref() == name);
         is_same && may_repeat(&headers)
             || may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
@@ -165,7 +165,7 @@ pub(super) async fn delete_home(
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        let is_expected = |home: &storage::Home| may_change(&headers, Some(&Home::from(home.clone())));
+        let is_expected = |home: &viola_storage::Home| may_change(&headers, Some(&Home::from(home.clone())));
         app.storage.delete_home(&home, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)

@@ -9,7 +9,6 @@ use super::list::{List, ListQuery, states};
 use super::problems::CommonProblems;
 use super::reply::{Document, Resource};
 use super::types::{Job, JobState};
-use crate::storage;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -39,7 +38,8 @@ pub(super) async fn list_jobs(
     Query(asked): Query<JobsQuery>,
     Query(query): Query<ListQuery>,
 ) -> Result<Document<List<Job>>, Error> {
-    let states = states(asked.state.as_deref(), &storage::JobState::ALL, storage::JobState::name)?;
+    let states =
+        states(asked.state.as_deref(), &viola_storage::JobState::ALL, viola_storage::JobState::name)?;
     let jobs = app.storage.jobs(caller.for_all_homes()?, &states, &query.page()?).await?;
     Ok(Document(query.list(jobs, |job| job.id)?))
 }
@@ -113,7 +113,7 @@ pub(super) async fn cancel_job(
     JobPath { job: id }: JobPath,
 ) -> Result<Resource<Job>, Error> {
     let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
-    if job.state != storage::JobState::Cancelled {
+    if job.state != viola_storage::JobState::Cancelled {
         return Err(Error::JobEnded(job.state.name()));
     }
     Ok(Resource(job.into()))

@@ -11,7 +11,6 @@ use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::{Document, may_change, may_repeat, tag_of, tag_of_document, tagged, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
-use crate::storage::{self, Arrived, FromEarlier, HomeId, NewLidarMap, StorageError};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -22,6 +21,7 @@ use viola_align::later_from_earlier;
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
 use viola_geometry::LevelName;
 use viola_home as home;
+use viola_storage::{Arrived, FromEarlier, HomeId, NewLidarMap, StorageError};
 
 /// The current LiDAR map and the frame of its picture
 #[derive(Serialize, utoipa::ToSchema)]
@@ -142,7 +142,7 @@ pub(super) async fn put(
 
 /// Returns the answer with a revision that is the current one now. Its entity tag is that of the level's LiDAR map, which has
 /// more members.
-pub(super) fn answer(revision: storage::LidarMapRevision, is_new: bool) -> Response {
+pub(super) fn answer(revision: viola_storage::LidarMapRevision, is_new: bool) -> Response {
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
     let tag = tag_of_document(&CurrentLidarMap::from(revision.clone()));
     let document = Document(LidarMapRevision::from(revision));
@@ -163,7 +163,7 @@ pub(super) async fn is_current(
 /// Returns whether a request allows to replace a LiDAR map: its conditions are about the document of the current one.
 pub(super) fn is_expected(
     headers: &HeaderMap,
-) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send + use<> {
+) -> impl Fn(Option<&viola_storage::LidarMapRevision>) -> bool + Send + use<> {
     let headers = headers.clone();
     move |map| may_change(&headers, map.map(|map| CurrentLidarMap::from(map.clone())).as_ref())
 }
@@ -172,7 +172,7 @@ pub(super) fn is_expected(
 pub(super) fn is_expected_or_same(
     headers: &HeaderMap,
     sha256: &str,
-) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send + use<> {
+) -> impl Fn(Option<&viola_storage::LidarMapRevision>) -> bool + Send + use<> {
     let (sha256, may_repeat, is_as_read) = (sha256.to_owned(), may_repeat(headers), is_expected(headers));
     move |map| {
         let is_same = map.is_some_and(|map| map.sha256 == sha256);
@@ -258,7 +258,7 @@ pub(super) async fn current(
     app: &App,
     home: &HomeId,
     level: LevelName,
-) -> Result<storage::LidarMapRevision, Error> {
+) -> Result<viola_storage::LidarMapRevision, Error> {
     match app.storage.lidar_map(home, level).await {
         Err(StorageError::NoLidarMap) => {
             let maps = app.storage.lidar_maps(home).await?;
@@ -273,8 +273,8 @@ pub(super) async fn current(
     }
 }
 
-impl From<storage::LidarMapRevision> for CurrentLidarMap {
-    fn from(map: storage::LidarMapRevision) -> CurrentLidarMap {
+impl From<viola_storage::LidarMapRevision> for CurrentLidarMap {
+    fn from(map: viola_storage::LidarMapRevision) -> CurrentLidarMap {
         let image = home::PictureFrame::of(&map.info);
         CurrentLidarMap { map: map.into(), image: image.into() }
     }
@@ -298,7 +298,7 @@ pub(super) async fn get_lidar_map_image(
 /// Returns the picture of a LiDAR map.
 pub(super) async fn image(
     app: &App,
-    map: &storage::LidarMapRevision,
+    map: &viola_storage::LidarMapRevision,
     headers: &HeaderMap,
 ) -> Result<Response, Error> {
     let blob = app.storage.lidar_map_image(map).await?;

@@ -2,12 +2,12 @@
 
 use super::error::Error;
 use super::extract::timestamp;
-use crate::storage::Page;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
+use viola_storage::Page;
 
 const DEFAULT_LIMIT: u32 = 50;
 const MAX_LIMIT: u32 = 200;

@@ -28,11 +28,11 @@ use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, MapProblems};
 use super::reply::{Document, tag_of};
 use super::types::{self, LeftOut};
-use crate::storage::{HomeId, HomeMap, KEPT_REVISIONS, MapFile, MapLevel};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use viola_geometry::LevelName;
+use viola_storage::{HomeId, HomeMap, KEPT_REVISIONS, MapFile, MapLevel};
 
 /// A revision of a home's map, and the clips that are not in it
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]

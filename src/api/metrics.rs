@@ -2,7 +2,6 @@
 
 use super::health::{by, deadline};
 use super::problems::KeyProblems;
-use crate::storage::{QueueState, Storage, StorageError};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderValue, header};
 use axum::middleware::Next;
@@ -12,6 +11,7 @@ use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
+use viola_storage::{QueueState, Storage, StorageError};
 
 const REQUESTS: &str = "viola_http_requests_total";
 const REQUEST_SECONDS: &str = "viola_http_request_seconds";

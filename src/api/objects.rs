@@ -8,10 +8,10 @@ use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::{self, ClassName, HomeObject};
-use crate::storage::{HomeId, ObjectFilter};
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::taxonomy::Class;
+use viola_storage::{HomeId, ObjectFilter};
 
 /// The filter of a list of objects.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]

@@ -7,7 +7,6 @@
 use super::compression::is_text_or_points;
 use super::error::Error;
 use super::reply::is_wanted;
-use crate::storage::{BlobParts, StorageError};
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -16,6 +15,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use futures::StreamExt;
 use std::ops::Range;
+use viola_storage::{BlobParts, StorageError};
 
 /// Middleware that serves the part that a request asks for.
 pub(super) async fn serve_part(request: Request, next: Next) -> Response {

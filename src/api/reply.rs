@@ -2,7 +2,6 @@
 
 use super::digits::json;
 use super::error::Error;
-use crate::storage::StorageError;
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -10,6 +9,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
+use viola_storage::StorageError;
 
 /// Caching of answers that may change, and of those that never do. A picture of somebody's home belongs into no shared
 /// cache.

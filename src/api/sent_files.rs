@@ -6,10 +6,10 @@ use super::error::Error;
 use super::extract::{ClipPath, LevelRevisionPath};
 use super::problems::CommonProblems;
 use super::reply::{IMMUTABLE, REVALIDATED, unless_known};
-use crate::storage::{BlobReader, StorageError};
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
+use viola_storage::{BlobReader, StorageError};
 
 /// Get the recording of a clip, as it was uploaded
 ///

@@ -9,7 +9,6 @@ use super::layers::Origin;
 use super::uploads::{UploadParams, clean};
 use super::{App, Shared, access, changes, connections, export, homes, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
-use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
 use futures::FutureExt;
 use std::net::SocketAddr;
@@ -21,6 +20,7 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
+use viola_storage::{Storage, StorageError, StorageParams};
 
 /// Interval at which a process looks whether it must read the database's clock.
 const FOLLOW_CLOCK: Duration = Duration::from_secs(5);

@@ -8,10 +8,10 @@ use super::peer;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::Document;
 use super::types::Role;
-use crate::storage::{SESSION_LIFE, Secret, SessionToken};
 use axum::extract::State;
 use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, header};
 use serde::{Deserialize, Serialize};
+use viola_storage::{SESSION_LIFE, Secret, SessionToken};
 
 /// The key that this browser shall use.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]

@@ -26,7 +26,6 @@ use super::extract::UploadPath;
 use super::problems::{CommonProblems, UploadProblems};
 use super::reply::Document;
 use crate::jobs::ChildParams;
-use crate::storage::UploadLimits;
 use answer::UploadDocument;
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -39,6 +38,7 @@ use std::time::Duration;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
+use viola_storage::UploadLimits;
 
 /// Parameters of uploads in parts.
 #[derive(Debug, Clone)]

@@ -8,13 +8,13 @@ use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::Document;
 use super::types::{self, Delivery, Webhook};
-use crate::storage::{ChangeKind, WebhookMade};
 use crate::webhooks::check_url;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_storage::{ChangeKind, WebhookMade};
 
 /// The settings of a webhook.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]

@@ -2,12 +2,12 @@
 //! does so at its start; if many processes share a store, run this command periodically.
 
 use super::args::{StoreArguments, seconds};
-use crate::storage::{Storage, SweepLimit};
 use anyhow::Result;
 use clap::Args;
 use jiff::{SignedDuration, Timestamp};
 use std::time::Duration;
 use uuid::Uuid;
+use viola_storage::{Storage, SweepLimit};
 
 #[derive(Args)]
 pub struct CleanArguments {

@@ -3,13 +3,13 @@
 //! command only. `viola config` shows each value and its source, and checks them.
 
 use super::args::wrong_arguments;
-use crate::storage::check_database_url;
 use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, Args, Command};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use viola_storage::check_database_url;
 
 const FLAG: &str = "--config";
 const VARIABLE: &str = "VIOLA_CONFIG";

@@ -10,7 +10,6 @@ use crate::api::{
     serve,
 };
 use crate::jobs::{JobParams, WorkerParams};
-use crate::storage::{FolderLock, StorageParams};
 use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -28,6 +27,7 @@ use tokio_util::sync::CancellationToken;
 use viola_align::AlignParams;
 use viola_geometry::angle_between;
 use viola_lab::evaluate::{SUCCESS_DEG, SUCCESS_M};
+use viola_storage::{FolderLock, StorageParams};
 
 const HOME: &str = "demo";
 /// File that marks a folder as made by the demo: it may be emptied.

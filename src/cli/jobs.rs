@@ -2,11 +2,11 @@
 
 use super::args::StoreArguments;
 use super::output;
-use crate::storage::{HomeId, Job, JobState, Page, Storage, StorageError, Tenant};
 use anyhow::Result;
 use clap::{Args, Subcommand, ValueEnum};
 use serde_json::json;
 use uuid::Uuid;
+use viola_storage::{HomeId, Job, JobState, Page, Storage, StorageError, Tenant};
 
 /// Jobs that are looked up at a time.
 const BATCH: u32 = 100;

@@ -2,12 +2,12 @@
 
 use super::args::StoreArguments;
 use super::output;
-use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jiff::{SignedDuration, Timestamp};
 use serde_json::json;
 use uuid::Uuid;
+use viola_storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 
 #[derive(Args)]
 pub struct KeysArguments {

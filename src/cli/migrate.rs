@@ -1,9 +1,9 @@
 //! `viola migrate`: creates or updates the database tables without serving.
 
 use super::args::StoreArguments;
-use crate::storage::Storage;
 use anyhow::Result;
 use clap::Args;
+use viola_storage::Storage;
 
 #[derive(Args)]
 pub struct MigrateArguments {

@@ -7,12 +7,12 @@ use crate::api::{
     BodyParams, ConnectionParams, FailedKeyParams, LimitParams, Origin, ReaderParams, ServeParams,
     UploadParams, serve,
 };
-use crate::storage::UploadLimits;
 use anyhow::Result;
 use clap::Args;
 use std::net::SocketAddr;
 use std::num::NonZeroU32;
 use std::time::Duration;
+use viola_storage::UploadLimits;
 
 #[derive(Args)]
 pub struct ServeArguments {

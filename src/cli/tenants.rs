@@ -3,10 +3,10 @@
 use super::args::StoreArguments;
 use super::output;
 use super::progress::spinner;
-use crate::storage::{Removed, Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use serde_json::json;
+use viola_storage::{Removed, Storage, Tenant, TenantLimits};
 
 #[derive(Args)]
 pub struct TenantsArguments {

@@ -1,6 +1,5 @@
 //! The work of one job: open the clip and the maps, align, make the pictures.
 
-use crate::storage::result_file;
 use bytes::Bytes;
 use std::path::Path;
 use viola_align as align;
@@ -14,6 +13,7 @@ use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
 use viola_reconstruct::Reason;
+use viola_storage::result_file;
 
 /// The LiDAR map's file of one level.
 pub struct LevelFile {
@@ -24,7 +24,7 @@ pub struct LevelFile {
 /// Result of one job.
 pub struct Finished {
     pub alignment: Alignment,
-    /// Files by the names of [`crate::storage::result_file`].
+    /// Files by the names of [`viola_storage::result_file`].
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
 

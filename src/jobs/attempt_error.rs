@@ -1,11 +1,11 @@
 //! Reasons why an attempt gave no answer, and whether they count against the clip.
 
 use super::align_clip::{AlignJobError, Finished};
-use crate::storage::{AttemptEnd, Fault, StorageError};
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use tracing::{error, warn};
 use viola_reconstruct::Reason;
+use viola_storage::{AttemptEnd, Fault, StorageError};
 
 /// Result of the method.
 pub(super) type MethodResult = Result<Finished, AttemptError>;

@@ -9,10 +9,6 @@ pub use describing::{Described, Earlier, LeftMap, describe};
 
 use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
-use crate::storage::{
-    HomeId, LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage,
-    StorageError, map_file,
-};
 use assembling::assemble;
 use bytes::Bytes;
 pub(super) use error::MergeError;
@@ -33,6 +29,10 @@ use viola_home::{
     Assembly, Coverage, LabelledMap, LookedThrough, Manifest, PlacedClip, Tile, TileKey, UnknownFileFormat,
 };
 use viola_reconstruct::label::SurfaceNetwork;
+use viola_storage::{
+    HomeId, LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage,
+    StorageError, map_file,
+};
 
 /// Files that are read at a time: a store far away waits more than it works.
 const FILES_AT_A_TIME: usize = 8;

@@ -1,12 +1,12 @@
 //! Makes the meshes of a home's new revision beside the next job, so that a reader does not wait for them.
 
 use super::merge::{MergeError, on_own_thread};
-use crate::storage::{HomeId, Storage};
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::Semaphore;
 use tracing::{info, warn};
 use viola_home::MESH_TRIANGLES;
+use viola_storage::{HomeId, Storage};
 
 /// A mesh takes seconds of all cores, and memory.
 static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);

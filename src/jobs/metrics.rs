@@ -1,8 +1,8 @@
 //! Metrics of jobs and merges.
 
-use crate::storage::{AttemptEnd, ClipState};
 use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
 use std::time::Duration;
+use viola_storage::{AttemptEnd, ClipState};
 
 const ATTEMPTS: &str = "viola_job_attempts_total";
 const ATTEMPT_SECONDS: &str = "viola_job_attempt_seconds";

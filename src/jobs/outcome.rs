@@ -1,7 +1,7 @@
 //! The reasons of an attempt's outcome, for the log.
 
-use crate::storage::AttemptEnd;
 use viola_reconstruct::Reason;
+use viola_storage::AttemptEnd;
 
 /// Returns the details of the reasons that the clip has after an attempt; `None` without any. The cause of a fault is in an
 /// event of its own.
@@ -19,7 +19,7 @@ pub(super) fn detail(ending: &AttemptEnd) -> Option<String> {
 mod tests {
     use super::super::metrics;
     use super::*;
-    use crate::storage::Fault;
+    use viola_storage::Fault;
 
     #[test]
     fn the_log_tells_why_a_job_has_no_answer() {

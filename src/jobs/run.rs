@@ -3,7 +3,6 @@
 use super::align_clip::{AlignJobError, Finished, JobParams, LevelFile};
 use super::attempt_error::{AttemptError, MethodResult};
 use super::shared_progress::SharedProgress;
-use crate::storage::LocalFile;
 use futures::FutureExt;
 use futures::future::BoxFuture;
 use std::fs;
@@ -11,6 +10,7 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use viola_geometry::progress::Progress;
+use viola_storage::LocalFile;
 
 /// Function from a clip's file, the home's LiDAR maps and parameters to an answer. It may take long and may panic.
 pub type Method = fn(&Path, &[LevelFile], &JobParams, &dyn Progress) -> Result<Finished, AlignJobError>;

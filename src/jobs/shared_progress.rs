@@ -1,11 +1,11 @@
 //! Progress of the running method, shared with the worker.
 
-use crate::storage::JobProgress;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 use tracing::{Span, info_span};
 use viola_geometry::progress::{EarlyPose, Progress, Stage};
+use viola_storage::JobProgress;
 
 /// A [`Progress`] that stores the progress for the worker and forwards its order to stop. Each stage has its own span.
 #[derive(Default)]

@@ -2,7 +2,6 @@
 //! and the readers of its tenant's feed, so a change costs the same however many wait for others.
 
 use super::{POLL, Queue};
-use crate::storage::{Change, ChangeKind, HomeId, Job, StorageError};
 use futures::{Stream, StreamExt};
 use std::collections::{BTreeSet, HashMap};
 use std::hash::Hash;
@@ -12,6 +11,7 @@ use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 use uuid::Uuid;
+use viola_storage::{Change, ChangeKind, HomeId, Job, StorageError};
 
 /// The things that streams wait for.
 pub(super) struct Watched<K> {
@@ -205,8 +205,8 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::{Storage, StorageParams, Tenant};
     use futures::FutureExt;
+    use viola_storage::{Storage, StorageParams, Tenant};
 
     #[tokio::test]
     async fn a_change_wakes_only_those_that_wait_for_its_tenant() {

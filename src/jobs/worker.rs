@@ -10,13 +10,13 @@ use super::outcome::detail;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
-use crate::storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
+use viola_storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
 
 /// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);

@@ -8,8 +8,6 @@ use super::address::is_public;
 use super::params::{ANSWER, WebhookParams};
 use super::sign::signature;
 use super::target::check_url;
-use crate::storage::{Sending, Sent, ToSend};
-use crate::tls::use_ring;
 use futures::future::BoxFuture;
 use jiff::Timestamp;
 use reqwest::StatusCode;
@@ -19,6 +17,8 @@ use std::error::Error;
 use std::net::SocketAddr;
 use std::time::Duration;
 use tracing::warn;
+use viola_storage::tls::use_ring;
+use viola_storage::{Sending, Sent, ToSend};
 
 /// Function from a name to its addresses.
 pub type Lookup = fn(String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>>;

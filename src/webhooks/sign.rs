@@ -1,11 +1,11 @@
 //! The signature of a message (Standard Webhooks 1.0, "Signature scheme"): HMAC-SHA256 of id, time and body.
 
-use crate::storage::WebhookSecret;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 use uuid::Uuid;
+use viola_storage::WebhookSecret;
 
 /// Returns `webhook-signature`. `timestamp_s` is in seconds since 1970, as sent in `webhook-timestamp`.
 pub fn signature(secret: &WebhookSecret, id: Uuid, timestamp_s: i64, body: &str) -> String {

@@ -7,7 +7,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use viola::api::LimitParams;
-use viola::storage::{NewKey, Role, TenantLimits};
+use viola_storage::{NewKey, Role, TenantLimits};
 use viola_testing::client::{Answer, Client};
 use viola_testing::{room, tus};
 

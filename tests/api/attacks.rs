@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 use viola::api::ConnectionParams;
-use viola::storage::Role;
+use viola_storage::Role;
 
 pub fn connect(server: &Server) -> TcpStream {
     TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap()

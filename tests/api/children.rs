@@ -9,8 +9,8 @@ use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
 use viola::jobs::{AlignJobError, ChildParams, Finished, JobLimitParams, JobParams, LevelFile};
-use viola::storage::RetryPolicy;
 use viola_geometry::progress::Progress;
+use viola_storage::RetryPolicy;
 use viola_testing::{eventually, room, zips};
 
 const VIOLA: &str = env!("CARGO_BIN_EXE_viola");

@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, WorkerParams, align_clip};
-use viola::storage::Role;
 use viola_align::{AlignParams, Alignment};
 use viola_geometry::progress::Progress;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::label::{ClassMap, LabelParams, SegmentError, Segmenter};
+use viola_storage::Role;
 use viola_testing::client::{Answer, Client};
 use viola_testing::{eventually, room, zips};
 

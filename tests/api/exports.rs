@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 use viola::api::ConnectionParams;
-use viola::storage::SweepLimit;
+use viola_storage::SweepLimit;
 use viola_testing::{eventually, room, zips};
 
 /// Timeout for a client that reads slowly.

@@ -3,7 +3,7 @@
 
 use crate::server::Server;
 use reqwest::Method;
-use viola::storage::UnpackParams;
+use viola_storage::UnpackParams;
 use viola_testing::zips::Files;
 use viola_testing::{room, zips};
 

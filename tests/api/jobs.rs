@@ -147,7 +147,7 @@ async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
         panic!("a fault of ours")
     }
     let first_delay = std::time::Duration::from_millis(1);
-    let retry = viola::storage::RetryPolicy { first_delay, ..Default::default() };
+    let retry = viola_storage::RetryPolicy { first_delay, ..Default::default() };
     let server = Server::with(|params| {
         params.worker.method = broken;
         params.worker.retry = retry;

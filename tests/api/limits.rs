@@ -5,7 +5,7 @@ use crate::server::Server;
 use futures::{StreamExt, stream};
 use reqwest::{Body, Method};
 use viola::api::LimitParams;
-use viola::storage::{Role, TenantLimits};
+use viola_storage::{Role, TenantLimits};
 use viola_testing::client::Client;
 use viola_testing::{eventually, room};
 

@@ -2,8 +2,8 @@ use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use viola::storage::{HomeId, map_file};
 use viola_geometry::LevelName;
+use viola_storage::{HomeId, map_file};
 use viola_testing::{eventually, room, zips};
 
 /// Returns the home's map once it contains these clips.

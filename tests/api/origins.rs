@@ -2,7 +2,7 @@
 
 use crate::server::Server;
 use reqwest::{Method, RequestBuilder};
-use viola::storage::Role;
+use viola_storage::Role;
 
 async fn refused(server: &Server, request: RequestBuilder, code: &str) {
     server.send(request).await.problem(403, code);

@@ -14,10 +14,10 @@ use viola::api::{
     serve,
 };
 use viola::jobs::WorkerParams;
-use viola::storage::{
+use viola::webhooks::WebhookParams;
+use viola_storage::{
     ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant, UnpackParams,
 };
-use viola::webhooks::WebhookParams;
 use viola_testing::client::Client;
 use viola_testing::postgres::{Schema, Schemas};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};

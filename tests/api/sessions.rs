@@ -7,7 +7,7 @@ use reqwest::Method;
 use serde_json::json;
 use std::time::Duration;
 use viola::api::FailedKeyParams;
-use viola::storage::Role;
+use viola_storage::Role;
 use viola_testing::client::Answer;
 use viola_testing::room;
 

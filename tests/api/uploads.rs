@@ -6,7 +6,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use sha1::{Digest, Sha1};
 use std::time::Duration;
-use viola::storage::Role;
+use viola_storage::Role;
 use viola_testing::tus::{BYTES, encoded, metadata, sha256};
 use viola_testing::{eventually, room};
 

@@ -10,8 +10,8 @@ use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpStream};
-use viola::storage::Role;
 use viola::webhooks::WebhookParams;
+use viola_storage::Role;
 use viola_testing::eventually;
 
 /// A received message.

@@ -6,11 +6,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, align_clip};
-use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
 use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
 use viola_geometry::{LevelName, Pose2};
+use viola_storage::RetryPolicy;
 use viola_testing::{eventually, room, zips};
 
 async fn server(method: Method, lease: Duration) -> Server {

@@ -9,7 +9,7 @@ use std::fs;
 /// Files that keep codes in another place than the call of `Reason::new`, and the text before a code in them.
 const KEPT: [(&str, &str); 3] = [
     ("crates/viola-reconstruct/src/track/lost.rs", "=> "),
-    ("src/storage/leases/retry.rs", "=> "),
+    ("crates/viola-storage/src/leases/retry.rs", "=> "),
     ("src/jobs/attempt_error.rs", "code: "),
 ];
 
@@ -17,7 +17,7 @@ const KEPT: [(&str, &str); 3] = [
 /// errors names.
 const GIVEN: [(&str, &str); 4] = [
     ("crates/viola-reconstruct/src/track/clip.rs", "why.code()"),
-    ("src/storage/leases/retry.rs", "self.code()"),
+    ("crates/viola-storage/src/leases/retry.rs", "self.code()"),
     ("src/jobs/attempt_error.rs", "&code"),
     ("src/jobs/align_clip.rs", "code"),
 ];

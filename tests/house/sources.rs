@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 pub struct Source {
     /// The crate's name; `viola` is the service.
     pub krate: String,
-    /// Path of its module from the crate's root: `storage::blobs` is `["storage", "blobs"]`.
+    /// Path of its module from the crate's root: `api::uploads` is `["api", "uploads"]`.
     pub module: Vec<String>,
     pub path: PathBuf,
     pub text: String,

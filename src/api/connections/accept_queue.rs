@@ -3,7 +3,6 @@
 
 use super::super::peer::network;
 use crate::api::fairness::{FairPlace, FairPlaces};
-use crate::storage::Tenant;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use std::future::poll_fn;
 use std::io;
@@ -14,6 +13,7 @@ use std::time::Duration;
 use tokio::io::ReadBuf;
 use tokio::net::TcpStream;
 use tokio::time::sleep;
+use viola_storage::Tenant;
 
 /// Maximum size of a head in which credentials are looked for.
 const HEAD_BYTES: usize = 4096;

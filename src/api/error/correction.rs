@@ -1,7 +1,7 @@
 //! Refusals of corrections.
 
-use crate::storage::CorrectionError;
 use axum::http::StatusCode;
+use viola_storage::CorrectionError;
 
 /// Returns the status, the code and the title.
 pub(super) fn mapping(error: &CorrectionError) -> (StatusCode, &'static str, &'static str) {

@@ -1,7 +1,7 @@
 //! Problems of storage.
 
-use crate::storage::StorageError;
 use axum::http::StatusCode;
+use viola_storage::StorageError;
 
 /// Returns the status, the code and the title.
 pub(super) fn mapping(error: &StorageError) -> (StatusCode, &'static str, &'static str) {

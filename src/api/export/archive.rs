@@ -1,13 +1,13 @@
 //! A zip that is sent while it is written, without a thread that waits for its reader.
 
 use super::contents::ExportError;
-use crate::storage::StorageError;
 use bytes::{Bytes, BytesMut};
 use futures::{Stream, StreamExt};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::{Semaphore, mpsc};
+use viola_storage::StorageError;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, StreamWriter, ZipWriter};
 

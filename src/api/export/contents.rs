@@ -5,11 +5,11 @@ use crate::api::App;
 use crate::api::error::Error;
 use crate::api::map::points::{Points, Streamed};
 use crate::api::types;
-use crate::storage::{
-    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
-};
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, PointFilter};
+use viola_storage::{
+    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
+};
 
 const README: &str = include_str!("README.txt");
 /// Number of clips read at a time.

@@ -2,11 +2,11 @@
 //! secrets that were valid are still looked up, so an attacker locks nobody out who works already.
 
 use crate::api::error::Defence;
-use crate::storage::Tenant;
 use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use viola_storage::Tenant;
 
 /// Maximum number of addresses and of valid secrets in memory.
 const MAX_ENTRIES: usize = 1 << 16;

@@ -1,10 +1,10 @@
 //! Limits per tenant, so that no tenant slows another down.
 
 use crate::api::error::Error;
-use crate::storage::{Storage, StorageError, Tenant};
 use governor::clock::{Clock, DefaultClock};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
 use std::num::NonZeroU32;
+use viola_storage::{Storage, StorageError, Tenant};
 
 /// Limits of every tenant.
 #[derive(Debug, Clone, Default)]

@@ -2,11 +2,11 @@
 //! them.
 
 use super::places::{FairPlace, FairPlaces};
-use crate::storage::Tenant;
 use std::future::Future;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::sync::Semaphore;
+use viola_storage::Tenant;
 
 /// Number of requests of a tenant that one process answers at once: twice the connections that read SQLite, as many as
 /// those to PostgreSQL.

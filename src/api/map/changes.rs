@@ -8,11 +8,11 @@ use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::Document;
 use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChanges, MapObject, MovedObject};
-use crate::storage::{self, HomeId, MapLevel, MapScene};
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{PlacedClip, RevisionObjects, object_changes};
+use viola_storage::{HomeId, MapLevel, MapScene};
 
 /// The two revisions.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -123,7 +123,8 @@ fn add_changes(
     let later_from_earlier = earlier.and_then(frame).unwrap_or(Pose2::IDENTITY);
     let history_before = earlier.map(|(_, scene)| scene.history()).unwrap_or_default();
     let objects_before = earlier.map_or(&[][..], |(_, scene)| &scene.objects);
-    let before: Vec<&storage::MapObject> = objects_before.iter().chain(&history_before.missing).collect();
+    let before: Vec<&viola_storage::MapObject> =
+        objects_before.iter().chain(&history_before.missing).collect();
     let after = &later.objects;
     let found = object_changes(
         &RevisionObjects {
@@ -135,17 +136,17 @@ fn add_changes(
             ids: &history.ids,
         },
     );
-    let object = |object: &storage::MapObject| MapObject::from(object.clone());
-    let gone = |object: &storage::MapObject, reason: GoneReason| GoneObject {
+    let object = |object: &viola_storage::MapObject| MapObject::from(object.clone());
+    let gone = |object: &viola_storage::MapObject, reason: GoneReason| GoneObject {
         reason,
         object: MapObject::from(object.clone()),
     };
-    let lost = |object: &storage::MapObject| {
+    let lost = |object: &viola_storage::MapObject| {
         let is_known = clips.iter().any(|clip| object.clips.contains(&clip.clip));
         let reason = if is_known { LostReason::NotFound } else { LostReason::ClipsRemoved };
         LostObject { reason, object: MapObject::from(object.clone()) }
     };
-    let each = |indices: &[usize], of: &[storage::MapObject]| {
+    let each = |indices: &[usize], of: &[viola_storage::MapObject]| {
         indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>()
     };
     let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);

@@ -6,7 +6,6 @@ use crate::api::bodies::{PIECE_BYTES, attachment, holding};
 use crate::api::error::Error;
 use crate::api::fairness::FairPlace;
 use crate::api::reply::tagged;
-use crate::storage::{MapFile, StorageError};
 use axum::body::Body;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
@@ -18,6 +17,7 @@ use tokio::io::AsyncWriteExt;
 use tokio_util::io::ReaderStream;
 use uuid::{Builder, Uuid};
 use viola_home::{MapPoint, POINT_BYTES, read_point};
+use viola_storage::{MapFile, StorageError};
 
 /// The points of a map in a temporary file.
 pub(super) struct Spool {

@@ -8,12 +8,12 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
-use crate::storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use viola_home::{MESH_TRIANGLES, Mesh};
+use viola_storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;

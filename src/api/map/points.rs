@@ -10,7 +10,6 @@ use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
 use crate::api::types::ClassName;
-use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -22,6 +21,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
+use viola_storage::{MapFile, StorageError, map_file};
 
 /// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]

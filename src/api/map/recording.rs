@@ -10,7 +10,6 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
-use crate::storage::{HomeId, HomeMap, MapClip, MapObject, StorageError, map_file, result_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -22,6 +21,7 @@ use std::io::{self, BufWriter, ErrorKind};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
+use viola_storage::{HomeId, HomeMap, MapClip, MapObject, StorageError, map_file, result_file};
 
 /// The format of a recording.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]

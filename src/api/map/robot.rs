@@ -8,7 +8,6 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{is_known, tagged};
-use crate::storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -16,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use viola_formats::lidar::{LidarMap, valetudo_json};
 use viola_geometry::LevelName;
 use viola_home::{Ground, PlanImage, RobotLevel, Tile};
+use viola_storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
 
 /// The format of a file for robots.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]

@@ -8,12 +8,12 @@ use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{Document, is_known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
-use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
+use viola_storage::{HomeId, HomeMap, MapScene, map_file};
 
 /// The rooms of a home: the segments of its LiDAR map, or computed from it if it has none
 #[derive(Serialize, utoipa::ToSchema)]
@@ -41,12 +41,12 @@ pub(in crate::api) struct MapCoverage {
 }
 
 /// Returns the document of `GET .../map/rooms`.
-pub fn rooms_document(revision: i64, rooms: Vec<storage::MapRoom>) -> impl Serialize {
+pub fn rooms_document(revision: i64, rooms: Vec<viola_storage::MapRoom>) -> impl Serialize {
     MapRooms { revision, rooms: rooms.into_iter().map(Room::from).collect() }
 }
 
 /// Returns the document of `GET .../map/objects`.
-pub fn objects_document(revision: i64, objects: Vec<storage::MapObject>) -> impl Serialize {
+pub fn objects_document(revision: i64, objects: Vec<viola_storage::MapObject>) -> impl Serialize {
     MapObjects { revision, objects: objects.into_iter().map(MapObject::from).collect() }
 }
 
@@ -134,7 +134,8 @@ pub(in crate::api) async fn get_map_objects(
     let classes = query.class.as_deref().map(|names| classes("class", names)).transpose()?;
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
-    let mut objects: Vec<storage::MapObject> = scenes.into_iter().flat_map(|scene| scene.objects).collect();
+    let mut objects: Vec<viola_storage::MapObject> =
+        scenes.into_iter().flat_map(|scene| scene.objects).collect();
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
     Ok(Document(objects_document(map.revision, objects)).into_response())
 }

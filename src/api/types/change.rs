@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 answer! {
     /// Kind of a change.
-    enum ChangeKind from crate::storage::ChangeKind {
+    enum ChangeKind from viola_storage::ChangeKind {
         /// The home was made, renamed, or removed with everything in it.
         Home,
         /// The home's LiDAR map has a new revision, or a level was removed.
@@ -24,7 +24,7 @@ answer! {
 
 answer! {
     /// The newest change of a home, of its LiDAR map, of a clip, of a fused map, or of its objects.
-    struct Change from crate::storage::Change {
+    struct Change from viola_storage::Change {
         /// Grows with every change, not always by 1.
         #[schema(minimum = 1, example = 4711)]
         seq: i64,
@@ -44,14 +44,14 @@ answer! {
     }
 }
 
-impl From<ChangeKind> for crate::storage::ChangeKind {
-    fn from(kind: ChangeKind) -> crate::storage::ChangeKind {
+impl From<ChangeKind> for viola_storage::ChangeKind {
+    fn from(kind: ChangeKind) -> viola_storage::ChangeKind {
         match kind {
-            ChangeKind::Home => crate::storage::ChangeKind::Home,
-            ChangeKind::LidarMap => crate::storage::ChangeKind::LidarMap,
-            ChangeKind::Clip => crate::storage::ChangeKind::Clip,
-            ChangeKind::Map => crate::storage::ChangeKind::Map,
-            ChangeKind::Objects => crate::storage::ChangeKind::Objects,
+            ChangeKind::Home => viola_storage::ChangeKind::Home,
+            ChangeKind::LidarMap => viola_storage::ChangeKind::LidarMap,
+            ChangeKind::Clip => viola_storage::ChangeKind::Clip,
+            ChangeKind::Map => viola_storage::ChangeKind::Map,
+            ChangeKind::Objects => viola_storage::ChangeKind::Objects,
         }
     }
 }

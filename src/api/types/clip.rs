@@ -90,7 +90,7 @@ answer! {
 
 answer! {
     /// The pose of a clip that a person chose.
-    struct Choice from crate::storage::Choice {
+    struct Choice from viola_storage::Choice {
         /// The level in whose LiDAR map the pose is.
         level: LevelName,
         /// In the frame of the LiDAR map of `lidar_map_revision`.
@@ -118,7 +118,7 @@ answer! {
     /// - `ambiguous`: no pose is certain enough. Choose one of the alignment's alternatives, or film more of the room; the
     ///   reasons say more.
     /// - `failed`: it has no pose. The reasons say why; correct their cause, then align the clip again or film again.
-    enum ClipState from crate::storage::ClipState {
+    enum ClipState from viola_storage::ClipState {
         Uploaded,
         Queued,
         Aligning,
@@ -130,7 +130,7 @@ answer! {
 
 answer! {
     /// An uploaded clip.
-    struct Clip from crate::storage::Clip {
+    struct Clip from viola_storage::Clip {
         #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
         id: Uuid,
         home: HomeId,
@@ -175,7 +175,7 @@ answer! {
 
 answer! {
     /// The answer of an earlier job.
-    struct LastAnswer from crate::storage::LastAnswer {
+    struct LastAnswer from viola_storage::LastAnswer {
         /// Its poses are in the frames of the LiDAR maps of `lidar_map_revision`.
         alignment: Alignment,
         /// The newest revision of the home's LiDAR maps when that job was queued. If the home's is another one, the answer is of
@@ -187,7 +187,7 @@ answer! {
 
 answer! {
     /// Pose of a clip in a revision of the home's map, and its source.
-    struct Placement from crate::storage::Placement {
+    struct Placement from viola_storage::Placement {
         /// The level in whose LiDAR map the pose is.
         level: LevelName,
         map_from_clip: Pose2,

@@ -2,10 +2,10 @@
 
 use super::answer;
 use super::home_map::{MapObject, Room};
-use crate::storage::{CorrectionState, Kept};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
+use viola_storage::{CorrectionState, Kept};
 
 answer! {
     /// A corrected property of an object.
@@ -135,8 +135,8 @@ pub(in crate::api) struct Corrections {
     rooms: Vec<RoomCorrection>,
 }
 
-impl From<crate::storage::Corrections> for Corrections {
-    fn from(all: crate::storage::Corrections) -> Corrections {
+impl From<viola_storage::Corrections> for Corrections {
+    fn from(all: viola_storage::Corrections) -> Corrections {
         Corrections {
             objects: all.objects.into_iter().map(ObjectCorrection::from).collect(),
             rooms: all.rooms.into_iter().map(RoomCorrection::from).collect(),

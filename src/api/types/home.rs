@@ -3,10 +3,10 @@
 use super::answer;
 use super::home_map::MapState;
 use super::names::{HomeId, LevelName};
-use crate::storage::{self, ClipState};
 use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
+use viola_storage::ClipState;
 
 /// A home, which has LiDAR maps and clips.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
@@ -47,7 +47,7 @@ pub(in crate::api) struct ClipCounts {
 
 answer! {
     /// The part of a level's LiDAR map that the clips have seen.
-    struct LevelCoverage from crate::storage::LevelCoverage {
+    struct LevelCoverage from viola_storage::LevelCoverage {
         level: LevelName,
         /// Fraction of the occupied points that the fused map explains.
         #[schema(minimum = 0, maximum = 1, example = 0.62)]
@@ -75,8 +75,8 @@ pub(in crate::api) enum Attention {
     MapFailing,
 }
 
-impl From<storage::Home> for Home {
-    fn from(home: storage::Home) -> Home {
+impl From<viola_storage::Home> for Home {
+    fn from(home: viola_storage::Home) -> Home {
         let count = |state: ClipState| {
             let states = ClipState::ALL.iter().zip(home.clips);
             states.filter(|(each, _)| **each == state).map(|(_, count)| count).sum::<i64>()
@@ -86,7 +86,7 @@ impl From<storage::Home> for Home {
             (home.clips_after_fault > 0, Attention::ServiceFault),
             (count(ClipState::Ambiguous) > 0, Attention::Ambiguous),
             (count(ClipState::Failed) > 0, Attention::Failed),
-            (home.map_state == storage::MapState::Failing, Attention::MapFailing),
+            (home.map_state == viola_storage::MapState::Failing, Attention::MapFailing),
         ];
         Home {
             lidar_map_revision: home.lidar_map_revision,

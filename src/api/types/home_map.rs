@@ -85,8 +85,8 @@ pub(in crate::api) struct Room {
     corrected: Vec<RoomField>,
 }
 
-impl From<crate::storage::MapRoom> for Room {
-    fn from(source: crate::storage::MapRoom) -> Room {
+impl From<viola_storage::MapRoom> for Room {
+    fn from(source: viola_storage::MapRoom) -> Room {
         let room = source.room;
         Room {
             id: room.id,
@@ -104,7 +104,7 @@ impl From<crate::storage::MapRoom> for Room {
 
 answer! {
     /// One state of a home's fused map. It never changes.
-    struct HomeMap from crate::storage::HomeMap {
+    struct HomeMap from viola_storage::HomeMap {
         /// Counts from 1; the highest is the current one.
         #[schema(minimum = 1, example = 4)]
         revision: i64,
@@ -126,7 +126,7 @@ answer! {
     /// - `due`: changes of the home wait for the next merge, which comes by itself.
     /// - `failing`: changes wait, and at least two merges in a row have failed. The service tries again after pauses of up to
     ///   30 minutes; read its log for the cause.
-    enum MapState from crate::storage::MapState {
+    enum MapState from viola_storage::MapState {
         Current,
         Due,
         Failing,
@@ -135,7 +135,7 @@ answer! {
 
 answer! {
     /// One level of a home's map.
-    struct MapLevel from crate::storage::MapLevel {
+    struct MapLevel from viola_storage::MapLevel {
         level: LevelName,
         /// The LiDAR map in whose frame it is.
         #[schema(minimum = 1, example = 1)]
@@ -146,7 +146,7 @@ answer! {
 
 answer! {
     /// A clip in a home's map.
-    struct MapClip from crate::storage::MapClip {
+    struct MapClip from viola_storage::MapClip {
         clip: Uuid,
         /// The level in whose LiDAR map it is.
         level: LevelName,
@@ -168,7 +168,7 @@ answer! {
 
 answer! {
     /// A clip that is not in its home's map, with the reasons.
-    struct LeftOut from crate::storage::LeftOut {
+    struct LeftOut from viola_storage::LeftOut {
         clip: Uuid,
         state: ClipState,
         reasons: Vec<Reason>,
@@ -177,7 +177,7 @@ answer! {
 
 answer! {
     /// An object in a home, in the LiDAR map's frame: an upright box and its properties.
-    struct MapObject from crate::storage::MapObject {
+    struct MapObject from viola_storage::MapObject {
         /// The same in the next revisions while the object is in the same place, even if its class changes. No other
         /// object of the home ever has it.
         #[schema(example = "sofa-1")]
@@ -210,7 +210,7 @@ answer! {
 
 answer! {
     /// An object and its home.
-    struct HomeObject from crate::storage::HomeObject {
+    struct HomeObject from viola_storage::HomeObject {
         home: HomeId,
         #[serde(flatten)]
         object: MapObject,

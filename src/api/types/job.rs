@@ -52,7 +52,7 @@ answer! {
     /// - `failed`: there is no answer, and `error` says why. Correct the cause, then align the clip again.
     /// - `cancelled`: it was ended before it had an answer, which is no failure. The code of `error` is `cancelled` if a person
     ///   did so, and `superseded` if a newer job of the clip replaced it.
-    enum JobState from crate::storage::JobState {
+    enum JobState from viola_storage::JobState {
         Queued,
         Running,
         Succeeded,
@@ -76,7 +76,7 @@ answer! {
 
 answer! {
     /// The alignment of one clip to the LiDAR maps of its home.
-    struct Job from crate::storage::Job {
+    struct Job from viola_storage::Job {
         #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
         id: Uuid,
         home: HomeId,

@@ -122,7 +122,7 @@ answer! {
 
 answer! {
     /// An uploaded LiDAR map and the summary of its file.
-    struct LidarMapRevision from crate::storage::LidarMapRevision {
+    struct LidarMapRevision from viola_storage::LidarMapRevision {
         level: LevelName,
         /// Counts from 1 over all levels of the home; the highest of a level is its current one.
         #[schema(minimum = 1, example = 2)]
@@ -144,7 +144,7 @@ answer! {
 
 answer! {
     /// The frame of a revision, from that of the one that it replaced.
-    struct FromEarlier from crate::storage::FromEarlier {
+    struct FromEarlier from viola_storage::FromEarlier {
         /// The replaced revision.
         #[schema(minimum = 1, example = 1)]
         revision: i64,

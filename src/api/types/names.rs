@@ -1,7 +1,6 @@
 //! Types that answers of several resources share.
 
 use super::{Answer, answer};
-use crate::storage;
 use serde::Serialize;
 use utoipa::openapi::{ObjectBuilder, RefOr, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
@@ -19,7 +18,7 @@ answer! {
 
 answer! {
     /// Role of a key.
-    enum Role from crate::storage::Role {
+    enum Role from viola_storage::Role {
         /// Upload clips and follow their jobs: for an app on a phone.
         Uploader,
         /// Read everything, change nothing.
@@ -55,14 +54,14 @@ impl HomeId {
     }
 }
 
-impl From<storage::HomeId> for HomeId {
-    fn from(source: storage::HomeId) -> HomeId {
+impl From<viola_storage::HomeId> for HomeId {
+    fn from(source: viola_storage::HomeId) -> HomeId {
         HomeId(source.as_str().to_owned())
     }
 }
 
-impl Answer<storage::HomeId> for HomeId {
-    fn answer(source: storage::HomeId) -> HomeId {
+impl Answer<viola_storage::HomeId> for HomeId {
+    fn answer(source: viola_storage::HomeId) -> HomeId {
         source.into()
     }
 }

@@ -4,7 +4,7 @@ use super::answer;
 
 answer! {
     /// Kind of an upload.
-    enum UploadKind from crate::storage::UploadKind {
+    enum UploadKind from viola_storage::UploadKind {
         /// One file.
         Whole,
         /// A part of a file; a final upload joins it with others.
@@ -22,7 +22,7 @@ answer! {
     /// - `joined`: a final upload took it over; look at that one.
     /// - `finished`: it became a clip.
     /// - `refused`: it cannot become a clip, and its bytes are gone; `problem` says why.
-    enum UploadState from crate::storage::UploadState {
+    enum UploadState from viola_storage::UploadState {
         Arriving,
         Arrived,
         Joined,

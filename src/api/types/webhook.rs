@@ -7,7 +7,7 @@ use uuid::Uuid;
 
 answer! {
     /// A URL that receives messages about changes.
-    struct Webhook from crate::storage::Webhook {
+    struct Webhook from viola_storage::Webhook {
         #[schema(example = "01a1f766-7b11-7a07-8a2d-94cf1a0f2b11")]
         id: Uuid,
         #[schema(example = "https://fleet.example/hooks/viola")]
@@ -25,7 +25,7 @@ answer! {
     /// - `pending`: it is to be sent at `due_at`.
     /// - `delivered`: the address answered 2xx.
     /// - `failed`: it is not retried any more. Repair the receiver, then send it again by `.../retry`.
-    enum DeliveryState from crate::storage::DeliveryState {
+    enum DeliveryState from viola_storage::DeliveryState {
         Pending,
         Delivered,
         Failed,
@@ -34,7 +34,7 @@ answer! {
 
 answer! {
     /// One message to a webhook and its state.
-    struct Delivery from crate::storage::Delivery {
+    struct Delivery from viola_storage::Delivery {
         /// Sent as `webhook-id`; the same in every attempt.
         #[schema(example = "01a1f766-7c20-7f53-9f0d-5b4d8fd9a1c2")]
         id: Uuid,

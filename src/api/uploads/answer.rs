@@ -6,13 +6,13 @@ use crate::api::App;
 use crate::api::error::{Error, Problem};
 use crate::api::reply::Document;
 use crate::api::types::{self, HomeId, UploadKind};
-use crate::storage::{StorageError, Upload, UploadError, UploadState};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
 use jiff::fmt::rfc2822::DateTimePrinter;
 use serde::Serialize;
 use uuid::Uuid;
+use viola_storage::{StorageError, Upload, UploadError, UploadState};
 
 const OFFSET: HeaderName = HeaderName::from_static("upload-offset");
 const LENGTH: HeaderName = HeaderName::from_static("upload-length");

@@ -8,9 +8,9 @@ use crate::api::App;
 use crate::api::access::Caller;
 use crate::api::bodies::content_length;
 use crate::api::error::Error;
-use crate::storage::{Joining, NewUpload, UploadError, UploadKind};
 use axum::http::HeaderMap;
 use uuid::Uuid;
+use viola_storage::{Joining, NewUpload, UploadError, UploadKind};
 
 /// Creates an upload; returns its id, and a description of the body if there is one.
 pub(super) async fn begin(

@@ -2,7 +2,6 @@
 
 use super::finish::finish_if_free;
 use crate::api::App;
-use crate::storage::Tenant;
 use futures::FutureExt;
 use std::collections::{BTreeMap, HashMap};
 use std::panic::AssertUnwindSafe;
@@ -12,6 +11,7 @@ use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::sleep;
 use tracing::{error, info, warn};
 use uuid::Uuid;
+use viola_storage::Tenant;
 
 /// Maximum number of uploads of one tenant that are made into clips one after the other.
 const OF_TENANT: u32 = 100;

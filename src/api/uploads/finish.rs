@@ -6,10 +6,10 @@ use super::refusal::UploadRefusal;
 use crate::api::App;
 use crate::api::clips;
 use crate::api::error::{Defence, Error};
-use crate::storage::{Added, NewClip, UploadClaim, UploadError, UploadState};
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
 use uuid::Uuid;
+use viola_storage::{Added, NewClip, UploadClaim, UploadError, UploadState};
 
 /// Delay before the next attempt after a fault of the service.
 const PAUSE: Duration = Duration::from_secs(10);
@@ -176,7 +176,7 @@ async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::StorageError;
+    use viola_storage::StorageError;
 
     #[test]
     fn a_fault_that_may_be_the_services_refuses_only_an_old_upload() {

@@ -4,12 +4,12 @@ use crate::api::clips;
 use crate::api::error::Error;
 use crate::api::extract::is_idempotency_key;
 use crate::api::names::{is_file_name, is_title};
-use crate::storage::HomeId;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use jiff::Timestamp;
 use std::collections::BTreeMap;
+use viola_storage::HomeId;
 
 const NAME: &str = "Upload-Metadata";
 

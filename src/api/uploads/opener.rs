@@ -4,13 +4,13 @@
 use super::refusal::UploadRefusal;
 use crate::api::error::{Defence, Error, Problem};
 use crate::jobs::{ChildParams, PANICKED};
-use crate::storage::Arrived;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Duration;
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::container::Scratch;
 use viola_formats::video::{Tools, was_asked_to_stop};
+use viola_storage::Arrived;
 
 /// Timeout for opening a file.
 const MAX_TIME: Duration = Duration::from_secs(120);
@@ -61,7 +61,7 @@ pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::{Storage, StorageParams};
+    use viola_storage::{Storage, StorageParams};
 
     /// Opens a file by a shell script that plays the child.
     async fn open_by(script: &str) -> Result<ClipInfo, Error> {

@@ -6,10 +6,10 @@ use crate::api::App;
 use crate::api::bodies::Pace;
 use crate::api::error::Error;
 use crate::api::metrics;
-use crate::storage::{Incoming, UploadWriter};
 use axum::body::Body;
 use std::time::Instant;
 use uuid::Uuid;
+use viola_storage::{Incoming, UploadWriter};
 
 /// Description of a body, from its request.
 pub(super) struct Append {

@@ -1,9 +1,9 @@
 //! Refusals of tus requests.
 
 use crate::api::error::Error;
-use crate::storage::UploadError;
 use axum::http::StatusCode;
 use std::time::Duration;
+use viola_storage::UploadError;
 
 #[derive(Debug, thiserror::Error)]
 pub(in crate::api) enum UploadRefusal {

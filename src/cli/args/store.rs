@@ -1,11 +1,11 @@
 //! Arguments for the storage of the service.
 
-use crate::storage::{
+use clap::Args;
+use std::path::PathBuf;
+use viola_storage::{
     InvalidSecretsKey, POSTGRES_CONNECTIONS, PostgresParams, S3Params, SecretsKey, StorageParams,
     UnpackParams,
 };
-use clap::Args;
-use std::path::PathBuf;
 
 #[derive(Args)]
 pub struct StoreArguments {

@@ -4,12 +4,12 @@ use super::method::MethodArguments;
 use super::seconds::seconds;
 use crate::cli::child::child_params;
 use crate::jobs::{JobLimitParams, WorkerParams};
-use crate::storage::RetryPolicy;
 use crate::webhooks::WebhookParams;
 use anyhow::Result;
 use clap::Args;
 use std::sync::Arc;
 use std::time::Duration;
+use viola_storage::RetryPolicy;
 
 /// Default memory limits of a job, without and with networks that see pictures.
 const MEMORY_MB: u64 = 1024;

@@ -1,7 +1,6 @@
 //! The contributions of the clips, on the disk until they are fused.
 
 use crate::jobs::Finished;
-use crate::storage::result_file;
 use anyhow::{Context, Result};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,6 +13,7 @@ use viola_home::{
     ClipContribution, ClipPath, LoadClips, Member, PlacedClip, Recording, camera_poses, read_features,
 };
 use viola_reconstruct::Feature;
+use viola_storage::result_file;
 
 /// The files of a clip's result that a map is fused from.
 const FILES: [&str; 3] = [result_file::CLOUD, result_file::VIEWS, result_file::FEATURES];

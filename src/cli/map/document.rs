@@ -2,7 +2,6 @@
 
 use super::clip::HomeClip;
 use super::content::Content;
-use crate::storage::{ClipState, MapClip, reasons_of_placement};
 use jiff::Timestamp;
 use serde::Serialize;
 use uuid::Uuid;
@@ -10,6 +9,7 @@ use viola_formats::lidar::LidarInfo;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{Coverage, HomeMapInfo, PlacedBy};
 use viola_reconstruct::Reason;
+use viola_storage::{ClipState, MapClip, reasons_of_placement};
 
 /// Contents of `map.json`.
 #[derive(Debug, Serialize)]

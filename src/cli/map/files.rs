@@ -8,7 +8,6 @@ use super::robot;
 use crate::api::{objects_document, pretty_json, rooms_document};
 use crate::cli::output;
 use crate::jobs::{Described, Earlier, describe};
-use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -21,6 +20,7 @@ use viola_home::{
     ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, LookedThrough, MESH_TRIANGLES, Manifest, MatterFile,
     Mesh, MeshObject, Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
 };
+use viola_storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
 const REVISION: i64 = 1;

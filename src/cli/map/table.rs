@@ -56,10 +56,10 @@ fn row(clip: &ClipDocument) -> [String; 7] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::storage::ClipState;
     use viola_geometry::LevelName;
     use viola_home::PlacedBy;
     use viola_reconstruct::Reason;
+    use viola_storage::ClipState;
 
     fn clip(state: ClipState, by: Option<PlacedBy>, reasons: Vec<Reason>) -> ClipDocument {
         ClipDocument {

@@ -21,7 +21,7 @@ pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
 
 async fn fetch(url: &str, part: &Path) -> Result<()> {
     let have = part.metadata().map_or(0, |metadata| metadata.len());
-    crate::tls::use_ring();
+    viola_storage::tls::use_ring();
     // A redirect must not leave https.
     let client = reqwest::Client::builder().https_only(url.starts_with("https://")).build()?;
     let ask = client.get(url);

@@ -2,12 +2,12 @@
 
 use crate::jobs::align_clip::Finished;
 use crate::jobs::attempt_error::{AttemptError, MethodResult};
-use crate::storage::result_file;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io;
 use std::path::Path;
 use viola_geometry::progress::{EarlyPose, Stage};
+use viola_storage::result_file;
 
 const ALIGNMENT: &str = "alignment.json";
 

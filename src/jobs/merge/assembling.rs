@@ -5,7 +5,6 @@
 //! one such thread at a time; if the worker gives up the merge, the thread ends at its next request.
 
 use super::{FILES_AT_A_TIME, MergeError, on_own_thread};
-use crate::storage::{MapFile, MergeClaim, Storage, StorageError, result_file};
 use bytes::Bytes;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::prelude::*;
@@ -15,6 +14,7 @@ use tracing::warn;
 use viola_home as home;
 use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
 use viola_reconstruct::Feature;
+use viola_storage::{MapFile, MergeClaim, Storage, StorageError, result_file};
 
 /// The files that the thread needs.
 enum Ask {

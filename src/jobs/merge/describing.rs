@@ -1,6 +1,5 @@
 //! Describes the next revision: its ids come from the last one, and corrections of people are applied.
 
-use crate::storage::{Corrections, MapHistory, MapObject, MapRoom, MapScene, map_file};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_align::LevelMap;
 use viola_geometry::{LevelName, Pose2};
@@ -9,6 +8,7 @@ use viola_home::{
     ClipNumbers, Description, History, LookedThrough, Object, ObjectCorrection, PlacedClip, RevisionObjects,
     Room, RoomCorrection, Tile,
 };
+use viola_storage::{Corrections, MapHistory, MapObject, MapRoom, MapScene, map_file};
 
 /// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a
 /// home's map have no more.

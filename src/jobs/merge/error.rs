@@ -1,8 +1,8 @@
 //! Errors of merges.
 
-use crate::storage::StorageError;
 use uuid::Uuid;
 use viola_formats::lidar::LidarError;
+use viola_storage::StorageError;
 
 /// Reason why a map could not be merged.
 #[derive(Debug, thiserror::Error)]

@@ -1,0 +1,271 @@
+//! Deletions remove the last byte, and succeed only then.
+
+use super::faults::{removals_fail, removals_fail_times};
+use super::home_maps::{align, due, finish};
+use super::*;
+
+on_every_back_end!(
+    a_tenant_goes_whole,
+    who_deletes_is_told_the_truth,
+    one_pass_finishes_all_deletions,
+    a_deletion_that_times_out_does_not_stop_the_others,
+    a_deletion_is_of_the_resource_as_it_was_read,
+    files_that_a_change_replaces_are_deleted_once_the_store_works,
+    a_home_is_removed_with_the_files_that_its_maps_left,
+    a_removal_forgets_a_part_of_many_old_ones,
+);
+
+/// Creates a home with a map, a clip with results, and an unfinished upload.
+async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
+    let id = tenant.home(&home("h"));
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
+    put_map(storage, &id, b"map").await;
+    let clip = add(storage, &id, b"clip").await;
+    let claim = storage.claim(LEASE, at(0)).await.unwrap().unwrap();
+    storage.put_result(&claim, "cloud.ply", b"cloud".to_vec()).await.unwrap();
+    storage.finish(&claim, &answer(AlignmentState::Ambiguous), &RetryPolicy::default(), at(1)).await.unwrap();
+    let new = NewUpload {
+        kind: UploadKind::Partial,
+        tenant: tenant.clone(),
+        home: None,
+        metadata: String::new(),
+        concat: Some("partial".to_owned()),
+        length_bytes: Some(8),
+        content_key: None,
+    };
+    let limits = UploadLimits::default();
+    let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
+    let mut writer = storage.begin_append(part, 0, None, &limits, at(0)).await.unwrap();
+    storage.append(&mut writer, arrived(storage, b"part").await, &limits, at(0)).await.unwrap();
+    let key = NewKey {
+        tenant: tenant.clone(),
+        role: Role::Admin,
+        home: None,
+        label: String::new(),
+        expires_at: None,
+    };
+    storage.create_key(key, at(0)).await.unwrap();
+    let own = TenantLimits { max_bytes: None, max_uploads: Some(9) };
+    storage.set_tenant_limits(tenant, &own).await.unwrap();
+    storage.create_webhook(tenant, "https://fleet.example/", &ChangeKind::ALL, at(0)).await.unwrap();
+    storage.fan_out(at(1)).await.unwrap();
+    clip
+}
+
+/// Returns the number of a tenant's rows in all tables.
+async fn rows(storage: &Storage, tenant: &Tenant) -> u64 {
+    use crate::columns::Columns;
+    let mut rows = 0;
+    for (statement, value) in [
+        ("SELECT COUNT(*) AS n FROM homes WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM jobs WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM uploads WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM changes WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM api_keys WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM tenant_sizes WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM tenant_limits WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM webhooks WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM clips WHERE home_id LIKE $1", format!("{}/%", tenant.name())),
+        ("SELECT COUNT(*) AS n FROM lidar_maps WHERE home_id LIKE $1", format!("{}/%", tenant.name())),
+        ("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE $1", format!("%{}%", tenant.name())),
+    ] {
+        let row = crate::database::query(statement).bind(value);
+        let row = row.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+        rows += row.count::<u64>("n").unwrap();
+    }
+    rows
+}
+
+async fn a_tenant_goes_whole(storage: Storage) {
+    let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
+    let kept = belongings(&storage, &bolt).await;
+    let before = (storage.blobs_that_exist().await, rows(&storage, &bolt).await);
+    belongings(&storage, &acme).await;
+    assert_eq!(storage.tenants().await.unwrap(), [acme.clone(), bolt.clone()]);
+    let mut seen = 0;
+    let removed = storage.delete_tenant(&acme, at(2), |homes| seen = homes).await.unwrap();
+    assert_eq!(removed, Removed { homes: 1, uploads: 1, webhooks: 1, keys: 1 });
+    assert_eq!(seen, 1);
+    assert_eq!(rows(&storage, &acme).await, 0);
+    assert_eq!((storage.blobs_that_exist().await, rows(&storage, &bolt).await), before);
+    assert_eq!(storage.tenants().await.unwrap(), std::slice::from_ref(&bolt));
+    let kept_still = storage.clip(&bolt.home(&home("h")), kept.id).await.unwrap();
+    assert_eq!(kept_still.sha256, kept.sha256);
+    let again = storage.delete_tenant(&acme, at(2), |_| {}).await.unwrap();
+    assert_eq!(again, Removed::default());
+}
+
+async fn one_pass_finishes_all_deletions(storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    for number in 0..250 {
+        let key = [format!("clips/{number}/file")];
+        pending_deletes::add(&mut transaction, "clip:h", &key, at(number / 7)).await.unwrap();
+    }
+    transaction.commit().await.unwrap();
+    assert_eq!(storage.finish_deletions().await.unwrap(), 250);
+    assert_eq!(storage.finish_deletions().await.unwrap(), 0);
+}
+
+async fn a_deletion_that_times_out_does_not_stop_the_others(mut storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    let keys: Vec<String> = (0..2001).map(|number| format!("clips/{number}/file")).collect();
+    pending_deletes::add(&mut transaction, "home:h", &keys, at(0)).await.unwrap();
+    transaction.commit().await.unwrap();
+    // All tries of the first of three deletions.
+    let _ = removals_fail_times(&mut storage, 3);
+    assert!(storage.finish_deletions().await.is_err());
+    assert_eq!(storage.finish_deletions().await.unwrap(), 1);
+}
+
+async fn who_deletes_is_told_the_truth(mut storage: Storage) {
+    let tenant: Tenant = "acme".parse().unwrap();
+    let id = tenant.home(&home("h"));
+    let clip = belongings(&storage, &tenant).await;
+    let repair = removals_fail(&mut storage);
+    let failed = storage.delete_clip(&id, clip.id, |_| true, at(3)).await;
+    assert!(matches!(&failed, Err(error) if error.is_transient()), "{failed:?}");
+    assert!(matches!(storage.clip(&id, clip.id).await, Err(StorageError::NoSuchClip)));
+    let failed = storage.delete_clip(&id, clip.id, |_| true, at(3)).await;
+    assert!(
+        matches!(&failed, Err(error) if error.is_transient()),
+        "as long as the file is there: {failed:?}"
+    );
+    assert!(storage.delete_home(&id, |_| true, at(3)).await.is_err());
+    assert!(storage.delete_tenant(&tenant, at(3), |_| {}).await.is_err());
+    assert!(storage.finish_deletions().await.is_err());
+    repair();
+    storage.delete_home(&id, |_| true, at(4)).await.unwrap();
+    assert!(matches!(storage.delete_home(&id, |_| true, at(4)).await, Err(StorageError::NoSuchHome)));
+    let left = storage.blobs_that_exist().await;
+    assert!(left.iter().all(|key| key.starts_with("uploads/")), "of the home nothing: {left:?}");
+    assert!(storage.delete_clip(&id, clip.id, |_| true, at(4)).await.is_err());
+    storage.delete_tenant(&tenant, at(4), |_| {}).await.unwrap();
+    assert_eq!(storage.finish_deletions().await.unwrap(), 0);
+    assert!(storage.blobs_that_exist().await.is_empty());
+    assert_eq!(rows(&storage, &tenant).await, 0);
+}
+
+async fn a_deletion_is_of_the_resource_as_it_was_read(mut storage: Storage) {
+    let (id, clip) = one_job(&storage).await;
+    let upper: LevelName = "upper".parse().unwrap();
+    put_level(&storage, &id, upper, b"upper map").await.unwrap();
+    let is_changed = |deleted| matches!(deleted, Err(StorageError::Changed { .. }));
+    let home_as_read = storage.home(&id).await.unwrap();
+    let map_as_read = storage.lidar_map(&id, upper).await.unwrap();
+    let clip_as_read = storage.clip(&id, clip.id).await.unwrap();
+    put_level(&storage, &id, upper, b"newer").await.unwrap();
+    let title = ClipEdit { title: Some(Some("Kitchen".to_owned())), ..ClipEdit::default() };
+    storage.edit_clip(&id, clip.id, title, |_| true, at(1)).await.unwrap();
+    storage.put_home(&id, Some("Elm"), |_| true, at(1)).await.unwrap();
+    let as_read = |map: Option<&LidarMapRevision>| map == Some(&map_as_read);
+    assert!(is_changed(storage.delete_lidar_map(&id, upper, as_read, at(2)).await));
+    assert!(is_changed(storage.delete_clip(&id, clip.id, |clip| *clip == clip_as_read, at(2)).await));
+    assert!(is_changed(storage.delete_home(&id, |home| *home == home_as_read, at(2)).await));
+    // The condition comes before the rule of the last level.
+    storage.delete_lidar_map(&id, upper, |map| map.is_some(), at(3)).await.unwrap();
+    assert!(is_changed(storage.delete_lidar_map(&id, LevelName::MAIN, |_| false, at(3)).await));
+    assert_eq!(storage.clip(&id, clip.id).await.unwrap().title.as_deref(), Some("Kitchen"));
+    // The same requests again resume deletions that the store interrupted: nothing is left to compare.
+    let repair = removals_fail(&mut storage);
+    assert!(storage.delete_clip(&id, clip.id, |_| true, at(4)).await.is_err());
+    repair();
+    storage.delete_clip(&id, clip.id, |_| false, at(5)).await.unwrap();
+    storage.delete_home(&id, |_| true, at(6)).await.unwrap();
+    assert!(storage.blobs_that_exist().await.is_empty());
+}
+
+async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let limits = UploadLimits::default();
+    let mut uploads = Vec::new();
+    for _ in 0..2 {
+        let new = NewUpload {
+            kind: UploadKind::Partial,
+            tenant: Tenant::default(),
+            home: None,
+            metadata: String::new(),
+            concat: Some("partial".to_owned()),
+            length_bytes: Some(8),
+            content_key: None,
+        };
+        let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
+        let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
+        storage.append(&mut writer, arrived(&storage, b"part").await, &limits, at(0)).await.unwrap();
+        uploads.push(id);
+    }
+    let repair = removals_fail(&mut storage);
+    storage.delete_upload(uploads[0], at(1)).await.unwrap();
+    assert_eq!(storage.expire_uploads(at(1_000_000)).await.unwrap(), 1);
+    // More revisions than are kept, of the home's map and of its LiDAR map.
+    for n in 0..12u8 {
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 200).await.expect("the home is due");
+        assert!(finish(&storage, &claim, &[n], 200).await);
+        if n < 6 {
+            storage.align_clip(&home, clip.id, at(100)).await.unwrap();
+        } else {
+            put_map(&storage, &home, &[n]).await;
+        }
+    }
+    for n in 20..26u8 {
+        put_map(&storage, &home, &[n]).await;
+    }
+    repair();
+    while storage.finish_deletions().await.unwrap() > 0 {}
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
+    let left: Vec<_> = blobs.iter().filter(|key| !rows.contains(*key)).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let repair = removals_fail(&mut storage);
+    // More revisions than are kept.
+    for n in 0..7u8 {
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 200).await.expect("the home is due");
+        assert!(finish(&storage, &claim, &[n], 200).await);
+        storage.align_clip(&home, clip.id, at(100)).await.unwrap();
+    }
+    assert!(pending_of_maps(&storage).await > 0);
+    assert!(storage.delete_home(&home, |_| true, at(300)).await.is_err());
+    repair();
+    storage.delete_home(&home, |_| true, at(301)).await.unwrap();
+    assert_eq!(pending_of_maps(&storage).await, 0);
+}
+
+async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
+    use crate::columns::Columns;
+    use crate::database::query;
+    let (id, clip) = one_job(&storage).await;
+    let mut transaction = storage.database.begin().await.unwrap();
+    for number in 0..1_200 {
+        query(
+            "INSERT INTO changes (home_id, kind, clip_id, at, deleted, ticket)
+            VALUES ('gone', 'clip', $1, $2, 1, $1)",
+        )
+        .bind(format!("{number:04}"))
+        .bind(at(0).as_millisecond())
+        .execute(&mut transaction)
+        .await
+        .unwrap();
+    }
+    transaction.commit().await.unwrap();
+    let old = async || {
+        let old = query("SELECT COUNT(*) AS n FROM changes WHERE home_id = 'gone'");
+        let old = old.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+        old.count::<u64>("n").unwrap()
+    };
+    let later = at(40 * 24 * 3600);
+    storage.delete_clip(&id, clip.id, |_| true, later).await.unwrap();
+    assert_eq!(old().await, 200);
+    storage.delete_home(&id, |_| true, later).await.unwrap();
+    assert_eq!(old().await, 0);
+}
+
+async fn pending_of_maps(storage: &Storage) -> u64 {
+    use crate::columns::Columns;
+    let pending =
+        crate::database::query("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE 'home-map:%'");
+    pending.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()
+}

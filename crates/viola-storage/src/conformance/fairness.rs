@@ -1,0 +1,177 @@
+//! The order of jobs.
+
+use super::home_maps::align;
+use super::*;
+
+on_every_back_end!(
+    nobody_waits_behind_all_of_another,
+    who_asks_comes_first,
+    nobody_waits_for_ever,
+    a_new_map_queues_clips_one_behind_the_other,
+    clips_without_an_answer_come_before_those_that_are_aligned_again,
+    an_alignment_again_waits_half_a_day_at_most,
+    tenants_take_turns_in_merging,
+);
+
+const HOUR: i64 = 3600;
+
+/// Returns the homes of claimed jobs, as `tenant/home`, all at one moment.
+async fn order(storage: &Storage, now_s: i64, count: usize) -> Vec<String> {
+    let mut homes = Vec::new();
+    while homes.len() < count
+        && let Some(claim) = storage.claim(LEASE, at(now_s)).await.unwrap()
+    {
+        homes.push(format!("{}/{}", claim.job.home.tenant(), claim.job.home));
+    }
+    homes
+}
+
+async fn home_with_map(storage: &Storage, tenant: &str, id: &str) -> HomeId {
+    let home = tenant.parse::<Tenant>().unwrap().home(&home(id));
+    storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
+    put_map(storage, &home, b"map").await;
+    home
+}
+
+async fn nobody_waits_behind_all_of_another(storage: Storage) {
+    let greedy = home_with_map(&storage, "acme", "greedy").await;
+    for n in 0..5u8 {
+        add(&storage, &greedy, &[n]).await;
+    }
+    // Another home of this tenant, and another tenant, come last; each has its first turn after one job.
+    let modest = home_with_map(&storage, "acme", "modest").await;
+    add(&storage, &modest, b"one").await;
+    let other = home_with_map(&storage, "bolt", "other").await;
+    add(&storage, &other, b"one").await;
+    add(&storage, &other, b"two").await;
+    let order = order(&storage, 0, 9).await;
+    let at = |name: &str| order.iter().position(|home| home == name).unwrap();
+    assert_eq!(order.len(), 8);
+    assert!(at("acme/modest") <= 3 && at("bolt/other") <= 3, "{order:?}");
+    assert!(order[4..].iter().filter(|home| *home == "acme/greedy").count() >= 3, "{order:?}");
+}
+
+async fn tenants_take_turns_in_merging(storage: Storage) {
+    for (tenant, id) in [("acme", "a"), ("acme", "b"), ("acme", "c"), ("bolt", "d"), ("corp", "e")] {
+        let home = home_with_map(&storage, tenant, id).await;
+        add(&storage, &home, b"clip").await;
+        align(&storage, AlignmentState::Aligned).await;
+    }
+    let mut order = Vec::new();
+    let mut last = String::new();
+    for second in 0..6 {
+        // Leases end before the next claim, so each home stays due.
+        let now = at(200 + 100 * second);
+        let claim = storage.claim_merge(&last, LEASE, now).await.unwrap().expect("homes are due");
+        claim.home.tenant().clone_into(&mut last);
+        order.push(format!("{last}/{}", claim.home));
+    }
+    assert_eq!(order, ["acme/a", "bolt/d", "corp/e", "acme/b", "bolt/d", "corp/e"]);
+}
+
+async fn who_asks_comes_first(storage: Storage) {
+    let again = home_with_map(&storage, "acme", "again").await;
+    add(&storage, &again, b"clip").await;
+    align(&storage, AlignmentState::Aligned).await;
+    let fresh = home_with_map(&storage, "bolt", "fresh").await;
+    // A new map queues its home's clips again, behind new clips; a clip that is asked for comes before them.
+    put_map(&storage, &again, b"new map").await;
+    add(&storage, &fresh, b"clip").await;
+    let asked = home_with_map(&storage, "corp", "asked").await;
+    let clip = add(&storage, &asked, b"clip").await;
+    storage.cancel_job(clip.job.unwrap().id, at(0)).await.unwrap();
+    storage.align_clip(&asked, clip.id, at(0)).await.unwrap();
+    assert_eq!(order(&storage, 0, 9).await, ["corp/asked", "bolt/fresh", "acme/again"]);
+}
+
+async fn nobody_waits_for_ever(storage: Storage) {
+    let patient = home_with_map(&storage, "acme", "patient").await;
+    add(&storage, &patient, b"clip").await;
+    put_map(&storage, &patient, b"new map").await;
+    let busy = home_with_map(&storage, "bolt", "busy").await;
+    let clip = add(&storage, &busy, b"clip").await;
+    // A clip is asked for an hour later; the job that has waited for an hour still comes first.
+    storage.cancel_job(clip.job.unwrap().id, at(1)).await.unwrap();
+    storage.align_clip(&busy, clip.id, at(3600)).await.unwrap();
+    assert_eq!(order(&storage, 3600, 1).await, ["acme/patient"]);
+}
+
+async fn a_new_map_queues_clips_one_behind_the_other(storage: Storage) {
+    use crate::columns::Columns;
+    let home = home_with_map(&storage, "acme", "h").await;
+    for n in 0..3u8 {
+        add(&storage, &home, &[n]).await;
+        align(&storage, AlignmentState::Aligned).await;
+    }
+    let other = home_with_map(&storage, "acme", "other").await;
+    for n in 0..2u8 {
+        add(&storage, &other, &[n]).await;
+    }
+    put_map(&storage, &home, b"new map").await;
+    let rows = crate::database::query(
+        "SELECT position, order_at FROM jobs JOIN clips ON clips.id = jobs.clip_id
+        WHERE home_id = $1 AND jobs.state = 'queued' ORDER BY clip_id",
+    );
+    let rows = rows.bind(home.key()).fetch_all(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    let turns: Vec<(i64, i64)> = rows
+        .iter()
+        .map(|row| {
+            (
+                row.number("position").unwrap(),
+                row.number("order_at").unwrap() - at(12 * HOUR).as_millisecond(),
+            )
+        })
+        .collect();
+    // Before the third are two of its own home and two of the other one; each takes 5 s.
+    assert_eq!(turns, [(0, 5_000), (1, 15_000), (2, 20_000)]);
+}
+
+async fn clips_without_an_answer_come_before_those_that_are_aligned_again(storage: Storage) {
+    // Each robot of a tenant sends a new map. More clips have answers than the lead of a new clip has turns.
+    let mut homes = Vec::new();
+    for n in 0..4u8 {
+        let home = home_with_map(&storage, "acme", &format!("h{n}")).await;
+        for clip in 0..2u8 {
+            add(&storage, &home, &[clip]).await;
+            align(&storage, AlignmentState::Ambiguous).await;
+        }
+        homes.push(home);
+    }
+    // A file that no job could use is aligned again, too.
+    add(&storage, &homes[0], b"damaged").await;
+    let damaged = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
+    let refused = AttemptEnd::Refused(reason("bad_picture"));
+    assert!(storage.finish(&damaged, &refused, &RetryPolicy::default(), at(100)).await.unwrap());
+    let waiting = add(&storage, &homes[1], b"waiting").await.id;
+    for home in &homes {
+        // Twice: a clip that waits for its second answer still has the first.
+        for map in [b"second map", b"third map."] {
+            put_map(&storage, home, map).await;
+        }
+    }
+    let late = add(&storage, &homes[2], b"late").await.id;
+    let other = home_with_map(&storage, "bolt", "other").await;
+    let of_other = add(&storage, &other, b"one").await.id;
+    let mut order = Vec::new();
+    while let Some(claim) = storage.claim(LEASE, at(0)).await.unwrap() {
+        order.push(claim.job.clip);
+    }
+    assert_eq!(order.len(), 4 * 2 + 1 + 3);
+    for clip in [waiting, late, of_other] {
+        assert!(order[..3].contains(&clip), "{clip} is not among the first of {order:?}");
+    }
+}
+
+async fn an_alignment_again_waits_half_a_day_at_most(storage: Storage) {
+    let patient = home_with_map(&storage, "acme", "patient").await;
+    add(&storage, &patient, b"clip").await;
+    align(&storage, AlignmentState::Aligned).await;
+    put_map(&storage, &patient, b"new map").await;
+    let busy = home_with_map(&storage, "bolt", "busy").await;
+    let mut clip = add(&storage, &busy, b"clip").await;
+    for (hours, first) in [(6, "bolt/busy"), (13, "acme/patient")] {
+        storage.cancel_job(clip.job.unwrap().id, at(1)).await.unwrap();
+        clip = storage.align_clip(&busy, clip.id, at(hours * HOUR)).await.unwrap();
+        assert_eq!(order(&storage, hours * HOUR, 1).await, [first], "{hours}");
+    }
+}

@@ -1,0 +1,52 @@
+//! Statements that must not read whole tables: SQLite has one writer, and all others wait for a slow one.
+
+use super::*;
+use crate::columns::Columns;
+use crate::database::query;
+use crate::{changes, clips, home_maps, lidar_maps};
+use sqlx::AssertSqlSafe;
+
+/// Returns the reads of a statement, which end with the index and the columns by which SQLite finds the rows.
+async fn plan(storage: &Storage, statement: &str) -> Vec<String> {
+    let explain = query(AssertSqlSafe(format!("EXPLAIN QUERY PLAN {statement}")));
+    let rows = explain.fetch_all(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    let steps = rows.iter().map(|row| row.text("detail").unwrap());
+    steps.filter(|step| step.starts_with("SEARCH") || step.starts_with("SCAN")).collect()
+}
+
+#[tokio::test]
+async fn statements_read_their_own_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let objects = |class: Option<&str>, of_home: Option<&str>| {
+        let filter = ObjectFilter { class: class.map(str::to_owned), home: of_home.map(home) };
+        home_maps::objects_statement(&filter)
+    };
+    let cases = [
+        (
+            lidar_maps::CURRENT_OF_LEVELS,
+            vec!["lidar_maps_current (home_id=?)", "lidar_maps_current (home_id=? AND level=?)"],
+        ),
+        (lidar_maps::OF_HOME, vec!["(home_id=?)"]),
+        (clips::BLOBS_OF_HOME, vec!["(home_id=?)"]),
+        (home_maps::BLOBS_OF_HOME, vec!["(home_id=?)"]),
+        (changes::CHANGED_HOMES, vec!["changes_by_seq (seq>?)"]),
+        (objects(None, None), vec!["home_objects_of_tenant (tenant=? AND (home_id,object_id)>(?,?))"]),
+        (
+            objects(Some("chair"), None),
+            vec!["home_objects_by_class (tenant=? AND class=? AND (home_id,object_id)>(?,?))"],
+        ),
+        (objects(None, Some("h")), vec!["home_objects_of_tenant (tenant=? AND home_id=?)"]),
+        (
+            objects(Some("chair"), Some("h")),
+            vec!["home_objects_by_class (tenant=? AND class=? AND home_id=?)"],
+        ),
+    ];
+    for (statement, expected) in cases {
+        let found = plan(&storage, statement).await;
+        assert_eq!(found.len(), expected.len(), "{statement}: {found:?}");
+        for (step, end) in found.iter().zip(expected) {
+            assert!(step.starts_with("SEARCH") && step.ends_with(end), "{statement}: {step}");
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Processes of an earlier version that run beside those of a later one.
+
+use super::*;
+use crate::database::query;
+
+on_every_back_end!(
+    a_home_of_an_earlier_process_is_found,
+    homes_of_earlier_processes_are_found_after_a_start,
+    a_later_process_adds_a_column,
+);
+
+/// Returns the ids of the homes with a text in their id or name.
+async fn found(storage: &Storage, text: &str) -> Vec<String> {
+    let filter = HomeFilter { text: Some(text.to_owned()), ..HomeFilter::default() };
+    let page = Page { limit: 9, after: None };
+    let homes = storage.homes(&Tenant::default(), &filter, &page).await.unwrap();
+    homes.iter().map(|home| home.id.to_string()).collect()
+}
+
+/// Leaves the homes as a process does that does not know the text for searches.
+async fn forget_searches(storage: &Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    query("UPDATE homes SET search = ''").execute(&mut transaction).await.unwrap();
+    transaction.commit().await.unwrap();
+}
+
+async fn a_home_of_an_earlier_process_is_found(storage: Storage) {
+    let put = async || storage.put_home(&home("h"), Some("\u{d6}l Street"), |_| true, at(0)).await.unwrap();
+    put().await;
+    forget_searches(&storage).await;
+    assert_eq!(found(&storage, "\u{f6}l").await, Vec::<String>::new());
+    put().await;
+    assert_eq!(found(&storage, "\u{f6}l").await, ["h"]);
+}
+
+async fn homes_of_earlier_processes_are_found_after_a_start(storage: Storage) {
+    for (id, name) in [("Oak-1", Some("\u{d6}l Street")), ("Elm-2", None)] {
+        storage.put_home(&home(id), name, |_| true, at(0)).await.unwrap();
+    }
+    forget_searches(&storage).await;
+    storage.fill_searches().await.unwrap();
+    assert_eq!(found(&storage, "\u{f6}l STREET").await, ["Oak-1"]);
+    assert_eq!(found(&storage, "elm").await, ["Elm-2"]);
+}
+
+/// PostgreSQL refuses a prepared statement whose result has another column since. Each connection may meet this once.
+async fn a_later_process_adds_a_column(storage: Storage) {
+    if !storage.database.is_shared() {
+        return;
+    }
+    const TIMES: usize = 32;
+    let id = home("h");
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
+    for _ in 0..TIMES {
+        storage.home(&id).await.unwrap();
+    }
+    let mut transaction = storage.database.begin().await.unwrap();
+    query("ALTER TABLE homes ADD COLUMN of_later_version BIGINT").execute(&mut transaction).await.unwrap();
+    transaction.commit().await.unwrap();
+    for _ in 0..TIMES {
+        let read = storage.home(&id).await;
+        assert!(read.as_ref().err().is_none_or(StorageError::is_transient), "{read:?}");
+    }
+    for time in 0..TIMES {
+        assert_eq!(storage.home(&id).await.unwrap().id, id, "{time}");
+    }
+    // The same in a transaction.
+    for time in 0..TIMES {
+        let name = format!("{time}");
+        storage.put_home(&id, Some(&name), |_| true, at(1)).await.unwrap();
+    }
+}

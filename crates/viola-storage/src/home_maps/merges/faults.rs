@@ -1,0 +1,92 @@
+//! Merges that ended without a result. The pauses of a home double with every such merge in a row: one that fails each
+//! time must not keep a worker busy.
+
+use super::MergeClaim;
+use crate::columns::Columns;
+use crate::database::{Row, Transaction, query};
+use crate::{RetryPolicy, Storage, StorageError, clock};
+use jiff::Timestamp;
+use std::time::Duration;
+
+/// Returns the pause after a merge without a result. `may_have_passed` is true if its cause is probably over: then the
+/// first retry comes at once.
+fn pause(earlier_faults: u32, may_have_passed: bool) -> Duration {
+    match earlier_faults {
+        0 if may_have_passed => Duration::ZERO,
+        earlier => RetryPolicy::default().delay(earlier.saturating_add(1)),
+    }
+}
+
+impl Storage {
+    /// Gives a claim back after an error, which counts; the merge is due again after a pause.
+    pub async fn fail_merge(
+        &self,
+        claim: &MergeClaim,
+        may_have_passed: bool,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let due = now + pause(claim.faults, may_have_passed);
+        let mut transaction = self.database.begin().await?;
+        query(
+            "UPDATE homes SET map_lease_until = NULL, map_due_at = $3, map_faults = map_faults + 1
+            WHERE id = $1 AND map_fence = $2 AND created_at = $4",
+        )
+        .bind(claim.home.key())
+        .bind(claim.fencing_token)
+        .bind(due.as_millisecond())
+        .bind(claim.home_created_at.as_millisecond())
+        .execute(&mut transaction)
+        .await?;
+        transaction.commit().await
+    }
+}
+
+/// Ends a claim whose home this version cannot read, which counts as a fault. `row` is that of the claim.
+pub(super) async fn set_aside(
+    transaction: &mut Transaction,
+    row: &Row,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let due = now + pause(row.count("map_faults")?, false);
+    query(
+        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1 WHERE id = $1",
+    )
+    .bind(row.text("id")?)
+    .bind(due.as_millisecond())
+    .execute(transaction)
+    .await?;
+    Ok(())
+}
+
+/// Ends the claims whose lease expired. The merge may have killed its worker, so each counts as a fault.
+pub(super) async fn release_lost(transaction: &mut Transaction, now: Timestamp) -> Result<(), StorageError> {
+    macro_rules! lost {
+        ($lock:literal) => {
+            concat!(
+                "SELECT id, map_faults FROM homes
+                WHERE map_lease_until IS NOT NULL AND (map_lease_until <= $1 OR map_lease_until > $2)
+                ORDER BY map_lease_until ",
+                $lock
+            )
+        };
+    }
+    let lost = query(transaction.either(lost!(""), lost!("FOR NO KEY UPDATE SKIP LOCKED")))
+        .bind(now.as_millisecond())
+        .bind(clock::no_lease_after(now))
+        .fetch_all(transaction)
+        .await?;
+    for row in &lost {
+        // The first time, the process was probably restarted.
+        let due = now + pause(row.count("map_faults")?, true);
+        query(
+            "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1,
+                map_fence = map_fence + 1
+            WHERE id = $1",
+        )
+        .bind(row.text("id")?)
+        .bind(due.as_millisecond())
+        .execute(transaction)
+        .await?;
+    }
+    Ok(())
+}

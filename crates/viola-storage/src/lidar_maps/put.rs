@@ -1,0 +1,208 @@
+//! New revisions of a LiDAR map, the end of old ones, and the jobs that align clips to them.
+
+use super::remove::remove_to;
+use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels, owner};
+use crate::changes::{self, Changed};
+use crate::columns::{Columns, to_json};
+use crate::database::query;
+use crate::incoming::Arrived;
+use crate::quota::{self, QuotaCheck};
+use crate::{HomeId, Storage, StorageError, choices, home_maps, homes, jobs, pending_deletes};
+use jiff::Timestamp;
+use uuid::Uuid;
+use viola_formats::lidar::LidarInfo;
+use viola_geometry::{LevelName, MAX_LEVELS};
+
+/// Revisions of a level whose files are kept; a new one removes older ones.
+const KEPT_LIDAR_MAPS: i64 = 10;
+
+/// A map whose file was read and validated.
+pub struct NewLidarMap {
+    pub level: LevelName,
+    pub file: Arrived,
+    /// Name of the file, from its sender.
+    pub file_name: Option<String>,
+    pub info: LidarInfo,
+    /// The frame of the revision that it replaces, if the maps tell it.
+    pub from_earlier: Option<FromEarlier>,
+    /// Preview picture.
+    pub image_png: Vec<u8>,
+}
+
+impl NewLidarMap {
+    /// Returns the size of its files.
+    pub fn bytes(&self) -> u64 {
+        self.file.size_bytes.saturating_add(self.image_png.len() as u64)
+    }
+}
+
+impl Storage {
+    /// Adds a revision of a level and queues every clip of the home for it, if the level's current revision is as
+    /// `expected`. The same file as that of the current revision changes nothing. Returns the revision and whether it
+    /// is new. `max_bytes` is the quota of a tenant without one of its own.
+    pub async fn put_lidar_map(
+        &self,
+        home: &HomeId,
+        new: NewLidarMap,
+        max_bytes: Option<u64>,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let id = Uuid::now_v7();
+        let row = NewRow {
+            id,
+            level: new.level,
+            size_bytes: new.file.size_bytes,
+            image_bytes: new.image_png.len() as u64,
+            sha256: new.file.sha256.clone(),
+            file_name: new.file_name,
+            info: new.info,
+            from_earlier: new.from_earlier,
+            quota: QuotaCheck::Enforce { max_bytes },
+        };
+        // Concurrently: a slow store delays this once.
+        let (file_key, image_key) = (file_key(id), image_key(id));
+        let (file, image) =
+            tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
+        self.add_row(home, row, file.and(image), expected, now).await
+    }
+
+    /// Makes an earlier revision of a level the current one again, as a new revision with the same file, if the
+    /// level's current revision is as `expected`. `from_earlier` is the frame of the revision that it replaces. Returns the
+    /// current revision and whether it is new.
+    pub async fn restore_lidar_map(
+        &self,
+        home: &HomeId,
+        earlier: &LidarMapRevision,
+        from_earlier: Option<FromEarlier>,
+        max_bytes: Option<u64>,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let id = Uuid::now_v7();
+        let file = self.blobs.read_all(&file_key(earlier.id)).await?;
+        let image = self.blobs.read_all(&image_key(earlier.id)).await?;
+        let row = NewRow {
+            id,
+            level: earlier.level,
+            size_bytes: earlier.size_bytes,
+            image_bytes: image.len() as u64,
+            sha256: earlier.sha256.clone(),
+            file_name: earlier.file_name.clone(),
+            info: earlier.info.clone(),
+            from_earlier,
+            quota: QuotaCheck::Enforce { max_bytes },
+        };
+        let (file_key, image_key) = (file_key(id), image_key(id));
+        let (file, image) = tokio::join!(
+            self.blobs.put(&file_key, file.to_vec()),
+            self.blobs.put(&image_key, image.to_vec())
+        );
+        self.add_row(home, row, file.and(image), expected, now).await
+    }
+
+    /// Adds the row of a revision whose blobs were `stored`. Removes them if it is not added.
+    async fn add_row(
+        &self,
+        home: &HomeId,
+        new: NewRow,
+        stored: Result<(), StorageError>,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let keys = [file_key(new.id), image_key(new.id)];
+        if let Err(error) = stored {
+            self.blobs.discard(&keys).await;
+            return Err(error);
+        }
+        let added = self.insert_lidar_map(home, new, expected, now).await;
+        let is_for_nothing = match &added {
+            Ok((_, is_new)) => !is_new,
+            // The row may exist nevertheless; a sweep decides.
+            Err(error) => !error.is_unsettled(),
+        };
+        if is_for_nothing {
+            self.blobs.discard(&keys).await;
+        }
+        added
+    }
+
+    async fn insert_lidar_map(
+        &self,
+        home: &HomeId,
+        new: NewRow,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        if !homes::lock(&mut transaction, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        let before = current(&mut transaction, home, new.level).await?;
+        let replaced = before.as_ref().map(|before| before.revision);
+        // Another request may have replaced the revision that it was compared with.
+        let from_earlier = new.from_earlier.filter(|from| Some(from.revision) == replaced);
+        if !expected(before.as_ref()) {
+            return Err(StorageError::Changed { what: "LiDAR map" });
+        }
+        match before {
+            Some(current) if current.sha256 == new.sha256 => return Ok((current, false)),
+            None if levels(&mut transaction, home).await?.len() >= MAX_LEVELS => {
+                return Err(StorageError::TooManyLevels);
+            }
+            _ => {}
+        }
+        let new_bytes = new.size_bytes + new.image_bytes;
+        quota::check(&mut transaction, home.tenant(), new_bytes, new.quota).await?;
+        // Revisions count removed maps, too.
+        let last = query("SELECT COALESCE(MAX(revision), 0) AS last FROM lidar_maps WHERE home_id = $1");
+        let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
+        let revision = last.number("last")? + 1;
+        query(
+            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level, image_bytes,
+                 file_name, from_earlier)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)",
+        )
+        .bind(new.id.to_string())
+        .bind(home.key())
+        .bind(revision)
+        .bind(new.size_bytes as i64)
+        .bind(&new.sha256)
+        .bind(to_json(&new.info))
+        .bind(now.as_millisecond())
+        .bind(new.level.as_str())
+        .bind(new.image_bytes as i64)
+        .bind(&new.file_name)
+        .bind(from_earlier.as_ref().map(to_json))
+        .execute(&mut transaction)
+        .await?;
+        homes::grow(&mut transaction, home, new_bytes as i64).await?;
+        if let Some(from_earlier) = &from_earlier {
+            // Jobs before clips, as everywhere.
+            jobs::lock_of_home(&mut transaction, home).await?;
+            choices::carry_over(&mut transaction, home, new.level, from_earlier, revision).await?;
+        }
+        let mut stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
+        stale_blobs.extend(remove_to(&mut transaction, home, new.level, KEPT_LIDAR_MAPS, now).await?);
+        home_maps::outdated(&mut transaction, home).await?;
+        changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
+        let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
+        let owner = owner(home, new.level);
+        pending_deletes::add(&mut transaction, &owner, &stale_blobs, now).await?;
+        transaction.commit().await?;
+        self.discard_pending(&owner, &stale_blobs).await;
+        Ok((added, true))
+    }
+}
+
+struct NewRow {
+    id: Uuid,
+    level: LevelName,
+    size_bytes: u64,
+    image_bytes: u64,
+    sha256: String,
+    file_name: Option<String>,
+    info: LidarInfo,
+    from_earlier: Option<FromEarlier>,
+    quota: QuotaCheck,
+}
