@@ -5,6 +5,7 @@
 //! (`gaps`), and what remains connected is a room (`spaces`), so rooms are closed and never overlap.
 
 mod cells;
+mod columns;
 mod cut;
 mod direction;
 mod divide;

@@ -1,6 +1,7 @@
 //! Evidence of walls in the plan's frame: columns of upright surface that face one of four directions, and open
 //! floor.
 
+use super::columns::Columns;
 use super::raster::{is_level, level_cells, owners, upright_cells};
 use super::standing::{Surface, standing_cells};
 use super::uprights::{Upright, columns};
@@ -11,11 +12,6 @@ use crate::rooms::space::Space;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2, Vector2};
 
-/// Bins across a wall face and along it.
-const ACROSS_M: f64 = 0.01;
-const ALONG_M: f64 = 0.05;
-/// Bins of one facing: larger homes get larger bins.
-const MAX_BINS: f64 = 6e6;
 /// Heights of wall surface, in bins of `STOREY_M`.
 pub(super) const LOWEST_M: f64 = 0.1;
 const STOREY_M: f64 = 0.15;
@@ -34,6 +30,8 @@ const BELOW_LINTEL: u32 = (1 << 12) - 1;
 const TALL: u32 = 8;
 /// Bins from 2.05 m on: leaves of doors do not reach them.
 const ABOVE_DOORS: u32 = !0 << 13;
+/// Distances between the two faces of a wall.
+const BACK_M: [f64; 2] = [0.04, 0.3];
 /// Cosine between a point's normal and the direction that it faces.
 const FACING: f64 = 0.8;
 
@@ -75,17 +73,6 @@ impl Facing {
     pub fn index(self) -> usize {
         2 * self.axis + usize::from(!self.up)
     }
-}
-
-/// Columns of one facing: bits of the heights with wall surface, by the places across and along.
-pub(super) struct Columns {
-    pub across_m: f64,
-    pub along_m: f64,
-    /// Coordinates of the first bins.
-    pub low_m: [f64; 2],
-    pub across: usize,
-    pub along: usize,
-    pub bits: Vec<u32>,
 }
 
 /// Fraction of a wall that a column shows.
@@ -176,7 +163,7 @@ impl<'a> Evidence<'a> {
         if low_m[0] > high_m[0] {
             (low_m, high_m) = ([0.0; 2], [0.0; 2]);
         }
-        let by_facing = Facing::ALL.map(|facing| Columns::new(facing, low_m, high_m));
+        let by_facing = Facing::ALL.map(|facing| Columns::new(facing.axis, low_m, high_m));
         let mut evidence = Evidence {
             map_from_plan,
             plan_from_map,
@@ -219,34 +206,58 @@ impl<'a> Evidence<'a> {
     }
 
     fn add_points(&mut self, points: &[MapPoint]) {
-        for point in points {
-            let [x, y, z] = point.point.position_m.map(f64::from);
-            let class = point.point.label.class;
-            let at = Point2::new(x, y);
-            let normal = point.point.normal.map(f64::from);
-            if is_level(point) {
-                continue;
-            }
-            let is_opening = matches!(class, Class::Door | Class::Window) && normal[2].abs() < 0.5;
-            if !(is_wall_surface(point) || is_opening) || z < LOWEST_M {
-                continue;
-            }
-            let bits = if class == Class::Window {
-                OPENING | WINDOW
-            } else if is_opening {
-                OPENING
-            } else {
-                height(z)
-            };
-            let p = self.plan_from_map.apply(&at);
-            let normal = self.plan_from_map.rotate(&Vector2::new(normal[0], normal[1]));
-            if let Some(normal) = normal.try_normalize(0.5) {
-                self.uprights.push(Upright { at: p, bits, normal });
-            }
-            for facing in Facing::ALL.into_iter().filter(|f| f.normal().dot(&normal) > FACING) {
-                self.columns[facing.index()].add([p[facing.axis], p[1 - facing.axis]], bits);
-            }
+        let is_opening = |point: &&MapPoint| matches!(point.point.label.class, Class::Door | Class::Window);
+        let (openings, walls): (Vec<&MapPoint>, Vec<&MapPoint>) = points
+            .iter()
+            .filter(|point| f64::from(point.point.position_m[2]) >= LOWEST_M && !is_level(point))
+            .filter(|point| is_opening(point) || is_wall_surface(point))
+            .partition(is_opening);
+        for point in walls {
+            let bits = height(f64::from(point.point.position_m[2]));
+            self.add_point(point, bits);
         }
+        // An opening is one from both sides: wall behind it is the other face of the wall whose label is wrong.
+        let bits = |point: &MapPoint| {
+            let height = height(f64::from(point.point.position_m[2]));
+            match point.point.label.class {
+                _ if self.is_wall_behind(point, height) => height,
+                Class::Window => OPENING | WINDOW,
+                _ => OPENING,
+            }
+        };
+        let bits: Vec<u32> = openings.iter().map(|point| bits(point)).collect();
+        for (point, bits) in openings.iter().zip(bits) {
+            self.add_point(point, bits);
+        }
+    }
+
+    fn add_point(&mut self, point: &MapPoint, bits: u32) {
+        let (at, normal) = self.in_plan(point);
+        if let Some(normal) = normal.try_normalize(0.5) {
+            self.uprights.push(Upright { at, bits, normal });
+        }
+        for facing in Facing::ALL.into_iter().filter(|f| f.normal().dot(&normal) > FACING) {
+            self.columns[facing.index()].add([at[facing.axis], at[1 - facing.axis]], bits);
+        }
+    }
+
+    /// Returns the place and the level part of the normal of a fused point.
+    fn in_plan(&self, point: &MapPoint) -> (Point2, Vector2) {
+        let [x, y, _] = point.point.position_m.map(f64::from);
+        let normal = point.point.normal.map(f64::from);
+        let level = Vector2::new(normal[0], normal[1]);
+        (self.plan_from_map.apply(&Point2::new(x, y)), self.plan_from_map.rotate(&level))
+    }
+
+    /// Returns whether a wall behind a point shows its other face, at the same height.
+    fn is_wall_behind(&self, point: &MapPoint, height: u32) -> bool {
+        let (at, normal) = self.in_plan(point);
+        Facing::ALL.into_iter().filter(|facing| facing.normal().dot(&normal) > FACING).any(|facing| {
+            let opposite = Facing { up: !facing.up, ..facing };
+            let columns = &self.columns[opposite.index()];
+            let ends = BACK_M.map(|metres| at[facing.axis] - facing.sign() * metres);
+            columns.between(ends, at[1 - facing.axis]) & height != 0
+        })
     }
 
     /// Returns whether the robot saw open floor right before an occupied cell, in a direction.
@@ -360,38 +371,4 @@ impl<'a> Evidence<'a> {
 /// Returns the bit of a height.
 pub(super) fn height(z: f64) -> u32 {
     1u32 << (((z - LOWEST_M) / STOREY_M) as u32).min(HEIGHTS - 1)
-}
-
-impl Columns {
-    fn new(facing: Facing, low_m: [f64; 2], high_m: [f64; 2]) -> Columns {
-        const MARGIN_M: f64 = 0.3;
-        let side = |axis: usize| high_m[axis] - low_m[axis] + 2.0 * MARGIN_M;
-        let (across, along) = (facing.axis, 1 - facing.axis);
-        let bins = side(across) / ACROSS_M * side(along) / ALONG_M;
-        let scale = (bins / MAX_BINS).sqrt().max(1.0);
-        let (across_m, along_m) = (ACROSS_M * scale, ALONG_M * scale);
-        let (rows, columns) = ((side(across) / across_m) as usize + 1, (side(along) / along_m) as usize + 1);
-        Columns {
-            across_m,
-            along_m,
-            low_m: [low_m[across] - MARGIN_M, low_m[along] - MARGIN_M],
-            across: rows,
-            along: columns,
-            bits: vec![0; rows * columns],
-        }
-    }
-
-    /// Adds bits at a place: across, along.
-    fn add(&mut self, [across, along]: [f64; 2], bits: u32) {
-        let row = ((across - self.low_m[0]) / self.across_m).floor();
-        let column = ((along - self.low_m[1]) / self.along_m).floor();
-        if row >= 0.0 && column >= 0.0 && (row as usize) < self.across && (column as usize) < self.along {
-            self.bits[row as usize * self.along + column as usize] |= bits;
-        }
-    }
-
-    /// Returns the bits of a column within rows `low..=high`.
-    pub fn band(&self, low: usize, high: usize, column: usize) -> u32 {
-        (low..=high.min(self.across - 1)).fold(0, |bits, row| bits | self.bits[row * self.along + column])
-    }
 }

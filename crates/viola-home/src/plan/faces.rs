@@ -1,6 +1,7 @@
 //! Straight faces of walls along the plan's axes, fitted to the columns of the evidence.
 
-use super::evidence::{Columns, Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
+use super::columns::Columns;
+use super::evidence::{Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
 use viola_geometry::Point2;
 
 /// Half of the band in which columns belong to one face: noise of clips, and half a cell of a LiDAR map.

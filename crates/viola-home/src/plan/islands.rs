@@ -139,6 +139,9 @@ struct Island {
     area_m2: f64,
     /// Area with wall up to the ceiling.
     wall_m2: f64,
+    /// Length of its border, and of the part that shows wall at many heights.
+    border_m: f64,
+    upright_m: f64,
     /// Its first line and its last one, by axis.
     bounds: [[usize; 2]; 2],
 }
@@ -148,20 +151,26 @@ struct Island {
 pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     let solid = Grid { frame: cells.frame(), cells: cells.inside.iter().map(|inside| !inside).collect() };
     let (piece, count) = pieces(&solid);
-    let none = Island { area_m2: 0.0, wall_m2: 0.0, bounds: [[usize::MAX, 0]; 2] };
+    let none =
+        Island { area_m2: 0.0, wall_m2: 0.0, border_m: 0.0, upright_m: 0.0, bounds: [[usize::MAX, 0]; 2] };
     let mut islands = vec![none; count + 1];
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &mut islands[*piece as usize];
         let place = cells.place(at);
         island.area_m2 += cells.area_m2(at);
         island.wall_m2 += cells.area_m2(at) * wall_fraction(cells, evidence, place);
+        for [length_m, upright] in sides(cells, evidence, at) {
+            island.border_m += length_m;
+            island.upright_m += length_m * upright;
+        }
         for (axis, [low, high]) in island.bounds.iter_mut().enumerate() {
             (*low, *high) = ((*low).min(place[axis]), (*high).max(place[axis] + 1));
         }
     }
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &islands[*piece as usize];
-        if island.area_m2 < ISLAND_M2 && !is_pier(cells, evidence, island.bounds) {
+        let stays = is_long_wall(island) || is_pier(cells, evidence, island.bounds);
+        if island.area_m2 < ISLAND_M2 && !stays {
             let is_wall = island.wall_m2 >= WALL_FRACTION * island.area_m2;
             cells.pillars[at] = is_wall || is_pillar(cells, evidence, island.bounds);
             cells.inside[at] = !cells.pillars[at];
@@ -182,6 +191,32 @@ fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
         evidence.is_wall(&Point2::from(p))
     };
     (0..STEPS * STEPS).filter(is_wall).count() as f64 / (STEPS * STEPS) as f64
+}
+
+/// Returns the length of each side of a solid cell that looks into a room, and the fraction that shows wall at many heights.
+fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 2]> {
+    let place = cells.place(at);
+    let side = |facing: &Facing| {
+        let (axis, along) = (facing.axis, 1 - facing.axis);
+        let mut beside = place;
+        beside[axis] = if facing.up { place[axis] + 1 } else { place[axis].checked_sub(1)? };
+        if beside[axis] >= cells.count(axis) || !cells.inside[cells.index(beside)] {
+            return None;
+        }
+        let line_m = cells.lines[axis][place[axis] + usize::from(facing.up)];
+        let span_m = [0, 1].map(|end| cells.lines[along][place[along] + end]);
+        Some([span_m[1] - span_m[0], evidence.upright_fraction(*facing, line_m, span_m)])
+    };
+    Facing::ALL.iter().filter_map(side).collect()
+}
+
+/// Returns whether an island of any shape is as thin as a wall, is longer than the leaf of a door, and shows wall at many
+/// heights nearly all around.
+fn is_long_wall(island: &Island) -> bool {
+    let length_m = island.border_m / 2.0;
+    length_m >= LEAF_M
+        && island.area_m2 <= PIER_M * length_m
+        && island.upright_m >= PIER_FRACTION * island.border_m
 }
 
 /// Returns whether an island is a piece of wall, of which clips saw both faces at many heights; they seldom see the ceiling.

@@ -185,3 +185,55 @@ fn a_pier_divides_two_doors() {
     assert_eq!(plan.openings.len(), 2, "{:?}", plan.openings);
     assert!(plan.openings.iter().all(is_door), "{:?}", plan.openings);
 }
+
+/// The label network called the right face of the wall a door.
+#[test]
+fn a_door_whose_back_is_wall_is_none() {
+    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let pieces = [[0.0, 1.6], [2.4, 4.0]];
+    for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
+        walls.extend(pieces.map(|[from, to]| [[x, from], [x, to]]));
+    }
+    let lidar = lidar_of(&walls);
+    let mut points = Vec::new();
+    for [from, to] in pieces {
+        for off in [0.0, 0.025] {
+            points.extend(face(4.0, false, [from + off, to], [0.1, 1.9]));
+            let mut back = face(4.1, true, [from + off, to], [0.1, 1.9]);
+            back.iter_mut().for_each(|point| point.point.label = Label::new(Class::Door, 0.9, 3));
+            points.extend(back);
+        }
+    }
+    let plan = plan(&lidar, &points, &crate::rooms(&lidar, &points), &[]);
+    assert_eq!((plan.rooms.len(), plan.openings.len()), (2, 1), "{:?}", plan.openings);
+    assert!((plan.openings[0].width_m() - 0.8).abs() < 0.16, "{:?}", plan.openings);
+}
+
+/// Clips saw both faces of two walls that meet at a corner, each with a doorway at its other end, but not the ceiling.
+#[test]
+fn a_corner_between_two_doors_stays() {
+    let outer = [[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    for at in [1.8, 1.825, 1.85, 1.875, 1.9] {
+        walls.extend([[[at, 0.8], [at, 1.9]], [[0.8, at], [1.9, at]]]);
+    }
+    let lidar = lidar_of(&walls);
+    let mut across_x = Vec::new();
+    for off in [0.0, 0.025] {
+        across_x.extend(face(1.8, false, [0.8 + off, 1.8], [0.1, 1.9]));
+        across_x.extend(face(1.9, true, [0.8 + off, 1.9], [0.1, 1.9]));
+    }
+    let mirrored = |point: &MapPoint| {
+        let mut point = *point;
+        point.point.position_m.swap(0, 1);
+        point.point.normal.swap(0, 1);
+        point
+    };
+    let points: Vec<MapPoint> = across_x.iter().map(mirrored).chain(across_x.iter().copied()).collect();
+    let plan = plan(&lidar, &points, &crate::rooms(&lidar, &points), &[]);
+    let is_door =
+        |opening: &Opening| opening.kind == OpeningKind::Door && (opening.width_m() - 0.8).abs() < 0.16;
+    assert_eq!((plan.rooms.len(), plan.openings.len()), (2, 2), "{:?}", plan.openings);
+    assert!(plan.openings.iter().all(is_door), "{:?}", plan.openings);
+}
