@@ -57,6 +57,9 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    if let Some(folder) = path.parent() {
+        output::folder(folder)?;
+    }
     output::write_bytes(path, bytes)?;
     println!("wrote:  {}, {} bytes", path.display(), bytes.len());
     Ok(())

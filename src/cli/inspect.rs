@@ -55,6 +55,10 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
              docs/formats.md has the details.",
             wrong_file::kind(path, Advice::Flags).unwrap_or("an archive of other files")
         ),
+        // Its layout was found.
+        Err(error) if !matches!(error, ClipError::UnknownLayout { .. } | ClipError::Container(_)) => {
+            bail!("{name} cannot be used as a clip ({}): {error}", error.code())
+        }
         Err(error) => bail!(
             "{name} can be used neither as a map ({}): {refused}, nor as a clip ({}): {error}",
             refused.code(),

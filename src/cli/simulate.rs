@@ -47,6 +47,7 @@ pub struct SimulateArguments {
 pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     output::folder(out)?;
+    let earlier = earlier_clips(out);
     print_line("making a home and mapping it with its vacuum");
     let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let home = Home::furnished(&HomeParams::new(arguments.set, arguments.seed), &catalogue);
@@ -80,12 +81,19 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
         println!("{}", path.display());
     }
-    remove_further_clips(out, arguments.clips)
+    remove_further_clips(out, arguments.clips, earlier)
+}
+
+/// Returns the number of clips that an earlier run wrote, by its truth; 0 without one.
+fn earlier_clips(out: &Path) -> u64 {
+    let truth = std::fs::read(out.join("truth.json")).unwrap_or_default();
+    let truth: serde_json::Value = serde_json::from_slice(&truth).unwrap_or_default();
+    truth["clips"].as_array().map_or(0, |clips| clips.len() as u64).min(MAX_CLIPS)
 }
 
 /// Removes the clips of an earlier run with more clips, which may be of another home.
-fn remove_further_clips(out: &Path, clips: u64) -> Result<()> {
-    (clips..MAX_CLIPS).try_for_each(|index| output::remove(&out.join(format!("clip_{index}.zip"))))
+fn remove_further_clips(out: &Path, clips: u64, earlier: u64) -> Result<()> {
+    (clips..earlier).try_for_each(|index| output::remove(&out.join(format!("clip_{index}.zip"))))
 }
 
 fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
@@ -108,13 +116,21 @@ mod tests {
     #[test]
     fn clips_of_an_earlier_run_are_removed() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["clip_0.zip", "clip_1.zip", "clip_10.zip", "clip_x.zip"] {
-            fs::write(folder.path().join(name), "").unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["clip_0.zip", "clip_1.zip", "clip_2.zip", "clip_10.zip", "clip_x.zip"] {
+            fs::write(at(name), "").unwrap();
         }
-        remove_further_clips(folder.path(), 1).unwrap();
-        let entries = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
-        let mut left: Vec<_> = entries.collect();
-        left.sort();
-        assert_eq!(left, ["clip_0.zip", "clip_x.zip"]);
+        let left_after = |truth: &str| {
+            fs::write(at("truth.json"), truth).unwrap();
+            remove_further_clips(folder.path(), 1, earlier_clips(folder.path())).unwrap();
+            fs::remove_file(at("truth.json")).unwrap();
+            let entries = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+            let mut left: Vec<_> = entries.collect();
+            left.sort();
+            left
+        };
+        // A file that no earlier run wrote is the user's own.
+        assert_eq!(left_after("").len(), 5);
+        assert_eq!(left_after(r#"{"clips": [{}, {}, {}]}"#), ["clip_0.zip", "clip_10.zip", "clip_x.zip"]);
     }
 }

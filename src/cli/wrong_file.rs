@@ -3,7 +3,7 @@
 use anyhow::{Error, anyhow};
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::{LidarError, LidarMap};
 
@@ -61,6 +61,9 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
 pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     let name = path.display();
     let is_folder = path.is_dir();
+    if let (LidarError::ImageWithoutYaml, Some(yaml)) = (&error, yaml_beside(path)) {
+        return anyhow!("{name} is the image of a ROS map; give its yaml file: {}", yaml.display());
+    }
     if !is_folder && !matches!(error, LidarError::UnknownFormat) {
         return Error::new(error).context(format!("LiDAR map {name}"));
     }
@@ -69,6 +72,11 @@ pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     let other =
         if is_folder { "a folder (name the file of the map in it)" } else { "an archive of other files" };
     anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or(other))
+}
+
+/// Returns the yaml file of a ROS map's image, if it is beside it under the same name.
+fn yaml_beside(path: &Path) -> Option<PathBuf> {
+    ["yaml", "yml"].map(|ending| path.with_extension(ending)).into_iter().find(|yaml| yaml.is_file())
 }
 
 /// Names the kind of a file in words; `None` if it is a folder, an archive or unknown.
@@ -131,6 +139,9 @@ mod tests {
             let error = of_map(&path, LidarError::UnknownFormat, Advice::Flags).to_string();
             assert!(error.lines().count() == 3 && error.contains(words), "{error}");
         }
+        std::fs::write(folder.path().join("file.yaml"), "").unwrap();
+        let image = of_map(&path, LidarError::ImageWithoutYaml, Advice::Flags).to_string();
+        assert!(image.ends_with("file.yaml"), "{image}");
         let of_folder = of_map(folder.path(), LidarError::UnknownFormat, Advice::Target).to_string();
         assert!(of_folder.contains("is a folder (name the file of the map in it), not a"), "{of_folder}");
         let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 }, Advice::Flags);

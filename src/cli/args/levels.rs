@@ -24,12 +24,13 @@ pub struct LevelArgument {
 
 /// Returns the parser of an argument.
 pub fn parser() -> impl TypedValueParser<Value = LevelArgument> {
-    OsStringValueParser::new().map(parse)
+    OsStringValueParser::new().map(|text| parse(text, Path::exists))
 }
 
-fn parse(text: OsString) -> LevelArgument {
-    // Text before the first `=` that cannot be the name of a level belongs to the file's name.
-    let named = text.to_str().and_then(|text| {
+fn parse(text: OsString, exists: impl Fn(&Path) -> bool) -> LevelArgument {
+    // Text before the first `=` that cannot be the name of a level belongs to the file's name, and so does that of a file
+    // that is there under the whole name.
+    let named = text.to_str().filter(|text| !exists(Path::new(text))).and_then(|text| {
         let (level, path) = text.split_once('=')?;
         Some(LevelArgument { level: level.parse().ok()?, path: path.into() })
     });
@@ -122,15 +123,18 @@ mod tests {
             ("maps/a=b.json", "main", "maps/a=b.json"),
         ] {
             let expected = LevelArgument { level: level.parse().unwrap(), path: path.into() };
-            assert_eq!(parse(text.into()), expected, "{text}");
+            assert_eq!(parse(text.into(), |_| false), expected, "{text}");
         }
-        let twice = ["a.json", "main=b.json"].map(|text| parse(text.into()));
+        let whole = LevelArgument { level: LevelName::MAIN, path: "run=3.json".into() };
+        assert_eq!(parse("run=3.json".into(), |path| path == Path::new("run=3.json")), whole);
+        let twice = ["a.json", "main=b.json"].map(|text| parse(text.into(), |_| false));
         let open = |arguments: &[LevelArgument]| open(arguments, Advice::Flags);
         let twice = open(&twice).unwrap_err();
         assert!(twice.is::<clap::Error>() && twice.to_string().contains("level main"), "{twice}");
-        let capital = open(&[parse("Upper=a.json".into())]).unwrap_err().to_string();
+        let capital = open(&[parse("Upper=a.json".into(), |_| false)]).unwrap_err().to_string();
         assert!(capital.contains("`Upper` cannot name a level"), "{capital}");
-        let many: Vec<LevelArgument> = (0..9).map(|n| parse(format!("l{n}=a.json").into())).collect();
+        let many: Vec<LevelArgument> =
+            (0..9).map(|n| parse(format!("l{n}=a.json").into(), |_| false)).collect();
         assert!(open(&many).unwrap_err().to_string().contains("at most 8"));
     }
 

@@ -28,6 +28,8 @@ pub(super) fn valetudo(file: &Path, out: &Path) -> Result<Vec<String>> {
 
 pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
+    // Points have no rooms and no free space.
+    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()])?;
     let written = map.to_ply();
     write(out, &written.bytes)?;
     Ok(all_notes(&map, written.notes))
