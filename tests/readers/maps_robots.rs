@@ -164,7 +164,13 @@ fn viomi_with_unknown_positions_and_several_maps() {
 fn valetudo_in_what_carries_it() {
     let json = valetudo(true, true);
     let plain = LidarMap::read(&text(&json)).unwrap();
-    for (what, bytes) in [("png", valetudo_png(&json)), ("mqtt", zlib(&text(&json)))] {
+    let state = text(&serde_json::json!({"attributes": [], "map": json}));
+    for (what, bytes) in [
+        ("png", valetudo_png(&json)),
+        ("mqtt", zlib(&text(&json))),
+        ("gzip", gzip(&text(&json))),
+        ("state", state),
+    ] {
         let map = LidarMap::read(&bytes).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!(map.info, plain.info, "{what}");
         assert!(map.cells == plain.cells, "{what}");

@@ -147,7 +147,7 @@ impl LidarMap {
         }
         match bytes {
             [b'P', b'K', 3 | 5, ..] => return ros::read_zip(bytes),
-            [0x1f, 0x8b, ..] => return robot::read_gzip(bytes),
+            _ if robot::is_gzip(bytes) => return robot::read_gzip(bytes),
             [0x89, b'P', b'N', b'G', ..] => return valetudo::read_png(bytes),
             [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),
             _ if robot::is_zlib(bytes) => return robot::read_zlib(bytes),

@@ -150,10 +150,20 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
     let wanted = match layout {
         WrittenLayout::StrayScanner => Vector3::y(),
         WrittenLayout::Scannet => Vector3::z(),
-        WrittenLayout::TumRgbd => return Pose3::identity(),
+        WrittenLayout::TumRgbd => {
+            if clip.up_in_world().is_some() {
+                notes.push(
+                    "which way is up is known, and the layout has no place for it: it is lost".to_string(),
+                );
+            }
+            return Pose3::identity();
+        }
     };
     let Some(up) = clip.up_in_world() else {
-        notes.push("which way is up is not known; the layout's world should be upright".to_string());
+        notes.push(
+            "which way is up is not known, and readers of the layout take its world as upright: TUM RGB-D leaves it unknown"
+                .to_string(),
+        );
         return Pose3::identity();
     };
     let turn = UnitQuaternion::rotation_between(&up.direction, &wanted)

@@ -45,10 +45,24 @@ fn read_bounded(reader: impl Read) -> Result<Vec<u8>, LidarError> {
     Ok(inflated)
 }
 
-/// Reads a gzip file: Roborock's RRMap from its cloud.
+/// Returns whether the bytes begin as a gzip file (RFC 1952).
+pub(super) fn is_gzip(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x1f, 0x8b])
+}
+
+/// Inflates a gzip file; refuses one that gets too large.
+pub(super) fn gunzip(bytes: &[u8]) -> Result<Vec<u8>, LidarError> {
+    read_bounded(MultiGzDecoder::new(bytes))
+}
+
+/// Reads a gzip file: Roborock's RRMap from its cloud, or Valetudo's JSON.
 pub(super) fn read_gzip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
-    let inflated = read_bounded(MultiGzDecoder::new(bytes))?;
-    if roborock::is(&inflated) { roborock::read(&inflated) } else { Err(LidarError::UnknownFormat) }
+    let inflated = gunzip(bytes)?;
+    match inflated.as_slice() {
+        [b'{', ..] => valetudo::read(&inflated),
+        map if roborock::is(map) => roborock::read(map),
+        _ => Err(LidarError::UnknownFormat),
+    }
 }
 
 /// Reads a zlib stream: a 3irobotix map, a Dreame map without its base64, or the JSON that Valetudo publishes

@@ -7,9 +7,9 @@
 mod file;
 mod png;
 
-use self::file::{Entity, Label, Layer, MapFile};
+use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
-use super::robot::{inflate, is_zlib};
+use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_POINTS, Obstacle, ZoneKind};
 
@@ -25,6 +25,7 @@ pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
         _ if text.starts_with(b"{") => Some(text.to_vec()),
         [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
         _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
+        _ if is_gzip(bytes) => gunzip(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
         _ => None,
     }
 }
@@ -35,8 +36,7 @@ pub(super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
-    let file: MapFile =
-        serde_json::from_slice(bytes).map_err(|error| LidarError::BadJson { reason: error.to_string() })?;
+    let file = parse(bytes)?;
     check_range("size.x", file.size.x, MAX_SIZE_CM)?;
     check_range("size.y", file.size.y, MAX_SIZE_CM)?;
     check_range("pixelSize", file.pixel_size, MAX_PIXEL_CM)?;
@@ -55,6 +55,21 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     }
     add_entities(&mut drawing, &file.entities.0);
     drawing.into_map()
+}
+
+/// Parses a map, which may be a part of the robot's state.
+fn parse(bytes: &[u8]) -> Result<MapFile, LidarError> {
+    let bad = |reason: String| LidarError::BadJson { reason };
+    let head: Head = serde_json::from_slice(bytes).map_err(|error| bad(error.to_string()))?;
+    match head {
+        Head { size: None, layers: None, map: Some(_) } => serde_json::from_slice(bytes)
+            .map(|State { map }| map)
+            .map_err(|error| bad(format!("in `map`: {error}"))),
+        Head { size: None, layers: None, map: None } => {
+            Err(bad("it has no `size` and no `layers`, and no `map` that may have them".to_owned()))
+        }
+        _ => serde_json::from_slice(bytes).map_err(|error| bad(error.to_string())),
+    }
 }
 
 fn check_range(field: &str, value: i64, max: i64) -> Result<(), LidarError> {

@@ -96,6 +96,10 @@ fn the_map_comes_back_with_the_names_of_rooms() {
     want["layers"][1]["metaData"]["name"] = json!("Kitchen");
     want["layers"][2]["metaData"]["name"] = json!("Bedroom");
     assert_eq!(answer.map.as_ref(), Some(&want));
+    // The robot's state has the map in it.
+    let state = json!({"attributes": [], "map": serde_json::from_slice::<Value>(&file).unwrap()}).to_string();
+    let of_state = valetudo(&level(&lidar), valetudo_json(state.as_bytes()).as_deref());
+    assert_eq!(of_state.map, answer.map);
     // Our reader takes the names.
     let read = LidarMap::read(answer.map.unwrap().to_string().as_bytes()).unwrap();
     let names: Vec<_> = read.rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();

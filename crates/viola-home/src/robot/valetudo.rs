@@ -169,6 +169,12 @@ fn named(json: Option<&[u8]>, segments: &[SegmentName]) -> Result<Value, Absent>
     }
     let mut map: Value =
         serde_json::from_slice(json).map_err(|error| absent("unreadable_map", error.to_string()))?;
+    // The map may be a part of the robot's state.
+    if map.get("layers").is_none()
+        && let Some(own) = map.get_mut("map")
+    {
+        map = own.take();
+    }
     let layers = map.get_mut("layers").and_then(Value::as_array_mut);
     let is_segment = |layer: &&mut Value| layer.get("type").and_then(Value::as_str) == Some("segment");
     // The reader keeps the order of the segments.
