@@ -214,7 +214,7 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
     let is_named = |list: &Value| list["rooms"][0]["name"] == "Lounge";
     let mut last = list(&server, &home, "rooms", is_named).await["revision"].clone();
     for n in 0..6 {
-        let clip = add(&server, &home, 20 + n).await;
+        let clip = add(&server, &home, 25 + n).await;
         let with = after(&server, &home, "objects", &last).await;
         server.delete(&clip).await.ok(204);
         let without = after(&server, &home, "objects", &with["revision"]).await;

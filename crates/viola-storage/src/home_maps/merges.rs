@@ -2,6 +2,7 @@
 
 mod faults;
 mod files;
+mod members;
 mod rows;
 mod scenes;
 
@@ -9,15 +10,15 @@ use super::{HomeMap, MapFile, MapLevel, MapObject, map_file, objects, places};
 use crate::columns::{Columns, to_json};
 use crate::database::{Connection, Row, query};
 use crate::{
-    Choice, ClipState, Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, clock,
-    corrections, lidar_maps, pending_deletes,
+    Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, clock, corrections,
+    lidar_maps, pending_deletes,
 };
 use jiff::Timestamp;
+use members::members;
 use rows::insert;
 use std::time::Duration;
-use viola_align::Alignment;
 use viola_geometry::LevelName;
-use viola_home::{Manifest, Member, PlacedClip, TileKey, Verdict};
+use viola_home::{Manifest, Member, PlacedClip, TileKey};
 
 /// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
@@ -359,34 +360,4 @@ async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<Hom
     let row = query("SELECT * FROM home_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
     let row = row.bind(home.key()).fetch_optional(connection).await?;
     row.as_ref().map(super::from_row).transpose()
-}
-
-/// Returns the clips with an answer that may be in the map.
-async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
-    let rows = query(
-        "SELECT id, sha256, recorded_at, result_key, alignment, choice, state FROM clips
-        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous', 'failed') AND result_key IS NOT NULL ORDER BY id",
-    )
-    .bind(home.key())
-    .fetch_all(connection)
-    .await?;
-    let member = |row: &Row| {
-        let alignment: Option<Alignment> = row.maybe_json("alignment")?;
-        let verdict = match row.maybe_json::<Choice>("choice")? {
-            Some(choice) => Some(choice.verdict()),
-            None => alignment.as_ref().and_then(Verdict::of),
-        };
-        // The state is also `failed` if the last attempt broke; the answer is then an older one.
-        let broke =
-            row.name::<ClipState>("state")? == ClipState::Failed && verdict != Some(Verdict::Unplaced);
-        let Some(verdict) = verdict.filter(|_| !broke) else { return Ok(None) };
-        Ok(Some(Member {
-            clip: row.id("id")?,
-            recorded_at_ms: row.maybe_number("recorded_at")?,
-            sha256: row.text("sha256")?,
-            contribution: row.text("result_key")?,
-            verdict,
-        }))
-    };
-    rows.iter().map(member).filter_map(Result::transpose).collect()
 }
