@@ -239,10 +239,10 @@ fn credentials(headers: &HeaderMap) -> Result<Option<Credentials>, Error> {
             cookie(headers).map(|text| text.parse().map_err(|()| Defence::SessionEnded)).transpose()?;
         return Ok(token.map(Credentials::Session));
     };
-    let text = value.to_str().map_err(|_| Error::KeyInvalid)?;
-    let (scheme, secret) = text.split_once(' ').ok_or(Error::KeyInvalid)?;
+    let text = value.to_str().map_err(|_| Error::NoKey)?;
+    let (scheme, secret) = text.split_once(' ').ok_or(Error::NoKey)?;
     if !scheme.eq_ignore_ascii_case("bearer") {
-        return Err(Error::KeyInvalid);
+        return Err(Error::NoKey);
     }
     secret.trim().parse().map(|secret| Some(Credentials::Key(secret))).map_err(|()| Error::KeyInvalid)
 }

@@ -68,6 +68,8 @@ pub(super) enum Error {
     UnsupportedMediaType(String),
     #[error("the body is larger than the limit of {limit} bytes")]
     BodyTooLarge { limit: u64 },
+    #[error("the upload has {offset} of its {length} bytes, and the body has more than the rest")]
+    BodyBeyondUpload { offset: u64, length: u64 },
     #[error("the body is too slow: {0}")]
     BodyStalled(String),
     #[error("the body ended before it was whole: {0}")]
@@ -105,6 +107,8 @@ pub(super) enum Error {
     KeyMissing,
     #[error("the key is not one of this service's, has expired, or was revoked; ask for a new one")]
     KeyInvalid,
+    #[error("the header `Authorization` has no key; send `Authorization: Bearer viola_...`")]
+    NoKey,
     #[error("{0}")]
     Forbidden(String),
     #[error("too many requests for this tenant; wait {retry_after_s} s")]
@@ -120,7 +124,7 @@ pub(super) enum Error {
     )]
     NoThumbnail,
     #[error(
-        "the home has no map of this revision: the first revision follows the first aligned clip; the newest five are kept"
+        "the home has no map of this revision: the first revision follows the first clip with an answer, and GET .../map/revisions lists those that are kept"
     )]
     NoSuchMap,
     #[error("the {what} exists already; the request has `If-None-Match: *`")]
@@ -171,7 +175,9 @@ impl Error {
             Error::UnsupportedMediaType(_) => {
                 (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
             }
-            Error::BodyTooLarge { .. } => (S::PAYLOAD_TOO_LARGE, "body_too_large", "The body is too large"),
+            Error::BodyTooLarge { .. } | Error::BodyBeyondUpload { .. } => {
+                (S::PAYLOAD_TOO_LARGE, "body_too_large", "The body is too large")
+            }
             Error::BodyStalled(_) => (S::REQUEST_TIMEOUT, "body_stalled", "The body did not arrive in time"),
             Error::BodyIncomplete(_) => (S::BAD_REQUEST, "body_incomplete", "The body is not whole"),
             Error::BodyEmpty => (S::UNPROCESSABLE_ENTITY, "body_empty", "The body is empty"),
@@ -194,7 +200,7 @@ impl Error {
             Error::NoAnswerYet(_) => (S::CONFLICT, "no_answer_yet", "The clip has no answer yet"),
             Error::JobEnded(_) => (S::CONFLICT, "job_ended", "The job has ended already"),
             Error::KeyMissing => (S::UNAUTHORIZED, "key_missing", "A key is needed"),
-            Error::KeyInvalid => (S::UNAUTHORIZED, "key_invalid", "The key is not valid"),
+            Error::KeyInvalid | Error::NoKey => (S::UNAUTHORIZED, "key_invalid", "The key is not valid"),
             Error::Forbidden(_) => (S::FORBIDDEN, "forbidden", "The key does not allow this"),
             Error::TooManyRequests { .. } => (S::TOO_MANY_REQUESTS, "too_many_requests", "Too many requests"),
             Error::TooManyExports { .. } => {
@@ -338,7 +344,7 @@ impl IntoResponse for Error {
         let media_type = HeaderValue::from_static("application/problem+json");
         let mut response = (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response();
         match self {
-            Error::KeyMissing | Error::KeyInvalid | Error::Defence(Defence::SessionEnded) => {
+            Error::KeyMissing | Error::KeyInvalid | Error::NoKey | Error::Defence(Defence::SessionEnded) => {
                 let scheme = HeaderValue::from_static("Bearer realm=\"viola\"");
                 response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
             }

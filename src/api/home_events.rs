@@ -32,7 +32,13 @@ pub(super) async fn watch_home(
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     app.storage.home(&home).await?;
-    let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
+    let seen = headers.get("last-event-id").map(|value| value.to_str().ok()?.parse().ok());
+    let seen = seen.map(|position| {
+        let detail =
+            "the header is the id of an event that this stream sent; without it the stream begins now";
+        position.ok_or_else(|| Error::InvalidHeader { field: "Last-Event-ID", detail: detail.to_owned() })
+    });
+    let seen = seen.transpose()?;
     let after = app.storage.home_position(seen).await?;
     let stop = app.stop.clone();
     let events = app.queue.clone().watch_home(home.clone(), after.seq).map(move |change| match change {

@@ -46,6 +46,9 @@ pub(super) async fn list_objects(
         .as_deref()
         .map(|id| id.parse::<HomeId>().map_err(|error| invalid("home", error.to_string())));
     let home = home.transpose()?.map(|home| caller.home(&home)).transpose()?;
+    if let Some(home) = &home {
+        app.storage.home(home).await?;
+    }
     let tenant = if home.is_some() { &caller.tenant } else { caller.for_all_homes()? };
     let filter = ObjectFilter { class: query.class.clone(), home };
     let objects = app.storage.objects(tenant, &filter, &page.page()?).await?;

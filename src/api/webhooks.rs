@@ -75,6 +75,9 @@ pub(super) async fn create_webhook(
 ) -> Result<impl IntoResponse, Error> {
     let tenant = caller.for_all_homes()?;
     let invalid = |detail: String, field: &'static str| Error::InvalidMember { field, detail };
+    if body.url.is_empty() {
+        return Err(invalid("url is missing".to_owned(), "url"));
+    }
     let url = check_url(&body.url, &app.webhooks).map_err(|error| invalid(error.to_string(), "url"))?;
     let mut kinds = body
         .kinds

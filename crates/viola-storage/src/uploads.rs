@@ -143,7 +143,9 @@ pub enum UploadError {
     Storage(#[from] StorageError),
     #[error("no upload has this id; begin a new one by POST to /v1/uploads")]
     NotFound,
-    #[error("the upload expired, was joined into another one, or was refused; begin a new one")]
+    #[error(
+        "the upload expired, was joined into another one, or was refused; GET it: its `state` and `problem` tell whether to begin a new one"
+    )]
     Gone,
     #[error("the upload has {received} bytes; resume there")]
     WrongOffset { received: u64 },

@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
 /// Depth of the parts that are shown: no answer is deeper.
-const MAX_DEPTH: usize = 12;
+const MAX_DEPTH: usize = 24;
 
 /// The examples of the document's schemas.
 pub(super) struct Examples {
@@ -65,7 +65,7 @@ impl Examples {
         }
         match type_of(schema) {
             "object" => Some(self.of_object(schema, depth)),
-            "array" => self.by_name(name).or_else(|| {
+            "array" => self.by_name(name, schema).or_else(|| {
                 let item = self.of_part(&schema["items"], None, depth + 1)?;
                 Some(Value::Array(vec![item; schema["minItems"].as_u64().unwrap_or(1) as usize]))
             }),
@@ -73,11 +73,11 @@ impl Examples {
                 Some("binary") => None,
                 Some("date-time") => Some(json!("2026-03-14T15:09:26Z")),
                 Some("uuid") => Some(json!("01a1f766-7a97-7747-9dbb-391e0eeccb64")),
-                _ => self.by_name(name),
+                _ => self.by_name(name, schema),
             },
             "boolean" => Some(json!(true)),
-            "integer" => self.by_name(name).or_else(|| Some(json!(1))),
-            "number" => self.by_name(name).or_else(|| Some(json!(0.1))),
+            "integer" => self.by_name(name, schema).or_else(|| Some(json!(1))),
+            "number" => self.by_name(name, schema).or_else(|| Some(json!(0.1))),
             _ => Some(json!({})),
         }
     }
@@ -98,9 +98,24 @@ impl Examples {
         Value::Object(example)
     }
 
-    /// Returns the example of a member.
-    fn by_name(&self, name: Option<&str>) -> Option<Value> {
-        self.by_name.get(name?).cloned()
+    /// Returns the example of a member, if it is one of the schema: members of other types may have the same name.
+    fn by_name(&self, name: Option<&str>, schema: &Value) -> Option<Value> {
+        self.by_name.get(name?).filter(|value| fits(value, schema)).cloned()
+    }
+}
+
+/// Returns whether a value has the type of a schema and, as a list, its number of items.
+fn fits(value: &Value, schema: &Value) -> bool {
+    match (type_of(schema), value) {
+        ("array", Value::Array(items)) => {
+            let count = items.len() as u64;
+            schema["minItems"].as_u64().is_none_or(|least| count >= least)
+                && schema["maxItems"].as_u64().is_none_or(|most| count <= most)
+        }
+        ("string", value) => value.is_string(),
+        ("integer", value) => value.is_i64(),
+        ("number", value) => value.is_number(),
+        _ => false,
     }
 }
 

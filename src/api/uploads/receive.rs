@@ -35,8 +35,12 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
         check_late_length(app, id, length).await?;
     }
     let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, app.storage.now()).await?;
-    let room = writer.length_bytes.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
-    let too_large = || Error::BodyTooLarge { limit: room };
+    let length = writer.length_bytes;
+    let room = length.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
+    let too_large = || match length {
+        Some(length) => Error::BodyBeyondUpload { offset, length },
+        None => Error::BodyTooLarge { limit: room },
+    };
     if body_bytes.is_some_and(|bytes| bytes > room) {
         return Err(too_large());
     }
