@@ -17,6 +17,8 @@ mod fixtures;
 mod furnish;
 mod gaps;
 mod geojson;
+mod glass;
+mod glazed;
 mod islands;
 mod masonry;
 mod merges;

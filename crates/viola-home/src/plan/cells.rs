@@ -278,13 +278,28 @@ impl Cells {
                         evidence.tall_fraction(facing, self.lines[axis][line], [from_m, to_m])
                             >= TALL_FRACTION
                     };
-                    straight[usize::from(up)] * if is_tall { BEHIND_TALL } else { BEHIND_FACE }
+                    let wall = if is_tall { BEHIND_TALL } else { BEHIND_FACE };
+                    // The front of furniture is no wall.
+                    straight[usize::from(up)] * wall * (1.0 - furnished(axis, up, ends, evidence))
                 });
                 graph.add_node(low, cost(BEFORE_FACE * straight[0]), cost(behind[1]));
                 graph.add_node(high, cost(BEFORE_FACE * straight[1]), cost(behind[0]));
             }
         }
     }
+}
+
+/// Returns the fraction of the ground right behind a side of a cell that is below standing furniture.
+fn furnished(axis: usize, up: bool, ends: [Point2; 2], evidence: &Evidence) -> f64 {
+    const BEHIND_M: [f64; 3] = [0.05, 0.1, 0.15];
+    const ALONG: [f64; 3] = [0.2, 0.5, 0.8];
+    let places = ALONG.iter().flat_map(|part| BEHIND_M.map(|behind_m| (part, behind_m)));
+    let is_furnished = |(part, behind_m): (&f64, f64)| {
+        let mut place = ends[0] + (ends[1] - ends[0]) * *part;
+        place[axis] += if up { -behind_m } else { behind_m };
+        evidence.is_below_furniture(&place)
+    };
+    places.map(is_furnished).filter(|is| *is).count() as f64 / (ALONG.len() * BEHIND_M.len()) as f64
 }
 
 /// Returns the faces that look in a direction and stand on a line of cells.

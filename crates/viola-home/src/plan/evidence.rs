@@ -2,7 +2,8 @@
 //! floor.
 
 use super::columns::Columns;
-use super::raster::{is_level, level_cells, owners, upright_cells};
+use super::glass;
+use super::raster::{glass_cells, is_level, level_cells, owners, upright_cells};
 use super::standing::{Surface, standing_cells};
 use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
@@ -98,6 +99,10 @@ pub(super) fn by_lidar(bits: u32) -> bool {
     bits & BY_LIDAR != 0
 }
 
+pub(super) fn is_window(bits: u32) -> bool {
+    bits & WINDOW != 0
+}
+
 /// Returns whether only the part of a wall above doors was seen.
 pub(super) fn is_lintel(bits: u32) -> bool {
     bits != 0 && bits & (BELOW_LINTEL | BY_LIDAR) == 0
@@ -126,6 +131,8 @@ pub(super) struct Evidence<'a> {
     level: Vec<bool>,
     /// Those with floor.
     floor: Vec<bool>,
+    /// Cells that were seen through glass: nothing connects them with the rooms.
+    beyond_glass: Vec<bool>,
     /// Cells with wall up to the ceiling.
     wall: Vec<bool>,
     /// Cells below standing furniture.
@@ -151,6 +158,8 @@ impl<'a> Evidence<'a> {
         let plan_from_map = map_from_plan.inverse();
         let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (level, floor) = level_cells(space, points);
+        let owner = owners(space, rooms);
+        let beyond_glass = glass::beyond(space, glass_cells(space, points), &level, &owner);
         let (wall, directions) = upright_cells(space, points);
         let standing = standing_cells(&Surface { space, level: &level, wall: &wall }, objects);
         for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at] || floor[*at]) {
@@ -174,10 +183,11 @@ impl<'a> Evidence<'a> {
             space,
             level,
             floor,
+            beyond_glass,
             wall,
             standing,
             directions,
-            owner: owners(space, rooms),
+            owner,
             roots: roots.to_vec(),
         };
         evidence.add_lidar();
@@ -275,7 +285,7 @@ impl<'a> Evidence<'a> {
 
     /// Returns the fraction of the columns of an interval of a face with a window in it.
     pub fn window_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
-        self.fraction_of(facing, line_m, [-0.3, 0.1], span_m, |bits| bits & WINDOW != 0)
+        self.fraction_of(facing, line_m, [-0.3, 0.1], span_m, is_window)
     }
 
     /// Returns the fraction of the columns of an interval of a face that show wall above doors.
@@ -324,12 +334,12 @@ impl<'a> Evidence<'a> {
 
     /// Returns whether the robot or a clip saw open floor at a place.
     pub fn is_open(&self, in_plan: &Point2) -> bool {
-        self.cell(in_plan).is_some_and(|at| self.space.free[at] || self.level[at])
+        self.cell(in_plan).is_some_and(|at| (self.space.free[at] || self.level[at]) && !self.beyond_glass[at])
     }
 
     /// Returns whether a clip saw a level surface at a place.
     pub fn is_level(&self, in_plan: &Point2) -> bool {
-        self.cell(in_plan).is_some_and(|at| self.level[at])
+        self.cell(in_plan).is_some_and(|at| self.level[at] && !self.beyond_glass[at])
     }
 
     /// Returns whether wall up to the ceiling stands at a place.

@@ -2,10 +2,11 @@
 
 use super::columns::Columns;
 use super::evidence::{Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
+use super::glazed;
 use viola_geometry::Point2;
 
 /// Half of the band in which columns belong to one face: noise of clips, and half a cell of a LiDAR map.
-const BAND_M: f64 = 0.03;
+pub(super) const BAND_M: f64 = 0.03;
 /// Columns this near a face are no face of their own.
 const CLEAR_M: f64 = 0.07;
 /// Loss of a column without evidence: a doorway is bridged if as much wall is beside it.
@@ -16,8 +17,8 @@ const MIN_FACE_M: f64 = 0.25;
 const SAME_LINE_M: f64 = 0.05;
 const SAME_GAP_M: f64 = 2.0;
 /// Doors and windows this far behind a face, or before it, belong to it.
-const BEHIND_M: f64 = 0.3;
-const BEFORE_M: f64 = 0.1;
+pub(super) const BEHIND_M: f64 = 0.3;
+pub(super) const BEFORE_M: f64 = 0.1;
 /// Evidence of a face that only the LiDAR saw, if clips saw wall this far behind it: furniture, a radiator.
 const STANDING_FRACTION: f32 = 0.1;
 const STANDING_M: [f64; 2] = [0.07, 0.7];
@@ -67,7 +68,9 @@ impl Face {
 pub(super) fn faces(evidence: &Evidence) -> Vec<Face> {
     let mut all = Vec::new();
     for facing in Facing::ALL {
-        let mut faces = of_facing(facing, &evidence.columns[facing.index()]);
+        let columns = &evidence.columns[facing.index()];
+        let mut faces = of_facing(facing, columns);
+        faces.extend(glazed::faces(facing, columns, &faces));
         straighten(&mut faces);
         for face in &mut faces {
             cover(face, evidence);
@@ -79,10 +82,10 @@ pub(super) fn faces(evidence: &Evidence) -> Vec<Face> {
 
 /// A run of columns in a row of bins.
 #[derive(Clone, Copy)]
-struct Run {
-    gain: f32,
-    from: usize,
-    to: usize,
+pub(super) struct Run {
+    pub gain: f32,
+    pub from: usize,
+    pub to: usize,
 }
 
 fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
@@ -130,7 +133,7 @@ fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
 }
 
 /// Returns the run with the largest sum.
-fn best_run(gains: impl Iterator<Item = f32>) -> Run {
+pub(super) fn best_run(gains: impl Iterator<Item = f32>) -> Run {
     let mut best = Run { gain: 0.0, from: 0, to: 0 };
     let (mut sum, mut from) = (0.0, 0);
     for (at, gain) in gains.enumerate() {

@@ -5,6 +5,7 @@ use crate::map_point::MapPoint;
 use crate::rooms::Room;
 use crate::rooms::space::Space;
 use std::f64::consts::FRAC_PI_4;
+use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Vector2};
 
 /// Maximum height of floor.
@@ -14,6 +15,9 @@ const FURNITURE_M: f64 = 1.5;
 const CEILING_M: f64 = 1.9;
 /// Minimum vertical part of the normal of a level surface.
 const LEVEL: f64 = 0.7;
+/// Minimum heights of a cell with a window, and of one with a curtain.
+const WINDOW_HEIGHTS: u32 = 2;
+const CURTAIN_HEIGHTS: u32 = 4;
 /// Tangent of 22.5 degrees, half of the width of a direction.
 const HALF_DIRECTION: f32 = std::f32::consts::SQRT_2 - 1.0;
 /// Cosine of the largest angle between a wall's normal and the middle of a direction of its surface: 50 degrees, so that
@@ -55,6 +59,26 @@ pub(super) fn upright_cells(space: &Space, points: &[MapPoint]) -> (Vec<bool>, V
         }
     }
     (heights.into_iter().map(is_tall).collect(), directions)
+}
+
+/// Returns the cells with a window, or with a curtain, which hangs before one.
+pub(super) fn glass_cells(space: &Space, points: &[MapPoint]) -> Vec<bool> {
+    let mut heights = vec![[0u32; 2]; space.frame.len()];
+    for point in points.iter().filter(|point| is_upright(point)) {
+        let kind = match point.point.label.class {
+            Class::Window => 0,
+            Class::Curtain => 1,
+            _ => continue,
+        };
+        let [x, y, z] = point.point.position_m.map(f64::from);
+        if let Some(at) = space.index(&Point2::new(x, y)).filter(|_| z >= LOWEST_M) {
+            heights[at][kind] |= height(z);
+        }
+    }
+    let is_glass = |[window, curtain]: [u32; 2]| {
+        window.count_ones() >= WINDOW_HEIGHTS || curtain.count_ones() >= CURTAIN_HEIGHTS
+    };
+    heights.into_iter().map(is_glass).collect()
 }
 
 /// Returns the bit of a normal's direction. The four directions are 45 degrees wide, around 0, 45, 90 and 135 degrees;
