@@ -17,6 +17,7 @@ mod nesting;
 mod patch;
 mod place;
 mod split;
+mod tray;
 
 pub use fit::{UprightBox, fit_box};
 pub use kind::is_furniture;
@@ -137,6 +138,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
         things.filter_map(|f| finish(&f, &cells, points, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
+    found.extend(tray::showers(points, &found, wall_yaw_rad));
     let mut found = conflict::resolve(found, points);
     for Found { object, members } in &mut found {
         object.clips = clips(members, points);
