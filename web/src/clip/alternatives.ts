@@ -8,7 +8,7 @@ import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Scan } from "../types.ts";
 import { decimal, degrees, levelWord, many, metres, percent } from "../words.ts";
 import { isLast, isOfEarlierMap } from "./last.ts";
-import { hasWrongFiles, isDoubtful, isForeign } from "./plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign, mayBeForeign } from "./plausible.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
 /** Places less probable than this are folded away. */
@@ -50,6 +50,7 @@ export function headingOf(clip: Clip): string {
   if (clip.state === "failed" || isForeign(clip) || (chosen === null && hasWrongFiles(clip))) return "Places that were tried";
   if (chosen !== null) return clip.choice ? `Its place: place ${chosen + 1}, chosen by a person` : "Its place";
   if (poseInForce(clip)) return "Places of the newest answer; the clip lies elsewhere";
+  if (mayBeForeign(clip)) return "Places that were tried; none stands out";
   return count === 1 ? "The place that was found" : `${count} places that may be right`;
 }
 

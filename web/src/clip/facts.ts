@@ -58,8 +58,9 @@ export function technical(clip: Clip): HTMLElement {
 }
 
 /** True if the clip has points: without a surface, the answer has an empty cloud. */
-export function hasPoints({ alignment }: Clip): boolean {
-  return alignment !== null && (alignment.labels !== null || alignment.hits > 0);
+export function hasPoints({ alignment, reasons }: Clip): boolean {
+  const isEmpty = reasons.some(({ code }) => code === "nothing_fused");
+  return alignment !== null && !isEmpty && (alignment.labels !== null || alignment.hits > 0);
 }
 
 /** Links to the files of a clip. */

@@ -196,8 +196,8 @@ export class Stage {
     this.lookAtPending();
     const arm = this.camera.position.clone().sub(this.controls.target);
     if (arm.lengthSq() === 0) arm.copy(FROM_CORNER);
-    // A view from a low angle ends in the walls around a room.
-    arm.z = Math.max(arm.z, 0.75 * Math.hypot(arm.x, arm.y));
+    // A view from a low angle ends in the walls around a room, or in those of the rooms before it.
+    arm.z = Math.max(arm.z, 1.8 * Math.hypot(arm.x, arm.y));
     const { eye_m, target_m } = this.framed(withSurroundings(points), arm);
     this.moveTo(new THREE.Vector3(...eye_m), new THREE.Vector3(...target_m));
   }

@@ -29,10 +29,15 @@ export class Details {
     private readonly looks: Looks,
     private readonly measure: Measure,
     private readonly onCorrected: () => void,
+    signal: AbortSignal,
   ) {
     looks.onChange(() => this.draw());
     measure.onChange(() => this.show());
-    this.element.addEventListener("keydown", (event) => event.key === "Escape" && this.close());
+    // From the row in the list, too.
+    addEventListener("keydown", (event) => {
+      const isOfOther = document.querySelector("dialog[open]") || (event.target as HTMLElement).closest?.("input, select");
+      if (event.key === "Escape" && !this.element.hidden && !isOfOther) this.close();
+    }, { signal });
   }
 
   draw(): void {

@@ -19,8 +19,9 @@ interface Entry {
   colour: string | null;
   /** Of a room; 0 for an object. */
   area_m2: number;
-  /** Everything that a search finds it by. */
-  words: string;
+  /** A search finds it by beginnings of these words, and by whole words of its room's name. */
+  words: string[];
+  ofRoom: string[];
 }
 
 export class ThingsPanel {
@@ -46,14 +47,15 @@ export class ThingsPanel {
 
   draw(): void {
     const all = this.entries();
-    const wanted = this.search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
-    const shown = all.filter(({ words }) => wanted.every((word) => words.includes(word)));
+    const wanted = wordsOf(this.search.value);
+    const shown = all.filter(({ words, ofRoom }) =>
+      wanted.every((word) => words.some((own) => own.startsWith(word)) || ofRoom.includes(word)));
     const drawn = JSON.stringify([shown, this.looks.selected, all.length > 0, this.data.described !== ""]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.search.hidden = all.length === 0;
     if (all.length === 0) put(this.list, h("li", { class: "hint" }, this.data.described
-      ? "No room and no object is known on this level." : "Rooms and objects appear with the first map."));
+      ? "No room and no object is known on this level." : "Rooms and objects appear with the first clip."));
     else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name. Try another word, or a room."));
     else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
     if (!isSame(this.picked, this.looks.selected)) this.bringIntoSight();
@@ -74,16 +76,19 @@ export class ThingsPanel {
     const rooms = data.rooms.map((room): Entry => {
       const name = roomName(room);
       const note = area(room.area_m2);
-      const words = `${name} room ${room.id}`.toLowerCase();
-      return { group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, area_m2: room.area_m2, words };
+      const words = wordsOf(`${name} room ${room.id}`);
+      return {
+        group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, area_m2: room.area_m2, words, ofRoom: [],
+      };
     });
     const things = data.things.map((thing): Entry => {
       const [name, room] = [thingName(thing), thing.room ? (roomNames.get(thing.room) ?? "") : ""];
       const note = [room, percent(thing.confidence)].filter(Boolean).join(" · ");
-      const words = `${name} ${thing.class.replaceAll("_", " ")} ${synonymsOf(thing.class)} ${thing.id} ${room}`.toLowerCase();
+      const words = wordsOf(`${name} ${thing.class.replaceAll("_", " ")} ${synonymsOf(thing.class)} ${thing.id}`);
       const colour = data.classNamed(thing.class)?.color ?? "#9a9a9a";
       const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";
-      return { group, selection: { kind: "object", id: thing.id }, name, note, colour, area_m2: 0, words };
+      const selection: Selection = { kind: "object", id: thing.id };
+      return { group, selection, name, note, colour, area_m2: 0, words, ofRoom: wordsOf(room) };
     });
     // The number orders rooms of one name: "Bedroom 10" is after "Bedroom 9".
     const byName = (a: Entry, b: Entry) => a.name.localeCompare(b.name, undefined, { numeric: true });
@@ -107,4 +112,8 @@ export class ThingsPanel {
     button.addEventListener("click", () => this.onChosen(selection));
     return h("li", {}, button);
   }
+}
+
+function wordsOf(text: string): string[] {
+  return text.toLowerCase().split(/\s+/).filter(Boolean);
 }

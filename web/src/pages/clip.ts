@@ -259,7 +259,8 @@ class ClipPage {
       clip.alignment.hits > 0 && picture("overlay.png",
         `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map: green points are on walls, red ones are not, orange are the other places`,
         "The clip's points over the LiDAR map, at the service's own answer"),
-      clip.alignment.completion
+      // Without a filled-in hit the picture says nothing.
+      clip.alignment.completion && clip.alignment.completion.hits > 0
         ? picture("completion.png", "Views that were completed because the clip is in doubt",
             "The completed views, and the plan before and after")
         : null));

@@ -62,7 +62,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   };
   const clips = new ClipsPanel(data, looks, () => repeated.again());
   const things = new ThingsPanel(data, looks, select);
-  const details = new Details(data, looks, scene.measure, () => repeated.again());
+  const details = new Details(data, looks, scene.measure, () => repeated.again(), signal);
   const compare = new Compare(data, select, signal);
   const removed = new RemovedPanel(data, () => repeated.again(), signal);
   const earlier = new EarlierMaps(data, () => repeated.again(), signal);

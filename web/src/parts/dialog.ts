@@ -22,7 +22,11 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
     const form = h("form", { method: "dialog" }, heading, typeof text === "string" ? h("p", {}, text) : h("div", { class: "question" }, text),
       h("div", { class: "row end" }, ...buttons));
     const dialog = h("dialog", { "aria-labelledby": "question" }, form);
+    // The page that asked is left: by the browser's Back, for one.
+    const leave = () => dialog.close();
+    addEventListener("hashchange", leave);
     dialog.addEventListener("close", () => {
+      removeEventListener("hashchange", leave);
       dialog.remove();
       const option = dialog.returnValue === "" ? undefined : options[Number(dialog.returnValue)];
       resolve(option ? option.value : null);
