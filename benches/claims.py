@@ -319,7 +319,7 @@ PARTS = [
     },
     {
         "name": "metres", "title": "Clips without metres", "needs": ["VIOLA_TEST_DATA"],
-        "note": "Poses and depth of each clip are divided by a factor of 0.2 to 5, and the unit is withheld.",
+        "note": "Poses and depth are divided by a factor of 0.2 to 5, and the unit is withheld.",
         "runs": {"real": SCENE + " --frames 40{clips} --rescale --out {out}",
                  "simulated": "viola evaluate --set {sets} --seeds {seeds} --clips 1 --frames {frames} --rescale --out {out}"},
         "settings": {"tiny": {"clips": " --clips 1", "sets": "normal", "seeds": "2000..2001", "frames": "20"},
