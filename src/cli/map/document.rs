@@ -47,8 +47,8 @@ pub struct ClipDocument {
     pub level: Option<LevelName>,
     /// Pose in the map, else that of the clip's own alignment; null if it has none.
     pub map_from_clip: Option<Pose2>,
-    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1: by the clip's own alignment, or by all clips if
-    /// they decided the pose.
+    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1: by all clips together if the clip is in the map, as in
+    /// the service's map. `state` is by the clip alone, unless the others decided.
     pub probability: Option<f64>,
     /// Metres per unit of the clip's depth, if the unit was unknown; null if it is metres.
     pub scale: Option<f64>,
@@ -90,7 +90,7 @@ impl ClipDocument {
                 Some(placed) => Some(placed.map_from_clip),
                 None => own.and_then(|alignment| alignment.map_from_clip),
             },
-            probability: match placed.filter(|placed| placed.by != PlacedBy::Alignment) {
+            probability: match placed {
                 Some(placed) => placed.probability,
                 None => own.and_then(|alignment| alignment.probability),
             },
@@ -145,7 +145,7 @@ mod tests {
         use AlignmentState::{Aligned, Ambiguous, Failed};
         use PlacedBy::{Alignment, Neighbours};
         for (own, by, state, x_m, probability, reason) in [
-            (Aligned, Some(Alignment), ClipState::Aligned, Some(3.0), 0.4, "own"),
+            (Aligned, Some(Alignment), ClipState::Aligned, Some(3.0), 0.9, "own"),
             (Ambiguous, Some(Neighbours), ClipState::Aligned, Some(3.0), 0.9, "decided_by_neighbours"),
             (Ambiguous, None, ClipState::Ambiguous, Some(1.0), 0.4, "own"),
             (Failed, Some(Neighbours), ClipState::Aligned, Some(3.0), 0.9, "decided_by_neighbours"),
