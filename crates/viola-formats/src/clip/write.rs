@@ -153,7 +153,7 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
         WrittenLayout::TumRgbd => {
             if clip.up_in_world().is_some() {
                 notes.push(
-                    "which way is up is known, and the layout has no place for it: it is lost".to_string(),
+                    "the up direction is known, and the layout has no place for it: it is lost".to_string(),
                 );
             }
             return Pose3::identity();
@@ -161,7 +161,7 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
     };
     let Some(up) = clip.up_in_world() else {
         notes.push(
-            "which way is up is not known, and readers of the layout take its world as upright: TUM RGB-D leaves it unknown"
+            "the up direction is not known, and readers of the layout take its world as upright: TUM RGB-D leaves it unknown"
                 .to_string(),
         );
         return Pose3::identity();

@@ -1,8 +1,8 @@
-//! What was seen through glass: floor and furniture outside, which belong to no room.
+//! Floor and furniture outside, seen through glass: they belong to no room.
 
 use crate::rooms::space::Space;
 
-/// What was seen through glass begins this near it.
+/// Ground outside begins this near the glass that it was seen through.
 const NEAR_M: f64 = 0.3;
 
 /// Returns the open cells that are connected with no room but across a window. `glass` has the cells with windows, `level` those

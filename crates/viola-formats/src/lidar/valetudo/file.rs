@@ -12,7 +12,7 @@ const MAX_ENTITIES: usize = 10_000;
 /// A pixel or a run is at most three numbers, and no map may have more cells than [`MAX_POINTS`].
 const MAX_NUMBERS: usize = 3 * MAX_POINTS;
 
-/// What tells a map from the state of a robot and from other JSON.
+/// The members that tell a map from the state of a robot and from other JSON.
 #[derive(serde::Deserialize)]
 pub(super) struct Head {
     pub size: Option<IgnoredAny>,
