@@ -16,7 +16,8 @@ use viola_geometry::progress::{Progress, Stage};
 fn in_whole_folder<T>(out: &Path, write: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     let cannot = || format!("cannot write {}", out.display());
     if out.exists() {
-        return write(out);
+        // The error is that of the conversion.
+        return write(out).inspect_err(|_| drop(fs::remove_dir_all(out)));
     }
     let mut part = out.file_name().with_context(cannot)?.to_os_string();
     part.push(".part");
@@ -92,5 +93,9 @@ mod tests {
         fs::create_dir(&empty).unwrap();
         in_whole_folder(&empty, write).unwrap();
         assert!(empty.join("new").is_file());
+        fs::remove_file(empty.join("new")).unwrap();
+        let half = |folder: &Path| -> Result<()> { write(folder).and_then(|()| bail!("no more")) };
+        in_whole_folder(&empty, half).unwrap_err();
+        assert!(!empty.join("new").exists());
     }
 }

@@ -49,6 +49,19 @@ pub(super) struct Face {
 }
 
 impl Face {
+    /// A face along a run of columns, whose evidence is not measured yet.
+    pub fn new(facing: Facing, line_m: f64, seen: &Columns, run: &Run, weight: f64) -> Face {
+        Face {
+            facing,
+            line_m,
+            from_m: seen.low_m[1] + run.from as f64 * seen.along_m,
+            to_m: seen.low_m[1] + run.to as f64 * seen.along_m,
+            cover: Vec::new(),
+            along_m: seen.along_m,
+            weight,
+        }
+    }
+
     /// Returns the evidence at a place along the face; 0 beyond its ends.
     pub fn at(&self, along: f64) -> f32 {
         let column = ((along - self.from_m) / self.along_m).floor();
@@ -109,15 +122,7 @@ fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
             break;
         }
         let (line_m, weight) = fitted(&left, row, half, &run);
-        faces.push(Face {
-            facing,
-            line_m,
-            from_m: seen.low_m[1] + run.from as f64 * seen.along_m,
-            to_m: seen.low_m[1] + run.to as f64 * seen.along_m,
-            cover: Vec::new(),
-            along_m: seen.along_m,
-            weight,
-        });
+        faces.push(Face::new(facing, line_m, seen, &run, weight));
         let near = |metres: f64| {
             (((line_m + metres - seen.low_m[0]) / seen.across_m).max(0.0) as usize).min(seen.across - 1)
         };

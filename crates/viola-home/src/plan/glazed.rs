@@ -37,7 +37,14 @@ pub(super) fn faces(facing: Facing, seen: &Columns, faces: &[Face]) -> Vec<Face>
             let has = |column: usize| rows.clone().any(|row| left[row * seen.along + column]);
             best_run((0..seen.along).map(|column| if has(column) { 1.0 - GAP_LOSS } else { -GAP_LOSS }))
         };
-        let runs = (0..seen.across).map(|across| (across, run_of(across)));
+        // Other rows have no run.
+        let has_window =
+            |across: &usize| left[across * seen.along..(across + 1) * seen.along].contains(&true);
+        let rows: Vec<bool> = (0..seen.across).map(|across| has_window(&across)).collect();
+        let is_near = |across: &usize| {
+            rows[across.saturating_sub(half)..(across + half + 1).min(seen.across)].contains(&true)
+        };
+        let runs = (0..seen.across).filter(is_near).map(|across| (across, run_of(across)));
         let best = runs.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain).then(b.0.cmp(&a.0)));
         let Some((across, run)) =
             best.filter(|(_, run)| f64::from(run.gain) * seen.along_m >= MIN_M * f64::from(1.0 - GAP_LOSS))
@@ -46,16 +53,8 @@ pub(super) fn faces(facing: Facing, seen: &Columns, faces: &[Face]) -> Vec<Face>
         };
         let line_m = seen.low_m[0] + (across as f64 + 0.5) * seen.across_m;
         take(&mut left, line_m, [run.from, run.to]);
-        found.push(Face {
-            facing,
-            line_m,
-            from_m: seen.low_m[1] + run.from as f64 * seen.along_m,
-            to_m: seen.low_m[1] + run.to as f64 * seen.along_m,
-            cover: Vec::new(),
-            along_m: seen.along_m,
-            // Walls beside it place it better.
-            weight: 0.0,
-        });
+        // Walls beside it place it better.
+        found.push(Face::new(facing, line_m, seen, &run, 0.0));
     }
     found
 }

@@ -161,16 +161,21 @@ fn a_doorway_between_staggered_walls_divides_two_rooms() {
     assert!((22.5..24.0).contains(&areas_m2), "{areas_m2}");
 }
 
+/// Two rooms of 4 m depth with a wall of several pieces between them.
+fn divided(pieces: &[[f64; 2]]) -> LidarMap {
+    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
+        walls.extend(pieces.iter().map(|[from, to]| [[x, *from], [x, *to]]));
+    }
+    lidar_of(&walls)
+}
+
 /// Clips saw both faces of the pier, but not the ceiling.
 #[test]
 fn a_pier_divides_two_doors() {
-    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
     let pieces = [[0.0, 0.6], [1.4, 2.0], [2.8, 4.0]];
-    for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
-        walls.extend(pieces.map(|[from, to]| [[x, from], [x, to]]));
-    }
-    let lidar = lidar_of(&walls);
+    let lidar = divided(&pieces);
     let mut points = Vec::new();
     // Points 2.5 cm apart, so that no column is without any.
     for [from, to] in pieces {
@@ -189,13 +194,8 @@ fn a_pier_divides_two_doors() {
 /// The label network called the right face of the wall a door.
 #[test]
 fn a_door_whose_back_is_wall_is_none() {
-    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
     let pieces = [[0.0, 1.6], [2.4, 4.0]];
-    for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
-        walls.extend(pieces.map(|[from, to]| [[x, from], [x, to]]));
-    }
-    let lidar = lidar_of(&walls);
+    let lidar = divided(&pieces);
     let mut points = Vec::new();
     for [from, to] in pieces {
         for off in [0.0, 0.025] {
@@ -236,4 +236,30 @@ fn a_corner_between_two_doors_stays() {
         |opening: &Opening| opening.kind == OpeningKind::Door && (opening.width_m() - 0.8).abs() < 0.16;
     assert_eq!((plan.rooms.len(), plan.openings.len()), (2, 2), "{:?}", plan.openings);
     assert!(plan.openings.iter().all(is_door), "{:?}", plan.openings);
+}
+
+/// Clips saw a window as wide as the room, and the floor of a terrace through it.
+#[test]
+fn floor_behind_glass_is_outside() {
+    let walls = [[[4.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 3.0]], [[0.0, 3.0], [4.0, 3.0]]];
+    let lidar = lidar_of(&walls);
+    let rooms = [Room::rectangle("1", [0.0, 0.0], [4.0, 3.0])];
+    let floor = (0..320).flat_map(|i| (0..120).map(move |j| [i, j].map(|k| 0.0125 + 0.025 * f64::from(k))));
+    let mut points: Vec<MapPoint> =
+        floor.map(|[x, y]| point([x, y, 0.0], [0.0, 0.0, 1.0], Class::Floor)).collect();
+    // Of the room and of the terrace.
+    let outside = |points: &[MapPoint]| {
+        let space = Space::reaching(&lidar, points);
+        let (level, _) = raster::level_cells(&space, points);
+        let owner = raster::owners(&space, &rooms);
+        let beyond = glass::beyond(&space, raster::glass_cells(&space, points), &level, &owner);
+        [[2.0, 1.5], [6.0, 1.5]].map(|at| space.index(&Point2::from(at)).map(|at| beyond[at]))
+    };
+    assert_eq!(outside(&points), [Some(false), Some(false)]);
+    for off in [0.0, 0.025] {
+        let mut glass = face(4.0, false, [off, 3.0], [0.1, 2.2]);
+        glass.iter_mut().for_each(|point| point.point.label = Label::new(Class::Window, 0.9, 3));
+        points.extend(glass);
+    }
+    assert_eq!(outside(&points), [Some(false), Some(true)]);
 }
