@@ -50,7 +50,7 @@ fn clips_are_written_as_they_are_read() {
             let written = write(&original, layout, &mut FolderSink::new(out.path()), &Silent).unwrap();
             let read = Clip::open(out.path()).unwrap();
             // A world with unknown up direction stays as it is, with a note.
-            let told = written.notes.iter().any(|note| note.contains("up is not known"));
+            let told = written.notes.iter().any(|note| note.contains("the up direction is not known"));
             assert_eq!(
                 told,
                 !knows_up && layout != WrittenLayout::TumRgbd,
