@@ -74,7 +74,7 @@ pub struct EvaluateArguments {
         long,
         default_value_t = ClipParams::default().drift,
         value_parser = numbers::drift_m,
-        conflicts_with_all = ["scene", "map", "home", "track"]
+        conflicts_with_all = ["scene", "map", "track"]
     )]
     drift: f64,
     /// Multiply poses and depth of each clip by a factor between 0.2 and 5, drawn at random, and withhold their unit.
@@ -105,8 +105,8 @@ pub struct EvaluateArguments {
     #[arg(long, value_delimiter = ',', value_parser = numbers::frames)]
     frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
-    /// default 3 (1 with --track, 14 with --joint, 6 with --changes). Map: clips of each map, default 10.
-    #[arg(long, value_parser = numbers::clips, conflicts_with_all = ["labels", "home"])]
+    /// default 3 (1 with --track, 14 with --joint, 6 with --changes, none with --home). Map: clips of each map, default 10.
+    #[arg(long, value_parser = numbers::clips, conflicts_with_all = ["labels"])]
     clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
     /// clips against the true surface, one clip of each length for each home.
@@ -114,7 +114,8 @@ pub struct EvaluateArguments {
     labels: bool,
     /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
     /// mesh, for simulated homes against their truth. The points of simulated homes are sampled from the true surface
-    /// of all rooms, without clips, fusion and errors of poses.
+    /// of all rooms, without clips, fusion and errors of poses, unless --clips gives a number of clips of each home; these are
+    /// mapped as `viola map` does. Aligned clips in the output folder are not aligned again.
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
     /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home

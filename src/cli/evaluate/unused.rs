@@ -3,6 +3,7 @@
 use super::{EvaluateArguments, needs_imagination};
 use clap::Error;
 use clap::error::ErrorKind;
+use viola_lab::simulate::ClipParams;
 
 /// Refuses options that have no effect with two others, such as `--frames` with `--track` and `--scene`.
 pub fn refuse(arguments: &EvaluateArguments) -> Result<(), Error> {
@@ -10,7 +11,8 @@ pub fn refuse(arguments: &EvaluateArguments) -> Result<(), Error> {
     let (is_scene, is_simulated) = (arguments.scene.is_some(), !arguments.set.is_empty());
     let is_drawn = !arguments.map.is_empty();
     let has_frames = !arguments.frames.is_empty();
-    let has_one_length = *joint || *changes || (*home && is_scene) || (*track && is_simulated);
+    let is_sampled = *home && is_simulated && arguments.clips.is_none();
+    let has_one_length = *joint || *changes || *home || (*track && is_simulated);
     let has_networks = arguments.networks.are_given();
     let text = match () {
         () if *track && is_scene && has_frames => {
@@ -19,17 +21,24 @@ pub fn refuse(arguments: &EvaluateArguments) -> Result<(), Error> {
         () if *track && is_scene && arguments.clips.is_some() => {
             "'--clips' cannot be used with '--track --scene': the whole recording is tracked"
         }
-        () if *home && is_simulated && has_frames => {
-            "'--frames' cannot be used with '--home --set': the points are sampled without clips"
+        () if *home && is_scene && arguments.clips.is_some() => {
+            "'--clips' cannot be used with '--home --scene': the recording is cut into excerpts"
         }
-        () if *home && is_simulated && arguments.seed != 0 => {
-            "'--seed' cannot be used with '--home --set': each home has its own"
+        () if is_sampled && has_frames => {
+            "'--frames' needs '--clips' with '--home --set': without it the points are sampled without clips"
+        }
+        () if is_sampled && arguments.drift != ClipParams::default().drift => {
+            "'--drift' needs '--clips' with '--home --set': without it the points are sampled without clips"
+        }
+        () if is_sampled && arguments.seed != 0 => {
+            "'--seed' needs '--clips' with '--home --set': without it each home has its own"
         }
         () if has_one_length && arguments.frames.len() > 1 => {
             "'--frames' takes one length with '--joint', '--changes', '--home' and '--track'"
         }
-        () if has_networks && (*track || (*home && is_simulated)) => {
-            "'--models' and the flags of its runtime cannot be used with '--track' and '--home --set': no network is used"
+        () if has_networks && (*track || is_sampled) => {
+            "'--models' and the flags of its runtime cannot be used with '--track', nor with '--home --set' without '--clips': \
+             no network is used"
         }
         () if has_networks && is_drawn && !needs_imagination(arguments) => {
             "'--models' and the flags of its runtime cannot be used with '--map' and these '--methods': no network is used"
@@ -74,6 +83,7 @@ mod tests {
             "--labels --set normal --seeds 1..2 --frames 8,20 --drift 0.01",
             "--home --scene s --lidar l --truth t --frames 40 --models none",
             "--home --set normal --seeds 1..2 --picture-labels 0.75",
+            "--home --set normal --seeds 1..2 --clips 10 --frames 40 --drift 0.01 --seed 1 --models none",
             "--joint --set repeated --seeds 1..2 --frames 10 --clips 4 --drift 0.01",
             "--changes --set changed --seeds 1..2 --frames 30 --clips 5 --picture-labels 0.75",
             "--track --scene s --trajectories t --seed 1",
@@ -85,10 +95,7 @@ mod tests {
 
     /// Evaluations, and options that have no effect with any of them.
     const WITHOUT_EFFECT: &[(&[&str], &[&str])] = &[
-        (
-            &["--labels --scene s", "--labels --set normal", "--home --scene s", "--home --set normal"],
-            &["--clips 3"],
-        ),
+        (&["--labels --scene s", "--labels --set normal", "--home --scene s"], &["--clips 3"]),
         (
             &[
                 "--labels --scene s",
@@ -122,7 +129,13 @@ mod tests {
             &["--models m", "--models none", "--runtime rten", "--device cuda", "--network-threads 2"],
         ),
         (
-            &["--home --scene s", "--joint --set normal", "--changes --set normal", "--track --set normal"],
+            &[
+                "--home --scene s",
+                "--home --set normal --clips 2",
+                "--joint --set normal",
+                "--changes --set normal",
+                "--track --set normal",
+            ],
             &["--frames 60,40"],
         ),
         (&["--track --set normal"], &["--drift 0.01", "--trajectories t", "--lidar l --truth t"]),

@@ -2,6 +2,7 @@
 
 mod changes;
 mod clips;
+mod filmed;
 mod floor_plan;
 mod fused;
 mod instances;
@@ -11,11 +12,14 @@ mod member;
 mod mesh_surface;
 mod mesh_walls;
 mod score;
+mod shown;
 mod simulated;
 mod surface;
+mod visit;
 
 pub use changes::{ChangesHome, ChangesRow, changes};
 pub use clips::ClipsError;
+pub use filmed::film;
 pub use floor_plan::{PlanScore, TruePlan, score_plan};
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
@@ -24,10 +28,8 @@ pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use mesh_surface::{MeshScore, score_mesh};
 pub use mesh_walls::{WallScore, score_walls};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
-pub(super) use simulated::{MIN_POINTS, along};
-pub use simulated::{
-    SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated,
-};
+pub(super) use shown::{MIN_POINTS, along};
+pub use simulated::{ComputedHome, SampleParams, SimulatedMap, SimulatedScore, TrueRoom, sample, simulated};
 pub use surface::{Seen, SurfaceScore, compare, seen_by};
 
 use super::labels::LabelRow;

@@ -24,11 +24,15 @@ pub struct TruePlan {
     map_from_home: Pose2,
     rooms: Vec<RoomShape>,
     openings: Vec<TrueOpening>,
+    /// Openings of the same indices that somebody saw: the others need not be found.
+    is_seen: Vec<bool>,
 }
 
 impl TruePlan {
-    pub fn new(plan: &Truth, map_from_home: Pose2) -> TruePlan {
-        TruePlan { map_from_home, rooms: plan.shapes(), openings: plan.true_openings() }
+    pub fn new(plan: &Truth, map_from_home: Pose2, is_seen: impl Fn(&TrueOpening) -> bool) -> TruePlan {
+        let openings = plan.true_openings();
+        let is_seen = openings.iter().map(is_seen).collect();
+        TruePlan { map_from_home, rooms: plan.shapes(), openings, is_seen }
     }
 }
 
@@ -148,7 +152,8 @@ fn score_openings(truth: &TruePlan, plan: &Plan, home_from_plan: &Pose2, score: 
         let is_near = ends.iter().all(|p| (p - wall.ends[0]).dot(&normal).abs() <= OPENING_OFF_M);
         is_near && both / either >= OPENING_IOU
     };
-    for opening in &truth.openings {
+    let seen = truth.openings.iter().zip(&truth.is_seen).filter(|(_, is_seen)| **is_seen);
+    for (opening, _) in seen {
         let is_found = usize::from(plan.openings.iter().any(|drawn| matches(opening, drawn)));
         if opening.is_window {
             (score.windows, score.found_windows) = (score.windows + 1, score.found_windows + is_found);

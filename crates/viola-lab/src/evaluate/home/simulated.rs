@@ -1,19 +1,20 @@
 //! Simulated homes as fused maps with noisy labels, without simulated clips: tests rooms and objects against
 //! exact truth.
 
+use super::MIN_EXTENT_M;
 use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use super::matching::{Matches, Thing, matches};
-use super::{MIN_EXTENT_M, along_axes};
+use super::shown::{self, Shown};
 use crate::simulate::{Home, HomeParams, Set};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashMap;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Point3, Pose2, Vector2, Vector3};
+use viola_geometry::{Point2, Point3, Pose2, Vector3};
 use viola_home as home;
-use viola_home::{MapPoint, Object, Room, UprightBox, is_furniture};
+use viola_home::{MapPoint, Object, Plan, Room, is_furniture};
 use viola_reconstruct::{CloudPoint, Label};
 
 /// Distance between eyes (viewpoints at a person's height).
@@ -71,8 +72,6 @@ const MISTAKES: [(Class, Class); 10] = [
     (Class::Refrigerator, Class::Cabinet),
     (Class::WashingMachine, Class::Cabinet),
 ];
-/// Minimum points of a true object.
-pub(in crate::evaluate) const MIN_POINTS: usize = 40;
 const EYE_M: f64 = 1.5;
 const REACH_M: f64 = 5.0;
 
@@ -113,7 +112,7 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
     }
     let mut noise = Noise::new(home.params.seed, params);
     let mut points = Vec::with_capacity(voxels.len());
-    let mut shown: BTreeMap<(u16, u16), Vec<[f64; 3]>> = BTreeMap::new();
+    let mut shown = Shown::new();
     for (p, solid) in voxels.values() {
         let (class, instance) = scene.label(*solid);
         let at = map_from_home.apply(&p.xy());
@@ -123,37 +122,14 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
         let normal = scene.normal(*solid, p);
         points.push(noise.point(p, &normal, class, instance, &map_from_home));
     }
-    let objects = home.truth().objects;
-    let whole = home.objects_alone();
-    let is_worktop = |(_, class): &&(u16, u16)| *class == Class::Counter.id();
-    let under_worktop: BTreeSet<u16> =
-        shown.keys().filter(is_worktop).map(|(instance, _)| *instance).collect();
-    let truth = shown.into_iter().filter_map(|((instance, class), points)| {
-        let class = Class::from_id(usize::from(class)).filter(|class| is_furniture(*class))?;
-        let piece = objects.get(usize::from(instance).checked_sub(1)?)?;
-        if points.len() < MIN_POINTS {
-            return None;
-        }
-        let mut bounds = along(&points, piece.yaw_rad + map_from_home.yaw_rad);
-        if under_worktop.contains(&instance) {
-            let whole = &whole[usize::from(instance) - 1];
-            let [x, y, _] = whole.centre_m;
-            let middle = map_from_home.apply(&Point2::new(x, y));
-            if class == piece.class {
-                // Only the fronts are seen: the body under the worktop is the object.
-                [bounds.centre_m[0], bounds.centre_m[1]] = [middle.x, middle.y];
-                [bounds.size_m[0], bounds.size_m[1]] = [whole.size_m[0], whole.size_m[1]];
-            } else if class == Class::WashingMachine {
-                deepen(&mut bounds, &middle, whole.size_m[1]);
-            }
-        }
-        Some(Thing { class, bounds })
-    });
-    let rooms = home.plan.rooms.iter().map(|room| TrueRoom::new(room, &map_from_home));
-    let plan = TruePlan::new(&home.plan, map_from_home);
-    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-    let (truth, small) = truth.partition(is_large);
-    Ok(SimulatedMap { truth, small, rooms: rooms.collect(), plan, lidar, points })
+    let [truth, small] = shown::things(&home, shown, &map_from_home);
+    let plan = TruePlan::new(&home.plan, map_from_home, |_| true);
+    Ok(SimulatedMap { truth, small, rooms: true_rooms(&home, &map_from_home), plan, lidar, points })
+}
+
+/// Returns the true rooms of a home.
+pub(super) fn true_rooms(home: &Home, map_from_home: &Pose2) -> Vec<TrueRoom> {
+    home.plan.rooms.iter().map(|room| TrueRoom::new(room, map_from_home)).collect()
 }
 
 impl TrueRoom {
@@ -165,32 +141,6 @@ impl TrueRoom {
             corners_m: corners.map(|[x, y]| map_from_home.apply(&Point2::new(x, y))),
         }
     }
-}
-
-/// Gives the front of a dishwasher the depth of the units, whose middle is known.
-fn deepen(bounds: &mut UprightBox, middle: &Point2, depth_m: f64) {
-    let across = Vector2::new(-bounds.yaw_rad.sin(), bounds.yaw_rad.cos());
-    let off_m = across.dot(&(middle - Point2::new(bounds.centre_m[0], bounds.centre_m[1])));
-    bounds.centre_m[0] += across.x * off_m;
-    bounds.centre_m[1] += across.y * off_m;
-    bounds.size_m[1] = depth_m;
-}
-
-/// Returns the bounding box of points along a direction.
-pub(in crate::evaluate) fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
-    let turn = Pose2::new(0.0, 0.0, yaw_rad);
-    let turned: Vec<[f64; 3]> = points
-        .iter()
-        .map(|p| {
-            let q = turn.inverse().apply(&Point2::new(p[0], p[1]));
-            [q.x, q.y, p[2]]
-        })
-        .collect();
-    let mut bounds = along_axes(&turned, 0.0);
-    let centre = turn.apply(&Point2::new(bounds.centre_m[0], bounds.centre_m[1]));
-    bounds.centre_m = [centre.x, centre.y, bounds.centre_m[2]];
-    bounds.yaw_rad = yaw_rad;
-    bounds
 }
 
 /// Returns evenly distributed directions on the sphere (Fibonacci lattice).
@@ -264,7 +214,7 @@ impl Noise<'_> {
 }
 
 /// Matches objects of a simulated home with its truth, by oriented boxes.
-pub fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
+fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
     let found: Vec<Thing> =
         furniture.map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
@@ -272,7 +222,7 @@ pub fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
 }
 
 /// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.
-pub fn count_rooms(map: &SimulatedMap, rooms: &[Room]) -> (usize, usize) {
+fn count_rooms(map: &SimulatedMap, rooms: &[Room]) -> (usize, usize) {
     let matched = map.rooms.iter().filter(|truth| rooms.iter().any(|room| room_iou(truth, room) >= 0.5));
     (map.rooms.len(), matched.count())
 }
@@ -314,6 +264,34 @@ pub struct SimulatedScore {
     pub plan: PlanScore,
 }
 
+/// Rooms, objects and floor plan that were computed for a home.
+pub struct ComputedHome {
+    pub rooms: Vec<Room>,
+    pub objects: Vec<Object>,
+    pub plan: Plan,
+}
+
+impl SimulatedMap {
+    /// Computes rooms, objects and floor plan. `voxel_m` is the distance of the points.
+    pub fn compute(&self, voxel_m: f64) -> ComputedHome {
+        let rooms = home::rooms(&self.lidar, &self.points);
+        let objects = home::objects(&self.points, &rooms, &home::ObjectsParams { voxel_m });
+        let plan = home::plan(&self.lidar, &self.points, &rooms, &objects);
+        ComputedHome { rooms, objects, plan }
+    }
+}
+
+impl SimulatedScore {
+    /// Adds the score of a home.
+    pub fn add(&mut self, map: &SimulatedMap, computed: &ComputedHome) {
+        self.objects.add(&match_objects(map, &computed.objects));
+        let (there, matched) = count_rooms(map, &computed.rooms);
+        self.rooms += there;
+        self.matched_rooms += matched;
+        score_plan(&map.plan, &computed.plan, &mut self.plan);
+    }
+}
+
 /// Returns the scores of objects, computed rooms and floor plans over simulated homes. `advance` is called after each.
 pub fn simulated(
     set: Set,
@@ -324,14 +302,7 @@ pub fn simulated(
     let mut score = SimulatedScore::default();
     for seed in seeds {
         let map = sample(&HomeParams::new(set, seed), params)?;
-        let computed = home::rooms(&map.lidar, &map.points);
-        let objects = home::ObjectsParams { voxel_m: params.voxel_m };
-        let found = home::objects(&map.points, &computed, &objects);
-        score.objects.add(&match_objects(&map, &found));
-        let (there, matched) = count_rooms(&map, &computed);
-        score.rooms += there;
-        score.matched_rooms += matched;
-        score_plan(&map.plan, &home::plan(&map.lidar, &map.points, &computed, &found), &mut score.plan);
+        score.add(&map, &map.compute(params.voxel_m));
         advance(seed);
     }
     Ok(score)
