@@ -7,8 +7,11 @@ use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use futures::stream;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
+use std::convert::Infallible;
 use viola_storage::StorageError;
 
 /// Caching of answers that may change, and of those that never do. A picture of somebody's home belongs into no shared
@@ -155,5 +158,6 @@ fn without_body(answer: Response) -> Response {
     if let Some(size_bytes) = size_bytes.filter(|_| head.status != StatusCode::NOT_MODIFIED) {
         head.headers.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
     }
-    Response::from_parts(head, Body::empty())
+    // A body of unknown length: axum would tell the length 0 of an empty one, and the compression would leave it as it is.
+    Response::from_parts(head, Body::from_stream(stream::empty::<Result<Bytes, Infallible>>()))
 }

@@ -13,6 +13,7 @@ mod corrections;
 mod document;
 mod exports;
 mod foreign;
+mod heads;
 mod homes;
 mod hostile;
 mod jobs;
