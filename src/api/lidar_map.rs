@@ -36,7 +36,8 @@ pub(super) struct CurrentLidarMap {
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct PutQuery {
-    /// With `true`, the file is only checked: the answer has a summary of the file, and nothing is kept or queued.
+    /// With `true`, the file is only checked: the answer has a summary of the file, and nothing is kept or queued. A file that
+    /// the upload would refuse is refused.
     #[param(value_type = Option<bool>, example = true)]
     dry_run: Option<String>,
     /// Name of the file; its download has it.
@@ -117,7 +118,13 @@ pub(super) async fn put(
     let (file, _arrival) = receive(&app, home.tenant(), request, MAX_FILE_BYTES).await?;
     let (mut new, bytes) = app.readers.run(home.tenant(), move || open(level, file, file_name)).await??;
     let is_same = is_current(&app, &home, level, &new.file.sha256).await?;
+    let is_expected = is_expected_or_same(&headers, &new.file.sha256);
+    if !is_same {
+        app.limits.check_quota(&app.storage, &caller.tenant, new.bytes()).await?;
+    }
     if dry_run {
+        let checked = app.storage.check_lidar_map(&home, level, is_expected).await;
+        checked.map_err(|error| unmet(&headers, error))?;
         let report = LidarMapDryRun {
             size_bytes: new.file.size_bytes,
             understood: new.info.into(),
@@ -126,11 +133,9 @@ pub(super) async fn put(
         return Ok(Document(report).into_response());
     }
     if !is_same {
-        app.limits.check_quota(&app.storage, &caller.tenant, new.bytes()).await?;
         new.from_earlier = from_current(&app, &home, level, bytes).await;
     }
     to_the_end(async move {
-        let is_expected = is_expected_or_same(&headers, &new.file.sha256);
         let max_bytes = app.limits.storage_bytes;
         let put = app.storage.put_lidar_map(&home, new, max_bytes, is_expected, app.storage.now()).await;
         let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;

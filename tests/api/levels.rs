@@ -59,7 +59,12 @@ async fn each_level_has_a_map_of_its_own() {
     for n in 0..6 {
         server.put(&format!("{maps}/level-{n}"), small_room_csv()).await.ok(201);
     }
-    server.put(&format!("{maps}/ninth"), small_room_csv()).await.problem(409, "too-many-levels");
+    // A dry run answers as the upload would.
+    for query in ["", "?dry_run=true"] {
+        let ninth = server.put(&format!("{maps}/ninth{query}"), small_room_csv()).await;
+        ninth.problem(409, "too-many-levels");
+    }
+    server.put(&format!("{maps}/upper?dry_run=true"), room::lidar_csv()).await.ok(200);
 }
 
 #[tokio::test]

@@ -1,4 +1,5 @@
 use crate::server::Server;
+use reqwest::Method;
 use serde_json::{Value, json};
 use std::path::Path;
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
@@ -132,6 +133,8 @@ async fn a_dry_run_only_tells_what_a_map_is() {
     server.put(&path, room::lidar_csv()).await.ok(201);
     let same = server.put(&format!("{home}/lidar-maps/main?dry_run=true"), room::lidar_csv()).await.ok(200);
     assert_eq!(same["clips_to_align"], 0);
+    let new_only = server.request(Method::PUT, &format!("{path}?dry_run=true")).header("if-none-match", "*");
+    server.send(new_only.body(room::lidar_csv())).await.problem(412, "changed-meanwhile");
     server.put(&format!("{path}?dry_run=1"), room::lidar_csv()).await.problem(400, "invalid-query");
 }
 

@@ -36,7 +36,34 @@ impl NewLidarMap {
     }
 }
 
+/// Returns the revision that a file for a level replaces. Refuses the file if that is not as `expected`, or if the home has the
+/// maximum number of other levels.
+fn replaced(
+    maps: &[LidarMapRevision],
+    level: LevelName,
+    expected: impl Fn(Option<&LidarMapRevision>) -> bool,
+) -> Result<Option<&LidarMapRevision>, StorageError> {
+    let before = maps.iter().find(|map| map.level == level);
+    if !expected(before) {
+        return Err(StorageError::Changed { what: "LiDAR map" });
+    }
+    if before.is_none() && maps.len() >= MAX_LEVELS {
+        return Err(StorageError::TooManyLevels);
+    }
+    Ok(before)
+}
+
 impl Storage {
+    /// Returns the error with which [`Storage::put_lidar_map`] would refuse a file for a level because of the home's maps.
+    pub async fn check_lidar_map(
+        &self,
+        home: &HomeId,
+        level: LevelName,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool,
+    ) -> Result<(), StorageError> {
+        replaced(&self.lidar_maps(home).await?, level, expected).map(|_| ())
+    }
+
     /// Adds a revision of a level and queues every clip of the home for it, if the level's current revision is as
     /// `expected`. The same file as that of the current revision changes nothing. Returns the revision and whether it
     /// is new. `max_bytes` is the quota of a tenant without one of its own.
@@ -138,19 +165,13 @@ impl Storage {
         if !homes::lock(&mut transaction, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let before = current(&mut transaction, home, new.level).await?;
-        let replaced = before.as_ref().map(|before| before.revision);
+        let maps = levels(&mut transaction, home).await?;
+        let before = replaced(&maps, new.level, expected)?;
         // Another request may have replaced the revision that it was compared with.
-        let from_earlier = new.from_earlier.filter(|from| Some(from.revision) == replaced);
-        if !expected(before.as_ref()) {
-            return Err(StorageError::Changed { what: "LiDAR map" });
-        }
-        match before {
-            Some(current) if current.sha256 == new.sha256 => return Ok((current, false)),
-            None if levels(&mut transaction, home).await?.len() >= MAX_LEVELS => {
-                return Err(StorageError::TooManyLevels);
-            }
-            _ => {}
+        let from_earlier =
+            new.from_earlier.filter(|from| before.is_some_and(|before| before.revision == from.revision));
+        if let Some(same) = before.filter(|before| before.sha256 == new.sha256) {
+            return Ok((same.clone(), false));
         }
         let new_bytes = new.size_bytes + new.image_bytes;
         quota::check(&mut transaction, home.tenant(), new_bytes, new.quota).await?;
