@@ -58,8 +58,8 @@ pub(super) enum Error {
     RepeatedParameter { name: String },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
-    #[error("{0}")]
-    MalformedJson(String),
+    #[error("{detail}")]
+    MalformedJson { field: Option<String>, detail: String },
     #[error("{detail}")]
     InvalidBody { field: Option<String>, detail: String },
     #[error("{detail}")]
@@ -168,7 +168,7 @@ impl Error {
                 (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid")
             }
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
-            Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
+            Error::MalformedJson { .. } => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
             Error::InvalidBody { .. } | Error::InvalidMember { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
             }
@@ -245,7 +245,7 @@ impl Error {
         match self {
             Error::UnknownParameter { name, .. } | Error::RepeatedParameter { name } => Some(name),
             Error::NotReady { what, .. } => Some(what),
-            Error::InvalidBody { field, .. } => field.as_deref(),
+            Error::InvalidBody { field, .. } | Error::MalformedJson { field, .. } => field.as_deref(),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),

@@ -1,5 +1,7 @@
 //! axum's extractors with our own refusals, since axum's refusals are plain text.
 
+mod object;
+
 use super::App;
 use super::access;
 use super::bodies::media_type;
@@ -10,16 +12,17 @@ use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use jiff::Timestamp;
+use object::Object;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
-use serde_json::{Map, Value};
+use serde_json::Value;
 use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_storage::{HomeId, UploadError};
 
-/// Maximum characters of a media type that an answer repeats.
+/// Maximum characters of a media type, or of the path of a repeated member, that an answer repeats.
 const MAX_SHOWN_CHARACTERS: usize = 64;
 
 /// A path to a home.
@@ -269,7 +272,7 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
         }
         let sent = media_type(request.headers());
         // Parsed as an object first, because serde also accepts an array for a struct.
-        let read = Option::<axum::Json<Option<Map<String, Value>>>>::from_request(request, app);
+        let read = Option::<axum::Json<Option<Object>>>::from_request(request, app);
         let late = |_| {
             let limit = app.bodies.json;
             Error::BodyStalled(format!("JSON must be complete within {} s", limit.as_secs_f64()))
@@ -289,8 +292,13 @@ pub(super) fn has_body(headers: &HeaderMap) -> bool {
 }
 
 /// Parses a JSON object; a refusal names the member at fault.
-fn parsed<T: DeserializeOwned>(object: Map<String, Value>) -> Result<T, Error> {
-    serde_path_to_error::deserialize(Value::Object(object)).map_err(|error| {
+fn parsed<T: DeserializeOwned>(object: Object) -> Result<T, Error> {
+    if let Some(path) = object.repeated {
+        let field: String = path.chars().take(MAX_SHOWN_CHARACTERS).collect();
+        let detail = format!("{field}: the body has this member twice; send it once");
+        return Err(Error::MalformedJson { field: Some(field), detail });
+    }
+    serde_path_to_error::deserialize(Value::Object(object.members)).map_err(|error| {
         let path = Some(error.path().to_string()).filter(|path| path != ".");
         let reason = error.inner().to_string();
         let detail = path.as_ref().map_or_else(|| reason.clone(), |path| format!("{path}: {reason}"));
@@ -315,7 +323,7 @@ fn refused_json(rejection: &JsonRejection, sent: &str) -> Error {
         JsonRejection::JsonDataError(_) => {
             Error::InvalidBody { field: None, detail: "the body is a JSON object".to_owned() }
         }
-        JsonRejection::JsonSyntaxError(_) => Error::MalformedJson(detail),
+        JsonRejection::JsonSyntaxError(_) => Error::MalformedJson { field: None, detail },
         JsonRejection::MissingJsonContentType(_) => {
             let sent: String = sent.chars().take(MAX_SHOWN_CHARACTERS).collect();
             Error::UnsupportedMediaType(format!(

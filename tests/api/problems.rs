@@ -84,6 +84,9 @@ async fn bad_json_is_told_apart() {
     let cases = [
         (json_type, "{".to_owned(), 400, "malformed-json", None),
         (json_type, "{} {}".to_owned(), 400, "malformed-json", None),
+        (json_type, r#"{"name": "a", "name": "b"}"#.to_owned(), 400, "malformed-json", Some("name")),
+        (json_type, r#"{"name": "a", "n\u0061me": "a"}"#.to_owned(), 400, "malformed-json", Some("name")),
+        (json_type, r#"{"name": {"x": 1, "x": 2}}"#.to_owned(), 400, "malformed-json", Some("name.x")),
         (json_type, r#"{"name": 7}"#.to_owned(), 422, "invalid-body", Some("name")),
         (json_type, r#"{"nam": "x"}"#.to_owned(), 422, "invalid-body", Some("nam")),
         (json_type, "{\"name\":".repeat(5_000), 400, "malformed-json", None),
