@@ -46,7 +46,7 @@ pub(super) struct AddQuery {
     #[param(
         min_length = 1,
         max_length = 255,
-        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$",
         example = "kitchen.zip"
     )]
     filename: Option<String>,
@@ -54,7 +54,7 @@ pub(super) struct AddQuery {
     #[param(
         min_length = 1,
         max_length = 200,
-        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$",
         example = "Kitchen, evening"
     )]
     title: Option<String>,
@@ -237,7 +237,7 @@ pub(super) async fn get_clip(
 pub(super) struct ClipPatch {
     /// Name of the clip, for people.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$")]
     title: Member,
     /// Time of recording, from the year 2000 to a day from now; null takes the time in the file again, if it has one. If the
     /// home changed between two clips, the later clip counts, so a new time makes a new revision of the home's map.
@@ -276,7 +276,9 @@ async fn edit(app: &App, home: &HomeId, id: Uuid, patch: &ClipPatch) -> Result<C
     let wrong = |field, what: &str| Error::InvalidMember { field, detail: format!("{field} is {what}") };
     let title = |title: &Value| {
         let title = title.as_str().filter(|title| names::is_title(title)).map(str::to_owned);
-        title.ok_or_else(|| wrong("title", "a text of 1 to 200 characters on one line, or null"))
+        title.ok_or_else(|| {
+            wrong("title", "a text of 1 to 200 characters on one line, not only spaces, or null")
+        })
     };
     let title = patch.title.as_ref().map(|value| value.as_ref().map(title).transpose()).transpose()?;
     let recorded_at = match &patch.recorded_at {

@@ -4,6 +4,7 @@ use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member};
+use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
@@ -15,7 +16,6 @@ use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, RoomCorrection};
 use viola_storage::{ObjectChange, RoomChange};
 
-const MAX_NAME_CHARACTERS: usize = 100;
 /// Maximum distance of a place from the origin of the map, and range of its height: beyond any home.
 const MAX_PLACE_M: f64 = 1000.0;
 const HEIGHTS_M: [f64; 2] = [-5.0, 20.0];
@@ -36,7 +36,7 @@ pub(super) struct ObjectPatch {
     class: Member,
     /// For people.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
     /// Its centre in the map's frame. The object stays in the map even if no clip shows it there.
     #[serde(default, deserialize_with = "member")]
@@ -66,7 +66,7 @@ pub(super) struct ObjectPatch {
 #[schema(example = json!({"name": "Kitchen"}))]
 pub(super) struct RoomPatch {
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
     /// Ids of rooms at its walls that become one with it, beside those that are already. The room keeps its id, the others
     /// have none.
@@ -266,9 +266,8 @@ fn room_change(patch: &RoomPatch) -> Result<RoomChange, Error> {
 }
 
 fn name(value: &Value) -> Result<String, Error> {
-    let name = value.as_str().filter(|name| (1..=MAX_NAME_CHARACTERS).contains(&name.chars().count()));
-    let name = name.filter(|name| !name.chars().any(char::is_control));
-    name.map(str::to_owned).ok_or_else(|| wrong("name", "a text of 1 to 100 characters on one line"))
+    let name = value.as_str().filter(|name| names::is_label(name)).map(str::to_owned);
+    name.ok_or_else(|| wrong("name", "a text of 1 to 100 characters on one line, not only spaces"))
 }
 
 /// Returns the numbers of a list of this length.

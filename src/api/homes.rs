@@ -32,7 +32,7 @@ pub(super) struct HomeBody {
     #[schema(
         min_length = 1,
         max_length = 200,
-        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*[^\\s\\x00-\\x1f\\x7f-\\x9f][^\\x00-\\x1f\\x7f-\\x9f]*$",
         example = "Flat 3, Elm Street"
     )]
     name: Option<String>,
@@ -62,8 +62,9 @@ pub(super) async fn put_home(
     Json(body): Json<HomeBody>,
 ) -> Result<(StatusCode, Resource<Home>), Error> {
     if body.name.as_ref().is_some_and(|name| !names::is_title(name)) {
-        let detail = "name has 1 to 200 characters, and no control characters; null removes it".to_owned();
-        return Err(Error::InvalidMember { field: "name", detail });
+        let detail =
+            "name has 1 to 200 characters, no control characters, and not only spaces; null removes it";
+        return Err(Error::InvalidMember { field: "name", detail: detail.to_owned() });
     }
     let name = body.name.as_deref();
     let is_expected = |home: Option<&viola_storage::Home>| {

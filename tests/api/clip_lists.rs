@@ -72,6 +72,10 @@ async fn the_time_of_a_recording_is_corrected() {
         let problem = patch(json!({"recorded_at": wrong})).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], "recorded_at");
     }
+    for wrong in [json!(""), json!(" \u{2003}"), json!("a\tb"), json!("t".repeat(201)), json!(7)] {
+        let problem = patch(json!({"title": wrong})).await.problem(422, "invalid-body");
+        assert_eq!(problem["field"], "title");
+    }
     // The file has no time of its own.
     let both = patch(json!({"recorded_at": null, "title": null})).await.ok(200);
     assert_eq!((&both["recorded_at"], &both["title"]), (&Value::Null, &Value::Null));

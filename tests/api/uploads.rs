@@ -159,6 +159,8 @@ async fn creation_is_refused_for_a_reason() {
         (metadata(&[("home", "none")]), 404, "home-not-found", ""),
         (metadata(&[("home", "../h")]), 400, "invalid-header", "Upload-Metadata"),
         (metadata(&[("filename", "a")]), 400, "invalid-header", "Upload-Metadata"),
+        (and("title", " "), 400, "invalid-header", "Upload-Metadata"),
+        (and("filename", "\u{a0} "), 400, "invalid-header", "Upload-Metadata"),
         ("home".to_owned(), 400, "invalid-header", "Upload-Metadata"),
         ("home !".to_owned(), 400, "invalid-header", "Upload-Metadata"),
         (format!("home {}", encoded(b"\xff")), 400, "invalid-header", "Upload-Metadata"),

@@ -61,10 +61,12 @@ impl Metadata {
         let idempotency_key = value("idempotency_key")?;
         let sha256 = values.remove("sha256").map(sha256_of).transpose()?;
         if filename.as_ref().is_some_and(|name| !is_file_name(name)) {
-            return Err(invalid("filename has at most 255 characters, and no control characters"));
+            return Err(invalid(
+                "filename has at most 255 characters, no control characters, and not only spaces",
+            ));
         }
         if title.as_ref().is_some_and(|title| !is_title(title)) {
-            return Err(invalid("title has 1 to 200 characters, and no control characters"));
+            return Err(invalid("title has 1 to 200 characters, no control characters, and not only spaces"));
         }
         if idempotency_key.as_ref().is_some_and(|key| !is_idempotency_key(key.as_bytes())) {
             return Err(invalid("idempotency_key is 1 to 255 visible ASCII characters"));

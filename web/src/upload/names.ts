@@ -2,7 +2,8 @@
 
 const MOST_CHARACTERS = 255;
 
-/** The name without control characters; empty if nothing remains. */
+/** The name without control characters; empty if nothing visible remains. */
 export function sentName({ name }: { name: string }): string {
-  return [...name.replace(/\p{Cc}/gu, "")].slice(0, MOST_CHARACTERS).join("");
+  const sent = [...name.replace(/\p{Cc}/gu, "")].slice(0, MOST_CHARACTERS).join("");
+  return sent.trim() ? sent : "";
 }
