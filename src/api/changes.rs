@@ -65,7 +65,7 @@ pub(super) async fn list_changes(
     Query(query): Query<ListQuery>,
     Query(wait): Query<WaitQuery>,
 ) -> Result<Document<ChangesPage>, Error> {
-    let (after, limit, wait) = (query.after()?, query.limit()?, wait.seconds()?);
+    let (after, limit, wait) = (query.position()?, query.limit()?, wait.seconds()?);
     let tenant = caller.for_all_homes()?;
     let changes = tokio::select! {
         changes = changes_within(&app, tenant, after, limit, wait) => changes?,

@@ -5,7 +5,7 @@ use super::access::Caller;
 use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::homes::search;
-use super::list::{List, ListQuery, UpdatedQuery, states};
+use super::list::{List, ListPage, ListQuery, UpdatedQuery, states};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::{Clip, ClipState, ReasonCode};
@@ -59,7 +59,7 @@ fn codes(asked: Option<&str>) -> Result<Vec<String>, Error> {
 pub(super) async fn list_clips(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
     Query(updated): Query<UpdatedQuery>,
     Query(asked): Query<ClipsQuery>,
 ) -> Result<Document<List<Clip>>, Error> {
@@ -75,7 +75,7 @@ pub(super) async fn list_clips(
 pub(super) async fn list_all_clips(
     State(app): State<App>,
     caller: Caller,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
     Query(updated): Query<UpdatedQuery>,
     Query(asked): Query<ClipsQuery>,
 ) -> Result<Document<List<Clip>>, Error> {

@@ -7,7 +7,7 @@ use super::clips::flag;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Query};
 use super::fairness::FairPlaces;
-use super::list::{List, ListQuery, UpdatedQuery};
+use super::list::{List, ListPage, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change, may_repeat, unmet};
@@ -111,7 +111,7 @@ pub(super) struct HomesQuery {
 pub(super) async fn list_homes(
     State(app): State<App>,
     caller: Caller,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
     Query(updated): Query<UpdatedQuery>,
     Query(asked): Query<HomesQuery>,
 ) -> Result<Document<List<Home>>, Error> {

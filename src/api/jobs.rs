@@ -5,7 +5,7 @@ use super::access::{self, Caller};
 use super::digits::json;
 use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
-use super::list::{List, ListQuery, states};
+use super::list::{List, ListPage, ListQuery, states};
 use super::problems::CommonProblems;
 use super::reply::{Document, Resource};
 use super::types::{Job, JobState};
@@ -36,7 +36,7 @@ pub(super) async fn list_jobs(
     State(app): State<App>,
     caller: Caller,
     Query(asked): Query<JobsQuery>,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
 ) -> Result<Document<List<Job>>, Error> {
     let states =
         states(asked.state.as_deref(), &viola_storage::JobState::ALL, viola_storage::JobState::name)?;

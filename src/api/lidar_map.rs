@@ -6,7 +6,7 @@ use super::bodies::{FileBytes, receive, send, to_the_end};
 use super::clips::flag;
 use super::error::{Defence, Error, Problem};
 use super::extract::{HomePath, Query};
-use super::list::{List, ListQuery};
+use super::list::{List, ListPage, ListQuery};
 use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::{Document, may_change, may_repeat, tag_of, tag_of_document, tagged, unless_known, unmet};
@@ -317,7 +317,7 @@ pub(super) async fn image(
 pub(super) async fn list_lidar_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
 ) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, LevelName::MAIN, &query.page()?).await?;
     Ok(Document(query.list(revisions, |revision| revision.revision)?))

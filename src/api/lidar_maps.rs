@@ -6,7 +6,7 @@ use super::bodies::{FileBytes, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::{HomePath, LevelPath, LevelRevisionPath, Query};
 use super::lidar_map::{self, CurrentLidarMap, PutAnswer, PutQuery};
-use super::list::{List, ListQuery};
+use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::Document;
 use super::types::LidarMapRevision;
@@ -162,7 +162,7 @@ pub(super) async fn get_level_lidar_map_image(
 pub(super) async fn list_level_lidar_map_revisions(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
 ) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, level, &query.page()?).await?;
     if revisions.is_empty() && !level.is_main() {

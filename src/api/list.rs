@@ -1,11 +1,14 @@
 //! Lists page by cursor: an answer's `next` is the `after` of the following request.
 
 use super::error::Error;
-use super::extract::timestamp;
+use super::extract::{Query, timestamp};
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use std::fmt::Display;
 use std::str::FromStr;
 use viola_storage::Page;
 
@@ -49,26 +52,10 @@ pub(super) struct List<T> {
 }
 
 impl ListQuery {
-    /// Returns the page to read, with one item more than asked for, to know whether there is a next page.
-    pub fn page<Id: FromStr>(&self) -> Result<Page<Id>, Error> {
-        Ok(Page { limit: self.limit()? + 1, after: self.after()? })
-    }
-
-    /// Returns the decoded cursor.
-    pub fn after<Id: FromStr>(&self) -> Result<Option<Id>, Error> {
-        self.after.as_deref().map(decode).transpose()
-    }
-
-    pub fn list<Record, T: From<Record>, Id: ToString>(
-        &self,
-        mut records: Vec<Record>,
-        id: impl Fn(&Record) -> Id,
-    ) -> Result<List<T>, Error> {
-        let limit = self.limit()? as usize;
-        let has_more = records.len() > limit;
-        records.truncate(limit);
-        let next = records.last().filter(|_| has_more).map(|last| encode(&id(last).to_string()));
-        Ok(List { items: records.into_iter().map(T::from).collect(), next })
+    /// Returns the cursor of the feed of changes. It names no list, because clients keep it for days.
+    pub fn position<Position: FromStr>(&self) -> Result<Option<Position>, Error> {
+        let parse = |cursor: &str| decode(cursor)?.parse::<Position>().ok();
+        self.after.as_deref().map(|cursor| parse(cursor).ok_or_else(not_a_cursor)).transpose()
     }
 
     pub fn limit(&self) -> Result<u32, Error> {
@@ -77,6 +64,51 @@ impl ListQuery {
             field: Some("limit"),
             detail: format!("limit is a number from 1 to {MAX_LIMIT}"),
         })
+    }
+}
+
+/// The page that a request asks for. Its cursors name the list, because an id of one list is a wrong place in another.
+pub(super) struct ListPage {
+    query: ListQuery,
+    /// Path of the list.
+    list: String,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for ListPage {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ListPage, Error> {
+        let Query(query) = Query::<ListQuery>::from_request_parts(parts, state).await?;
+        Ok(ListPage { query, list: parts.uri.path().to_owned() })
+    }
+}
+
+impl ListPage {
+    /// Returns the page to read, with one item more than asked for, to know whether there is a next page.
+    pub fn page<Id: FromStr>(&self) -> Result<Page<Id>, Error> {
+        let after = self.query.after.as_deref().map(|cursor| self.id(cursor).ok_or_else(not_a_cursor));
+        Ok(Page { limit: self.query.limit()? + 1, after: after.transpose()? })
+    }
+
+    /// Returns the id in a cursor; `None` if the cursor is not one of this list.
+    fn id<Id: FromStr>(&self, cursor: &str) -> Option<Id> {
+        // A path has no space.
+        let text = decode(cursor)?;
+        let id = text.strip_prefix(self.list.as_str())?.strip_prefix(' ')?;
+        if id.is_empty() { None } else { id.parse().ok() }
+    }
+
+    pub fn list<Record, T: From<Record>, Id: Display>(
+        &self,
+        mut records: Vec<Record>,
+        id: impl Fn(&Record) -> Id,
+    ) -> Result<List<T>, Error> {
+        let limit = self.query.limit()? as usize;
+        let has_more = records.len() > limit;
+        records.truncate(limit);
+        let next = records.last().filter(|_| has_more);
+        let next = next.map(|last| encode(&format!("{} {}", self.list, id(last))));
+        Ok(List { items: records.into_iter().map(T::from).collect(), next })
     }
 }
 
@@ -96,16 +128,45 @@ pub(super) fn states<S: Copy>(
     })
 }
 
-pub(super) fn encode(id: &str) -> String {
-    BASE64_URL_SAFE_NO_PAD.encode(id)
+pub(super) fn encode(text: &str) -> String {
+    BASE64_URL_SAFE_NO_PAD.encode(text)
 }
 
-fn decode<Id: FromStr>(cursor: &str) -> Result<Id, Error> {
-    let bytes = BASE64_URL_SAFE_NO_PAD.decode(cursor).ok();
-    // An empty cursor is invalid in every list, even if its ids are any text.
-    let text = bytes.filter(|bytes| !bytes.is_empty()).and_then(|bytes| String::from_utf8(bytes).ok());
-    text.and_then(|text| text.parse().ok()).ok_or_else(|| Error::InvalidQuery {
+fn decode(cursor: &str) -> Option<String> {
+    String::from_utf8(BASE64_URL_SAFE_NO_PAD.decode(cursor).ok()?).ok()
+}
+
+/// Returns the refusal of a cursor.
+pub(super) fn not_a_cursor() -> Error {
+    Error::InvalidQuery {
         field: Some("after"),
-        detail: "after is not a cursor that this list gave as next".to_owned(),
-    })
+        detail: "after is not a cursor that this list gave as next; begin again without after".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(list: &str, after: Option<String>) -> ListPage {
+        ListPage { query: ListQuery { limit: Some("1".to_owned()), after }, list: list.to_owned() }
+    }
+
+    #[test]
+    fn a_cursor_belongs_to_one_list() {
+        let ids = vec![7_i64, 8];
+        let first: List<i64> = page("/v1/a", None).list(ids, |id| *id).unwrap();
+        assert_eq!(first.items, [7]);
+        let next = first.next.unwrap();
+        assert_eq!(page("/v1/a", Some(next.clone())).page::<i64>().unwrap().after, Some(7));
+        for other in ["/v1/b", "/v1", "/v1/a/b", ""] {
+            let refused = page(other, Some(next.clone())).page::<i64>().map(|page| page.after).unwrap_err();
+            assert_eq!(refused.problem().field.as_deref(), Some("after"), "{other}");
+        }
+        // Those of the feed, of earlier versions, and without an id.
+        for text in ["7", "4711.1773500966535", "", "/v1/a", "/v1/a ", "/v1/a7", "/v1/a x"] {
+            assert!(page("/v1/a", Some(encode(text))).page::<i64>().is_err(), "{text}");
+        }
+        assert!(page("/v1/a", Some("*".to_owned())).page::<i64>().is_err());
+    }
 }

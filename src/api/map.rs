@@ -24,7 +24,7 @@ pub use scene::{objects_document, rooms_document};
 use super::App;
 use super::error::Error;
 use super::extract::{HomePath, Query};
-use super::list::{List, ListQuery};
+use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, MapProblems};
 use super::reply::{Document, tag_of};
 use super::types::{self, LeftOut};
@@ -150,7 +150,7 @@ pub(super) async fn get_map(
 pub(super) async fn list_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
 ) -> Result<Document<List<types::HomeMap>>, Error> {
     let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
     Ok(Document(query.list(maps, |map| map.revision)?))

@@ -4,7 +4,7 @@ use super::App;
 use super::access::Caller;
 use super::error::Error;
 use super::extract::Query;
-use super::list::{List, ListQuery};
+use super::list::{List, ListPage, ListQuery, not_a_cursor};
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::{self, ClassName, HomeObject};
@@ -32,7 +32,7 @@ pub(super) async fn list_objects(
     State(app): State<App>,
     caller: Caller,
     Query(query): Query<ObjectsQuery>,
-    Query(page): Query<ListQuery>,
+    page: ListPage,
 ) -> Result<Document<List<HomeObject>>, Error> {
     let invalid = |field: &'static str, detail: String| Error::InvalidQuery { field: Some(field), detail };
     if let Some(name) = &query.class
@@ -51,6 +51,12 @@ pub(super) async fn list_objects(
     }
     let tenant = if home.is_some() { &caller.tenant } else { caller.for_all_homes()? };
     let filter = ObjectFilter { class: query.class.clone(), home };
-    let objects = app.storage.objects(tenant, &filter, &page.page()?).await?;
+    let asked = page.page::<String>()?;
+    if let (Some(home), Some(after)) = (&filter.home, &asked.after)
+        && !after.starts_with(&format!("{home} "))
+    {
+        return Err(not_a_cursor());
+    }
+    let objects = app.storage.objects(tenant, &filter, &asked).await?;
     Ok(Document(page.list(objects, |object| format!("{} {}", object.home, object.object.id))?))
 }

@@ -3,8 +3,8 @@
 use super::App;
 use super::access::Caller;
 use super::error::{Error, Problem};
-use super::extract::{DeliveryPath, Json, Query, WebhookPath};
-use super::list::{List, ListQuery};
+use super::extract::{DeliveryPath, Json, WebhookPath};
+use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::Document;
 use super::types::{self, Delivery, Webhook};
@@ -159,7 +159,7 @@ pub(super) async fn list_deliveries(
     State(app): State<App>,
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
-    Query(query): Query<ListQuery>,
+    query: ListPage,
 ) -> Result<Document<List<Delivery>>, Error> {
     let page = query.page::<Uuid>()?;
     let deliveries = app.storage.deliveries(caller.for_all_homes()?, webhook, &page).await?;

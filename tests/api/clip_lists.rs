@@ -2,6 +2,8 @@
 
 use crate::clips::small_clip;
 use crate::server::Server;
+use base64::Engine;
+use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use reqwest::Method;
 use serde_json::{Value, json};
 use viola_testing::room;
@@ -45,6 +47,54 @@ async fn clips_are_listed_across_homes_by_state_and_reason() {
     for bad in ["", "no_flor", "no_floor,", "no_floor,no_floor,no_floor,no_floor,no_floor"] {
         let refused = server.get(&format!("/v1/clips?code={bad}")).await.problem(400, "invalid-query");
         assert_eq!(refused["field"], "code", "{bad}");
+    }
+}
+
+/// The id of another list's item would be a wrong place, and a reader would miss items without a word.
+#[tokio::test]
+async fn a_cursor_is_taken_by_its_own_list_only() {
+    let server = Server::without_workers().await;
+    for home in ["a", "b", "1.2"] {
+        let home = server.make_home(home).await;
+        server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+        server.put(&format!("{home}/lidar-map"), format!("{}1,1\n", room::lidar_csv())).await.ok(201);
+        for _ in 0..2 {
+            server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+        }
+    }
+    let lists = [
+        "/v1/homes",
+        "/v1/clips",
+        "/v1/jobs",
+        "/v1/changes",
+        "/v1/homes/a/clips",
+        "/v1/homes/b/clips",
+        "/v1/homes/a/lidar-map/revisions",
+        "/v1/homes/b/lidar-map/revisions",
+        "/v1/homes/a/lidar-maps/main/revisions",
+    ];
+    for own in lists {
+        let next = server.get(&format!("{own}?limit=1")).await.ok(200)["next"].clone();
+        let next = next.as_str().unwrap_or_else(|| panic!("{own} has another page"));
+        for list in lists {
+            let answer = server.get(&format!("{list}?limit=1&after={next}")).await;
+            if list == own {
+                assert_eq!(answer.ok(200)["items"].as_array().unwrap().len(), 1, "{list}");
+            } else {
+                let problem = answer.problem(400, "invalid-query");
+                assert_eq!(problem["field"], "after", "{list} with the cursor of {own}");
+            }
+        }
+    }
+    let object = BASE64_URL_SAFE_NO_PAD.encode("/v1/objects a sofa-1");
+    server.get(&format!("/v1/objects?home=a&after={object}")).await.ok(200);
+    server.get(&format!("/v1/objects?home=b&after={object}")).await.problem(400, "invalid-query");
+    // Cursors of earlier versions had an id only.
+    let id = server.get("/v1/clips?limit=1").await.ok(200)["items"][0]["id"].as_str().unwrap().to_owned();
+    for (list, id) in [("/v1/clips", id.as_str()), ("/v1/jobs", id.as_str()), ("/v1/homes", "a")] {
+        let cursor = BASE64_URL_SAFE_NO_PAD.encode(id);
+        let problem = server.get(&format!("{list}?after={cursor}")).await.problem(400, "invalid-query");
+        assert_eq!(problem["field"], "after", "{list}");
     }
 }
 
