@@ -98,9 +98,9 @@ pub(super) enum Error {
     #[error("{0}")]
     Correction(CorrectionError),
     #[error(
-        "revision {revision} of the home's map was removed: the newest five are kept; the oldest is {oldest}"
+        "revision {revision} of the home's map was removed; GET .../map/revisions lists those that are kept"
     )]
-    MapRevisionRemoved { revision: i64, oldest: i64 },
+    MapRevisionRemoved { revision: i64 },
     #[error(
         "this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page"
     )]

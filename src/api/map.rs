@@ -32,7 +32,7 @@ use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use viola_geometry::LevelName;
-use viola_storage::{HomeId, HomeMap, KEPT_REVISIONS, MapFile, MapLevel};
+use viola_storage::{HomeId, HomeMap, MapFile, MapLevel};
 
 /// A revision of a home's map, and the clips that are not in it
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
@@ -98,8 +98,7 @@ async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeM
 
 /// Returns the refusal of a revision that is not there: it was removed, or never made.
 fn no_revision(revision: i64, current: i64) -> Error {
-    let oldest = (current - KEPT_REVISIONS + 1).max(1);
-    if revision < oldest { Error::MapRevisionRemoved { revision, oldest } } else { Error::NoSuchMap }
+    if revision < current { Error::MapRevisionRemoved { revision } } else { Error::NoSuchMap }
 }
 
 /// Returns the error for a file that the store does not have: its revision was removed meanwhile, or the file was lost.

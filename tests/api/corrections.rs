@@ -238,6 +238,27 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
     assert_eq!(rooms["rooms"].as_array().unwrap().iter().filter(named).count(), 1, "{rooms:#}");
 }
 
+#[tokio::test]
+async fn names_displace_no_revision_of_other_clips() {
+    let (server, home, objects) = furnished().await;
+    let first = objects["revision"].clone();
+    add(&server, &home, 25).await;
+    after(&server, &home, "objects", &first).await;
+    for n in 0..6 {
+        let name = format!("Room {n}");
+        patch(&server, &format!("{home}/map/rooms/1"), &json!({"name": name})).await.ok(200);
+        list(&server, &home, "rooms", |list| list["rooms"][0]["name"] == name.as_str()).await;
+    }
+    let kept = server.get(&format!("{home}/map/revisions")).await.ok(200);
+    let kept: Vec<&Value> = kept["items"].as_array().unwrap().iter().map(|map| &map["revision"]).collect();
+    assert_eq!((kept.len(), kept[4]), (5, &first), "{kept:?}");
+    // The revision before this one is removed, so the changes are those since the first.
+    let changes = server.get(&format!("{home}/map/changes?to={}", kept[3])).await.ok(200);
+    assert_eq!((&changes["from"], &changes["to"]), (&first, kept[3]));
+    let removed = kept[3].as_i64().unwrap() - 1;
+    server.get(&format!("{home}/map?revision={removed}")).await.problem(410, "map-revision-removed");
+}
+
 /// Runs the real method; in another map than the first the clip has no pose.
 fn only_in_the_first_map(
     clip: &Path,

@@ -10,6 +10,7 @@ mod fairness;
 mod faults;
 mod full_disk;
 mod home_maps;
+mod kept_revisions;
 mod keys;
 mod last_answers;
 mod leases;

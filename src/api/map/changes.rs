@@ -12,13 +12,13 @@ use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{PlacedClip, RevisionObjects, object_changes};
-use viola_storage::{HomeId, MapLevel, MapScene};
+use viola_storage::{HomeId, KEPT_REVISIONS, MapLevel, MapScene, Page};
 
 /// The two revisions.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct ChangesQuery {
-    /// The earlier revision, 0 for the home before the first; default: the one before `to`.
+    /// The earlier revision, 0 for the home before the first; default: the kept one before `to`.
     #[param(value_type = Option<i64>, minimum = 0)]
     from: Option<String>,
     /// The later revision; default: the current one.
@@ -31,7 +31,7 @@ pub(in crate::api) struct ChangesQuery {
 /// An object is added, or gone, if a clip of another time looked through its place. Objects that are in one of the
 /// revisions for another reason are `discovered` or `lost`.
 ///
-/// The newest five revisions are kept and can be compared. The feed has a change of the kind `objects` for each
+/// Five revisions are kept and can be compared. The feed has a change of the kind `objects` for each
 /// revision with such changes.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/changes", tag = "map", params(HomePath, ChangesQuery),
     responses((status = 200, description = "The changes", body = MapChanges),
@@ -43,9 +43,12 @@ pub(in crate::api) async fn get_map_changes(
     HomePath { home }: HomePath,
     Query(query): Query<ChangesQuery>,
 ) -> Result<Document<MapChanges>, Error> {
-    let current = app.storage.home_map(&home, None).await?.ok_or(Error::NoSuchMap)?.revision;
+    let page = Page { limit: KEPT_REVISIONS as u32, after: None };
+    let kept = app.storage.home_map_revisions(&home, &page).await?;
+    let current = kept.first().ok_or(Error::NoSuchMap)?.revision;
     let to = number("to", query.to.as_deref(), 1)?.unwrap_or(current);
-    let from = number("from", query.from.as_deref(), 0)?.unwrap_or(to - 1);
+    let before = kept.iter().map(|map| map.revision).find(|revision| *revision < to);
+    let from = number("from", query.from.as_deref(), 0)?.or(before).unwrap_or(to - 1);
     if from >= to {
         let detail = format!("from is an earlier revision than to; they are {from} and {to}");
         return Err(Error::InvalidQuery { field: Some("from"), detail });

@@ -105,7 +105,7 @@ fn clips_of(map: &HomeMap) -> Vec<Uuid> {
 }
 
 /// Returns the bytes of a revision's tiles; `None` if it is not kept.
-async fn tiles(storage: &Storage, home: &HomeId, revision: i64) -> Option<Vec<Vec<u8>>> {
+pub(super) async fn tiles(storage: &Storage, home: &HomeId, revision: i64) -> Option<Vec<Vec<u8>>> {
     storage.home_map(home, Some(revision)).await.unwrap()?;
     let mut all = Vec::new();
     for file in storage.home_map_files(home, revision, LevelName::MAIN, map_file::TILE).await.unwrap() {
@@ -245,7 +245,11 @@ async fn old_revisions_go(storage: Storage) {
     assert_eq!(current(&storage, &home).await.revision, 7);
     for revision in 1..=7i64 {
         let kept = (revision > 2).then(|| vec![vec![revision as u8 - 1]]);
-        assert_eq!(tiles(&storage, &home, revision).await, kept, "the newest five are kept: {revision}");
+        assert_eq!(
+            tiles(&storage, &home, revision).await,
+            kept,
+            "of equal ones the newest are kept: {revision}"
+        );
     }
     let page = Page { limit: 3, after: Some(6) };
     let listed = storage.home_map_revisions(&home, &page).await.unwrap();

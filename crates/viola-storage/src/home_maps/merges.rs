@@ -20,8 +20,7 @@ use std::time::Duration;
 use viola_geometry::LevelName;
 use viola_home::{Manifest, Member, PlacedClip, TileKey};
 
-/// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
-/// ended when it is this old.
+/// Number of revisions of a home's map that are kept.
 pub const KEPT_REVISIONS: i64 = 5;
 
 /// A merge does not wait for a job whose next attempt is later than this.

@@ -49,18 +49,42 @@ async fn close_removed_levels(transaction: &mut Transaction, claim: &MergeClaim)
     Ok(())
 }
 
-/// Removes the files of revisions that are too old, and the sums and meshes of earlier revisions; returns their rows.
+/// Removes a revision if there are more than are kept: the oldest one whose clips, poses and points are those of a later one, as
+/// before a correction, else the oldest. The last two stay, since clients read them.
+async fn remove_revision(transaction: &mut Transaction, claim: &MergeClaim) -> Result<(), StorageError> {
+    query(
+        "DELETE FROM home_maps WHERE home_id = $1 AND revision = (
+            SELECT revision FROM home_maps earlier
+            WHERE home_id = $1 AND revision < $2 AND (SELECT COUNT(*) FROM home_maps WHERE home_id = $1) > $3
+            ORDER BY CASE WHEN EXISTS (
+                SELECT 1 FROM home_maps later
+                WHERE later.home_id = $1 AND later.revision > earlier.revision
+                    AND later.clips = earlier.clips AND later.levels = earlier.levels
+            ) THEN 0 ELSE 1 END, revision
+            LIMIT 1
+        )",
+    )
+    .bind(claim.home.key())
+    .bind(claim.last_revision)
+    .bind(KEPT_REVISIONS)
+    .execute(transaction)
+    .await?;
+    Ok(())
+}
+
+/// Removes the files of removed revisions, and the sums and meshes of earlier revisions; returns their rows.
 async fn remove_old_files(
     transaction: &mut Transaction,
     claim: &MergeClaim,
 ) -> Result<Vec<Row>, StorageError> {
     let rows = query(
         "DELETE FROM home_map_files
-        WHERE home_id = $1 AND (last_revision <= $2 OR (name IN ($3, $4) AND last_revision IS NOT NULL))
+        WHERE home_id = $1 AND last_revision IS NOT NULL AND (name IN ($2, $3) OR NOT EXISTS (
+            SELECT 1 FROM home_maps
+            WHERE home_maps.home_id = $1 AND revision BETWEEN first_revision AND last_revision))
         RETURNING blob_key, size_bytes",
     )
     .bind(claim.home.key())
-    .bind(claim.last_revision + 1 - KEPT_REVISIONS)
     .bind(map_file::SUMS)
     .bind(map_file::MESH)
     .fetch_all(transaction)
@@ -68,7 +92,7 @@ async fn remove_old_files(
     Ok(rows)
 }
 
-/// Adds a revision and removes the oldest; returns the blobs of those.
+/// Adds a revision and removes an earlier one; returns the blobs of that one.
 pub(super) async fn insert(
     transaction: &mut Transaction,
     claim: &MergeClaim,
@@ -125,11 +149,7 @@ pub(super) async fn insert(
         .execute(transaction)
         .await?;
     }
-    query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
-        .bind(home)
-        .bind(revision - KEPT_REVISIONS)
-        .execute(transaction)
-        .await?;
+    remove_revision(transaction, claim).await?;
     changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
     if new.has_object_changes {
         changes::record(transaction, &claim.home, Changed::Objects { revision }, now).await?;

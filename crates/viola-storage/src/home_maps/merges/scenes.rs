@@ -1,7 +1,7 @@
 //! The descriptions that a merge starts from.
 
 use super::{KEPT_REVISIONS, MapFile, MapLevel, MergeClaim, map_file};
-use crate::{MapHistory, MapScene, Storage, StorageError};
+use crate::{MapHistory, MapScene, Page, Storage, StorageError};
 use std::collections::BTreeMap;
 use tracing::warn;
 use viola_geometry::LevelName;
@@ -36,14 +36,12 @@ impl Storage {
         let frame = |levels: &[MapLevel]| {
             levels.iter().find(|known| known.level == level).map(|known| known.lidar_map_revision)
         };
-        // Older revisions have no files.
-        let first = (claim.last_revision + 1 - KEPT_REVISIONS).max(1);
-        for revision in (first..claim.last_revision).rev() {
-            let map = self.home_map(&claim.home, Some(revision)).await?;
-            if map.is_none_or(|map| frame(&map.levels) != frame(&claim.last_levels)) {
+        let earlier = Page { limit: KEPT_REVISIONS as u32, after: Some(claim.last_revision) };
+        for map in self.home_map_revisions(&claim.home, &earlier).await? {
+            if frame(&map.levels) != frame(&claim.last_levels) {
                 break;
             }
-            for file in self.home_map_files(&claim.home, revision, level, map_file::SCENE).await? {
+            for file in self.home_map_files(&claim.home, map.revision, level, map_file::SCENE).await? {
                 if let Some(mut scene) = self.whole_scene(claim, &file).await? {
                     scene.history = Some(MapHistory { corrections: OUTDATED, ..scene.history() });
                     return Ok(Some(scene));
