@@ -1,4 +1,6 @@
 import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
 import { test } from "node:test";
 import { explanation, refusalOf } from "../src/api.ts";
 import { clipColour, RAMP, rgb } from "../src/cloud/colours.ts";
@@ -10,6 +12,7 @@ import { parse, toClip, toHome, toHomes } from "../src/route.ts";
 import { kindOfName, kindOfZip } from "../src/upload/kind.ts";
 import { area, bytes, count, decimal, degrees, idOf, metres, named, percent, plain, seconds } from "../src/words.ts";
 import { adviceOf } from "../src/clip/advice.ts";
+import { LAYOUT_WORDS, layoutWord } from "../src/clip/layouts.ts";
 import { wantedRooms } from "../src/home/coverage.ts";
 import { FILES, FOR } from "../src/home/files.ts";
 import type { Clip, Coverage, Room } from "../src/types.ts";
@@ -125,14 +128,29 @@ test("figures are short and never say more than is known", () => {
   assert.equal(plain("washing_machine"), "Washing machine");
 });
 
+test("every layout that the service reads is spelled as its maker spells it", () => {
+  // `npm test` runs in `web/`.
+  const folder = join(process.cwd(), "../crates/viola-formats/src/clip/layout");
+  const sources = readdirSync(folder).filter((name) => name.endsWith(".rs")).map((name) => readFileSync(join(folder, name), "utf8"));
+  // The names stand in calls; those of Nerfstudio stand in tuples with the source of the upward axis.
+  const read = sources.flatMap((text) => [...text.matchAll(/Layout::new\(\s*"(\w+)"|\("(\w+)", (?:ARKIT_UP|"(?:unknown|world))/g)]);
+  const names = new Set(read.map(([, called, listed]) => called ?? listed ?? ""));
+  assert.ok(names.size > 10, `only ${[...names]}`);
+  assert.deepEqual(Object.keys(LAYOUT_WORDS).sort(), [...names].sort());
+  assert.deepEqual(["scannet", "tum_rgbd", "stray_scanner", "new_app"].map(layoutWord), ["ScanNet", "TUM RGB-D", "Stray Scanner", "New app"]);
+});
+
 test("numbers are written as the language of the browser writes them", () => {
   const comma = new Intl.NumberFormat(undefined, { minimumFractionDigits: 1 }).format(0.5).slice(1, 2);
   for (const [text, expected] of [
     [decimal(1234.5, 2), "1234.50"], [bytes(4_200_000), "4.2 MB"], [count(12_345_678), "12.35 M"], [seconds(0.34), "0.34 s"],
+    [bytes(999_499), "999 kB"], [bytes(999_500), "1.0 MB"], [bytes(999_950_000), "1.00 GB"], [count(999_499), "999 k"], [count(999_500), "1.00 M"],
+    [decimal(-0.001, 2), "0.00"], [degrees(-0.0001), "0.0°"],
     [metres(2.5), "2.50 m"], [metres(0.025), "2.5 cm"], [area(12.34), "12.3 m²"], [degrees(Math.PI / 8), "22.5°"],
   ] as const) {
     assert.equal(text, expected.replace(".", comma));
   }
+  assert.notEqual(decimal(-0.006, 2), decimal(0.006, 2), "a number lost its sign");
 });
 
 test("a name from right to left does not turn the sentence around it", () => {

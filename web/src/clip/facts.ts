@@ -3,7 +3,8 @@
 import { clipPath } from "../api.ts";
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";
-import { bytes, count, levelWord, metres, percent, plain, pose, seconds, STAGES, stageWord, time } from "../words.ts";
+import { bytes, count, levelWord, metres, percent, pose, seconds, STAGES, stageWord, time } from "../words.ts";
+import { layoutWord } from "./layouts.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
 type Fact = [string, string | null | undefined];
@@ -28,7 +29,7 @@ export function recording(clip: Clip): HTMLElement {
   return facts([
     ["Recorded", clip.recorded_at && time(clip.recorded_at)],
     ["Uploaded", time(clip.created_at)],
-    ["App or format", plain(info.layout)],
+    ["App or format", layoutWord(info.layout)],
     ["Frames", allPosed ? count(info.frames) : `${count(info.frames)}, ${count(info.frames_with_pose)} with a known camera`],
     ["Length", info.duration_s ? seconds(info.duration_s) : null],
     ["Pictures", [colour, `depth ${info.depth_width} × ${info.depth_height}`].filter(Boolean).join(", ")],
