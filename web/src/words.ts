@@ -122,18 +122,20 @@ export function decimal(value: number, digits: number): string {
   const format = decimals.get(digits) ??
     new Intl.NumberFormat(undefined, { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false });
   decimals.set(digits, format);
-  return format.format(value);
+  // -0.001 would be written as -0.00.
+  return format.format(Number(value.toFixed(digits)) === 0 ? 0 : value);
 }
 
 export function bytes(size: number): string {
   if (size < 1e3) return `${size} B`;
-  if (size < 1e6) return `${decimal(size / 1e3, 0)} kB`;
-  return size < 1e9 ? `${decimal(size / 1e6, 1)} MB` : `${decimal(size / 1e9, 2)} GB`;
+  // The bounds are those of the rounded numbers: no size is written as 1000 kB.
+  if (size < 999_500) return `${decimal(size / 1e3, 0)} kB`;
+  return size < 999_950_000 ? `${decimal(size / 1e6, 1)} MB` : `${decimal(size / 1e9, 2)} GB`;
 }
 
 export function count(value: number): string {
   if (value < 1e4) return decimal(value, 0);
-  return value < 1e6 ? `${decimal(value / 1e3, 0)} k` : `${decimal(value / 1e6, 2)} M`;
+  return value < 999_500 ? `${decimal(value / 1e3, 0)} k` : `${decimal(value / 1e6, 2)} M`;
 }
 
 /** `3 clips`, `1 clip`. */
