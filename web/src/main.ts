@@ -1,16 +1,16 @@
 // The page: a bar that stays, and below it what the address names.
 
-import { Refusal, signOut } from "./api.ts";
+import { signOut } from "./api.ts";
 import { h, put } from "./dom.ts";
 import { showClip } from "./pages/clip.ts";
+import { FailurePage } from "./pages/failure.ts";
 import { SessionFollower } from "./pages/follow.ts";
 import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
 import { showUploader } from "./pages/uploader.ts";
 import { confirm } from "./parts/dialog.ts";
-import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
-import { type Place, setCrumbs } from "./pages/page.ts";
+import { attempt, clearNotices, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { isSessionEnd, readSession } from "./session.ts";
 import { themeButton } from "./theme.ts";
@@ -41,24 +41,22 @@ document.body.append(
   main, noticeBoard(),
 );
 
-/** Titles and advice for pages that cannot be shown, by the status of the answer. */
-const FAILURES: Record<string, [title: string, advice: string]> = {
-  0: ["This cannot be shown", "Check the network of this device. If other pages open, tell the person who runs the service."],
-  403: ["This key may not see this", "Sign out to enter another key, or ask the operator of the service for one."],
-  404: ["This is not here", "Check the address, or look for the home in the list."],
-  };
-
 let page = new AbortController();
 let lastTenant: string | null = null;
 const session = new SessionFollower(() => void show());
+const failure = new FailurePage((isQuiet) => void showAgain(isQuiet));
 
-async function show(): Promise<void> {
+/** Shows the page of the address; `isQuiet` leaves the page of a failure until another one is there. */
+async function show(isQuiet = false): Promise<void> {
   page.abort();
   page = new AbortController();
   const { signal } = page;
-  clearNotices();
   main.className = "";
-  put(main, h("p", { class: "loading", role: "status" }, "Loading …"));
+  if (!isQuiet) {
+    clearNotices();
+    failure.reset();
+    put(main, h("p", { class: "loading", role: "status" }, "Loading …"));
+  }
   const route = parse(location.hash);
   const place = { main, crumbs, signal, again: () => void show() };
   try {
@@ -81,22 +79,15 @@ async function show(): Promise<void> {
       showSignIn(place, place.again, session.ended());
       return;
     }
-    showFailure(place, error);
+    failure.show(place, error);
   }
 }
 
-/** Tells why a page cannot be shown, and the next step. */
-function showFailure(place: Place, error: unknown): void {
-  const status = error instanceof Refusal ? error.status : null;
-  const [title, advice] = FAILURES[String(status)] ?? ["This cannot be shown", ""];
-  if (status === 404) setCrumbs(place, [{ word: "Homes", href: toHomes() }], "Not here");
-  put(main, h("section", { class: "empty" },
-    h("h1", {}, title), h("p", {}, messageOf(error)), advice && h("p", {}, advice),
-    h("p", { class: "row" },
-      h("button", { type: "button", class: "primary", onclick: () => void show() }, "Try again"),
-      h("a", { class: "button", href: toHomes() }, "All homes"))));
-  // A person who has no network needs no button when it is back.
-  if (status === 0) addEventListener("online", () => void show(), { once: true, signal: place.signal });
+/** Shows the page after a failure. The focus stays in the page, whose button may be gone. */
+async function showAgain(isQuiet: boolean): Promise<void> {
+  const hadFocus = main.contains(document.activeElement);
+  await show(isQuiet);
+  if (hadFocus && !main.contains(document.activeElement)) main.focus({ preventScroll: true });
 }
 
 /** The address belongs to the router, so the link moves the focus itself. */

@@ -21,6 +21,7 @@ class FakeElement extends EventTarget {
     if (name === "value") this.value = value;
     if (name === "class") this.className = value;
     if (name === "hidden") this.hidden = true;
+    if (name.startsWith("data-")) this.dataset[name.slice("data-".length)] = value;
   }
 
   getAttribute(name: string): string | null {
@@ -56,9 +57,22 @@ class FakeElement extends EventTarget {
     return null;
   }
 
-  /** The tests look at elements by their tags. */
-  querySelector(): null {
-    return null;
+  /** Knows the keys of elements only; the tests look at elements by their tags. */
+  querySelector(selector: string): FakeElement | null {
+    const [, key] = /\[data-key="(.+)"\]$/.exec(selector) ?? [];
+    return key === undefined ? null : (this.below().find(({ dataset }) => dataset.key === key) ?? null);
+  }
+
+  querySelectorAll(): FakeElement[] {
+    return [];
+  }
+
+  checkVisibility(): boolean {
+    return this.isConnected && !this.hidden;
+  }
+
+  focus(): void {
+    if (this.checkVisibility()) focused = this;
   }
 
   getBoundingClientRect(): Record<string, number> {
@@ -70,8 +84,8 @@ class FakeElement extends EventTarget {
     return null;
   }
 
-  contains(): boolean {
-    return false;
+  contains(other: unknown): boolean {
+    return other === this || this.below().some((child) => child === other);
   }
 
   get isConnected(): boolean {
@@ -86,27 +100,34 @@ class FakeElement extends EventTarget {
     this.children = text ? [text] : [];
   }
 
+  private below(): FakeElement[] {
+    return this.children.filter((child) => child instanceof FakeElement).flatMap((child) => [child, ...child.below()]);
+  }
+
   /** All elements of a tag below this one. */
   all(tag: string): FakeElement[] {
-    const below = this.children.filter((child) => child instanceof FakeElement);
-    return below.flatMap((child) => [...(child.tag === tag ? [child] : []), ...child.all(tag)]);
+    return this.below().filter((child) => child.tag === tag);
   }
 }
 
 export type { FakeElement };
 
 export const body = new FakeElement("body");
+let focused = body;
 const events = new EventTarget();
 
 /** What the browser keeps. */
 export const kept = new Map<string, string>();
 
 Object.assign(globalThis, {
-  document: {
-    body, activeElement: null,
+  document: Object.defineProperty(Object.assign(new EventTarget(), {
+    body, hidden: false, title: "",
     createElement: (tag: string) => new FakeElement(tag),
     createElementNS: (_: string, tag: string) => new FakeElement(tag),
-  },
+    querySelector: (selector: string) => body.querySelector(selector),
+  }), "activeElement", { get: () => (focused.isConnected ? focused : body) }),
+  window: globalThis,
+  CSS: { escape: (text: string) => text },
   HTMLElement: FakeElement,
   addEventListener: events.addEventListener.bind(events),
   removeEventListener: events.removeEventListener.bind(events),

@@ -73,6 +73,30 @@ test("a stream that is lost and does not come back counts as a change", async ()
   assert.equal(changes, 4);
 });
 
+test("a stream that is refused again and again is opened ever later", async () => {
+  const page = new AbortController();
+  let changes = 0;
+  onHomeChange("h", () => changes++, page.signal);
+  await settled();
+  const refuse = () => {
+    streams.at(-1)?.close();
+    streams.at(-1)?.dispatchEvent(new Event("error"));
+  };
+  const waits_s = [3, 6, 12, 24, 48, 48];
+  for (const [i, wait_s] of waits_s.entries()) {
+    refuse();
+    await after(1000 * wait_s - 1);
+    assert.equal(streams.length, i + 1, `it is opened after less than ${wait_s} s`);
+    await after(1);
+    assert.deepEqual([streams.length, changes], [i + 2, i + 1], `it is not opened after ${wait_s} s`);
+  }
+  streams.at(-1)?.dispatchEvent(new Event("open"));
+  refuse();
+  await after(3000);
+  assert.equal(streams.length, waits_s.length + 2);
+  page.abort();
+});
+
 test("the windows of a browser leave connections for requests", async () => {
   const windows = ["a", "b", "c", "d"].map((home) => ({ home, page: new AbortController(), changes: 0 }));
   for (const one of windows) {

@@ -11,6 +11,7 @@ import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { askText, confirm } from "../parts/dialog.ts";
+import { Backoff } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
@@ -22,7 +23,6 @@ import type { Clip, ClipState, Home } from "../types.ts";
 import { clipName, isUnderWay, jobWord, named, percent, stateMeaning, stateWord } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-const RETRY_MS = 1500;
 const FOREIGN = "No place in this home explains it.";
 /** Of the name of a clip. */
 const MOST_LETTERS = 200;
@@ -76,17 +76,19 @@ class ClipPage {
       () => this.repeated.again(),
       signal,
     );
+    const backoff = new Backoff();
     this.repeated = new Repeated(async () => {
       try {
         this.clip = await api.clip(clip.home, clip.id, signal);
         await this.draw();
         this.lost.textContent = "";
+        backoff.reset();
       } catch (error) {
         if (signal.aborted) return null;
         if (error instanceof api.Refusal && error.status === 404) return (location.hash = toHome(clip.home)), null;
         if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
         this.lost.textContent = messageOf(error);
-        return RETRY_MS;
+        return backoff.nextReading_ms(error);
       }
       followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
       return null;

@@ -21,6 +21,7 @@ import { read, written } from "../home/share.ts";
 import { Summary } from "../home/summary.ts";
 import { ThingsPanel } from "../home/things.ts";
 import { Toolbar } from "../home/toolbar.ts";
+import { Backoff } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
@@ -30,7 +31,6 @@ import { UploadPanel } from "../upload/panel.ts";
 import { isUnderWay } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-const RETRY_MS = 1500;
 /** Time between two readings of a home whose map is out of date. */
 const MERGE_MS = 10_000;
 /** Time between two readings of the progress of several jobs. */
@@ -148,6 +148,7 @@ function keepUpToDate(
     return atWork.length > 1 ? PROGRESS_MS : null;
   }, signal);
   // Events tell when to ask; only a lost server is asked again and again.
+  const backoff = new Backoff();
   let isLost = false;
   const repeated = new Repeated(async () => {
     try {
@@ -155,13 +156,14 @@ function keepUpToDate(
       if (signal.aborted) return null;
       if (isLost) status.show("");
       isLost = false;
+      backoff.reset();
       draw();
     } catch (error) {
       if (signal.aborted) return null;
       if (error instanceof Refusal && error.isFinal) return again(), null;
       isLost = true;
       status.fail(messageOf(error));
-      return RETRY_MS;
+      return backoff.nextReading_ms(error);
     }
     const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
     followed.follow(jobs);

@@ -3,6 +3,7 @@
 import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
 import { attentionFirst, attentionOf, nextStepOf, withAttention } from "../home/attention.ts";
+import { Backoff } from "../parts/backoff.ts";
 import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
 import { attempt, messageOf } from "../parts/notices.ts";
@@ -28,10 +29,12 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
 
 /** Reads the list again when a person looks at it again, and regularly while clips or maps are being worked on. */
 function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
+  const backoff = new Backoff();
   const repeated = new Repeated(async () => {
     try {
       const page = await readHomes(asked, signal);
       if (signal.aborted) return null;
+      backoff.reset();
       list.draw(page);
       list.lost.textContent = "";
       return page.items.some(isUnderWay) ? REST_MS : null;
@@ -39,7 +42,7 @@ function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, fi
       if (signal.aborted) return null;
       if (error instanceof Refusal && error.isFinal) return again(), null;
       list.lost.textContent = messageOf(error);
-      return REST_MS;
+      return backoff.nextReading_ms(error);
     }
   }, signal);
   if (first.items.some(isUnderWay)) repeated.again();

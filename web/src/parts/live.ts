@@ -58,8 +58,9 @@ export class Followed {
   }
 }
 
-/** Time until a refused stream is opened again. */
+/** Time until a refused stream is opened again; each refusal in a row doubles it. */
 const REOPEN_MS = 3000;
+const LONGEST_REOPEN_MS = 48_000;
 /** Time until a lost stream counts as a change; the browser itself needs about 3 s to open it again. */
 const LOST_MS = 5000;
 
@@ -70,6 +71,7 @@ const LOST_MS = 5000;
 export function onHomeChange(home: string, changed: () => void, signal: AbortSignal): void {
   let closeStream = () => {};
   let timer = 0;
+  let refusals = 0;
   const close = () => {
     clearTimeout(timer);
     timer = 0;
@@ -89,12 +91,13 @@ export function onHomeChange(home: string, changed: () => void, signal: AbortSig
       stream.addEventListener("open", () => {
         clearTimeout(timer);
         timer = 0;
+        refusals = 0;
         changed();
       });
       stream.addEventListener("change", changed);
       // The browser opens a lost stream again, but not a refused one. Asking for the home tells the page why there is none.
       stream.addEventListener("error", () => {
-        if (stream.readyState === EventSource.CLOSED) reopenAfter(REOPEN_MS);
+        if (stream.readyState === EventSource.CLOSED) reopenAfter(Math.min(REOPEN_MS * 2 ** refusals++, LONGEST_REOPEN_MS));
         else timer ||= window.setTimeout(changed, LOST_MS);
       });
     }, () => reopenAfter(CROWDED_MS));
