@@ -46,6 +46,11 @@ export function s<K extends keyof SVGElementTagNameMap>(
   return element;
 }
 
+/** True if a click on a button came from a key: it has no number of clicks. */
+export function isByKey(click: MouseEvent): boolean {
+  return click.detail === 0;
+}
+
 /** Replaces the content of an element. The focus stays with the element of the same `data-key`. */
 export function putAgain(element: Element, ...children: Child[]): void {
   keepFocus(element, () => put(element, ...children));

@@ -50,7 +50,9 @@ export type MapChanges = Omit<Sent<Schemas["MapChanges"]>, "added" | "discovered
 };
 export type Corrections = Sent<Schemas["Corrections"]>;
 
-type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: With<"RoomInfo", { centre_m: Point2 }>[] }>;
+/** A room of the robot's own map: it has a middle and no outline. */
+export type RobotRoom = With<"RoomInfo", { centre_m: Point2 }>;
+type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: RobotRoom[] }>;
 export type LidarRevision = With<"LidarMapRevision", { info: LidarInfo }>;
 export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;
 

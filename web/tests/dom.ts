@@ -43,6 +43,7 @@ class FakeElement extends EventTarget {
   }
 
   replaceChildren(...children: (FakeElement | string)[]): void {
+    for (const child of this.children) if (child instanceof FakeElement) child.parent = null;
     this.children = [];
     this.append(...children);
   }

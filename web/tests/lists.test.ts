@@ -4,8 +4,11 @@ import { test } from "node:test";
 import * as THREE from "three";
 import { Names } from "../src/cloud/names.ts";
 import { attentionOf, nextStepOf, withAttention } from "../src/home/attention.ts";
-import type { HomeData } from "../src/home/data.ts";
+import { HomeData } from "../src/home/data.ts";
+import { Details } from "../src/home/details.ts";
 import { Looks } from "../src/home/looks.ts";
+import { Measure } from "../src/home/measure.ts";
+import { hullOfSelected } from "../src/home/selection.ts";
 import { Summary } from "../src/home/summary.ts";
 import { synonymsOf } from "../src/home/synonyms.ts";
 import { ThingsPanel } from "../src/home/things.ts";
@@ -45,7 +48,7 @@ test("homes that need attention come first, also those of later pages", () => {
 test("an object is found by the words that people use for it", () => {
   const things = ["sofa", "refrigerator", "television", "lamp", "box", "desk"].map((name) =>
     ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9 })) as unknown as Thing[];
-  const data = { rooms: [], things, classNamed: () => undefined } as unknown as HomeData;
+  const data = { rooms: [], robotRooms: [], things, classNamed: () => undefined } as unknown as HomeData;
   const panel = new ThingsPanel(data, new Looks(), () => {});
   body.replaceChildren(fake(panel.element));
   const found = (text: string) => {
@@ -68,6 +71,35 @@ test("rooms are listed by their names and numbers", () => {
   const panel = new ThingsPanel({ rooms, things: [], classNamed: () => undefined } as unknown as HomeData, new Looks(), () => {});
   const rows = fake(panel.element).all("button").map((row) => row.all("span").find(({ className }) => className === "word")?.textContent);
   assert.deepEqual(rows, ["Bathroom", "Bedroom 9", "Bedroom 10", "Living room"]);
+});
+
+test("the rooms of the robot's map are listed and shown until a clip has its place", async () => {
+  const [kitchen, other] = [{ id: "17", name: "Kitchen", area_m2: 16 }, { id: "18", name: null, area_m2: 4 }].map((one) => ({ ...one, centre_m: [3, 5] }));
+  const lidar = { level: "upper", info: { rooms: [kitchen, other] } };
+  const answers: Record<string, unknown> = {
+    "": { id: "h", name: null }, "/lidar-maps": { items: [lidar] }, "/clips?limit=200": { items: [], next: null }, "/map": null,
+  };
+  const fetch = globalThis.fetch;
+  globalThis.fetch = async (path) => {
+    const answer = String(path) === "/v1/classes" ? { classes: [] } : answers[String(path).replace("/v1/homes/h", "")];
+    return new Response(JSON.stringify(answer), { status: answer === null ? 404 : 200 });
+  };
+  const data = await HomeData.load("h", null, new AbortController().signal).finally(() => (globalThis.fetch = fetch));
+  const looks = new Looks();
+  const panel = new ThingsPanel(data, looks, (selection) => looks.select(selection));
+  const card = new Details(data, looks, new Measure(new AbortController().signal), () => {}, new AbortController().signal);
+  const text = () => fake(panel.element).all("li").map((row) => row.textContent);
+  assert.deepEqual(text(), ["Rooms · 20.0 m²", "Kitchen16.0 m²", "Room 184.0 m²", "Objects appear when a clip has its place."]);
+  fake(panel.element).all("button")[0]?.dispatchEvent(new Event("click"));
+  // The map of the clips gives rooms of other levels than "main" such ids.
+  assert.deepEqual(looks.selected, { kind: "room", id: "upper~17" });
+  assert.match(fake(card.element).textContent, /^Kitchen✕Area16\.0 m²Fromthe robot's map/);
+  assert.deepEqual(fake(card.element).all("button").map(({ textContent }) => textContent), ["✕"], "a room is corrected in the map of the clips only");
+  const [xs, ys] = [0, 1].map((axis) => hullOfSelected(data, { kind: "room", id: "upper~17" }).map((point) => point[axis] ?? NaN));
+  assert.deepEqual([Math.min(...(xs ?? [])), Math.max(...(xs ?? [])), Math.min(...(ys ?? [])), Math.max(...(ys ?? []))], [1, 5, 3, 7]);
+  // The map of the clips has outlines; until they are read, no list of other rooms flashes up.
+  data.map = { levels: [{ level: "upper" }] } as unknown as HomeData["map"];
+  assert.deepEqual(data.robotRooms, []);
 });
 
 test("a name is hidden until a picture has placed it, and keeps its place after that", () => {

@@ -1,7 +1,7 @@
 // Shows the changes of objects between two revisions of the map.
 
 import * as api from "../api.ts";
-import { h, put } from "../dom.ts";
+import { h, isByKey, put } from "../dom.ts";
 import { messageOf } from "../parts/notices.ts";
 import type { MapChanges, Thing } from "../types.ts";
 import { levelWord, many, metres, plain, time } from "../words.ts";
@@ -26,7 +26,7 @@ export class Compare {
 
   constructor(
     private readonly data: HomeData,
-    private readonly onChosen: (selection: Selection) => void,
+    private readonly onChosen: (selection: Selection, isByKey: boolean) => void,
     private readonly signal: AbortSignal,
   ) {
     this.from.addEventListener("change", () => void this.compare());
@@ -115,7 +115,7 @@ export class Compare {
     const button = h("button", { type: "button", class: "thing-row", disabled: !isHere },
       h("span", { class: "word", dir: "auto" }, thingName(thing)),
       h("span", { class: "hint" }, isHere ? note : [levelWord(thing.level), note].filter((word) => word).join(", ")));
-    button.addEventListener("click", () => this.onChosen({ kind: "object", id: thing.id }));
+    button.addEventListener("click", (event) => this.onChosen({ kind: "object", id: thing.id }, isByKey(event)));
     return h("li", {}, button);
   }
 }

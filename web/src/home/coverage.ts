@@ -1,7 +1,7 @@
 // Tells how much of each room the clips show, and which room is worth filming next.
 
 import { css, type Rgb } from "../cloud/colours.ts";
-import { h, put } from "../dom.ts";
+import { h, isByKey, put, putAgain } from "../dom.ts";
 import { ramped } from "../plan/raster.ts";
 import type { Room } from "../types.ts";
 import { named, percent } from "../words.ts";
@@ -47,7 +47,7 @@ export class CoveragePanel {
 
   constructor(
     private readonly data: HomeData,
-    private readonly onChosen: (selection: Selection) => void,
+    private readonly onChosen: (selection: Selection, isByKey: boolean) => void,
   ) {
     this.draw();
   }
@@ -60,7 +60,7 @@ export class CoveragePanel {
     this.drawn = drawn;
     if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, this.data.map
       ? "This level has no rooms whose coverage is known." : "Coverage appears with the first map."));
-    put(this.element,
+    putAgain(this.element,
       h("p", { class: "hint" }, next
         ? `Film ${named(roomName(next))} next: the clips show ${percent(rooms.find(({ room }) => room === next)?.walls)} of its walls.`
         : "The clips show at least half of the walls of every room."),
@@ -71,10 +71,10 @@ export class CoveragePanel {
     const bar = h("span", { class: "coverage-bar" });
     bar.style.setProperty("--share", percentOf(walls));
     bar.style.setProperty("--paint", css(ramped(walls)));
-    const button = h("button", { type: "button", class: "coverage-row", title: `${percent(floor)} of its floor` },
+    const button = h("button", { type: "button", class: "coverage-row", "data-key": `coverage ${room.id}`, title: `${percent(floor)} of its floor` },
       h("span", { class: "word" }, h("bdi", {}, roomName(room)), isNext ? h("strong", { class: "next" }, " · film here next") : null),
       bar, h("span", { class: "hint figure" }, percent(walls)), h("span", { class: "hidden-text" }, `of its walls, ${percent(floor)} of its floor`));
-    button.addEventListener("click", () => this.onChosen({ kind: "room", id: room.id }));
+    button.addEventListener("click", (event) => this.onChosen({ kind: "room", id: room.id }, isByKey(event)));
     return h("li", {}, button);
   }
 }

@@ -3,7 +3,7 @@
 import * as api from "../api.ts";
 import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { place } from "../frames.ts";
-import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
+import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, RobotRoom, Room, Scan, Thing } from "../types.ts";
 import { clipName } from "../words.ts";
 
 /** The level that is shown first, as in the service. */
@@ -59,6 +59,15 @@ export class HomeData {
 
   get hasLevels(): boolean {
     return this.lidars.length > 1;
+  }
+
+  /** The rooms of the robot's map while the map of the clips does not have the shown level. */
+  get robotRooms(): RobotRoom[] {
+    const { map, lidar, level } = this;
+    if (!lidar || map?.levels.some((one) => one.level === level)) return [];
+    // A room has the same id in the map of the clips, so it stays selected.
+    const prefix = level === MAIN ? "" : `${level}~`;
+    return lidar.info.rooms.map((room) => ({ ...room, id: prefix + room.id }));
   }
 
   /** Asks for everything that changes. */

@@ -2,16 +2,16 @@
 
 import * as api from "../api.ts";
 import { h, put, putAgain } from "../dom.ts";
-import { ask, askText } from "../parts/dialog.ts";
+import { ask, askText, isAsking } from "../parts/dialog.ts";
 import { attempt, offer, say } from "../parts/notices.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
-import type { Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
+import type { RobotRoom, Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
 import { area, decimal, named, percent, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import type { Measure } from "./measure.ts";
-import { roomName, roomOf, thingName, thingOf } from "./selection.ts";
+import { robotRoomOf, roomName, roomOf, thingName, thingOf } from "./selection.ts";
 
 /** Rooms are neighbours if their outlines come this near to each other: a wall is between them. */
 const NEIGHBOURS_M = 0.6;
@@ -19,8 +19,10 @@ const NEIGHBOURS_M = 0.6;
 const MOST_LETTERS = 100;
 
 export class Details {
-  readonly element = h("section", { class: "details", "aria-live": "polite", hidden: true });
+  readonly element = h("section", { class: "details", "aria-live": "polite", "aria-labelledby": "details-name", tabindex: -1, hidden: true });
   private drawn = "";
+  /** The row that a person used by keys to select; null if the selection came another way. */
+  private opener: HTMLElement | null = null;
   /** The id of the room that a line was asked for. */
   private divided = "";
 
@@ -35,7 +37,7 @@ export class Details {
     measure.onChange(() => this.show());
     // From the row in the list, too.
     addEventListener("keydown", (event) => {
-      const isOfOther = document.querySelector("dialog[open]") || (event.target as HTMLElement).closest?.("input, select");
+      const isOfOther = event.defaultPrevented || isAsking() || (event.target as HTMLElement).closest?.("input, select");
       if (event.key === "Escape" && !this.element.hidden && !isOfOther) this.close();
     }, { signal });
   }
@@ -43,39 +45,55 @@ export class Details {
   draw(): void {
     const { data, looks } = this;
     const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
+    const robotRoom = robotRoomOf(data, looks.selected);
+    const hadFocus = this.element.contains(document.activeElement);
+    if (!hadFocus) this.opener = null;
     // A line that was asked for is of no use for another room.
     if (this.measure.isAsked && room?.id !== this.divided) this.measure.end();
-    const drawn = JSON.stringify([thing, room, data.described, data.clips.length]);
+    const drawn = JSON.stringify([thing, room, robotRoom, data.described, data.clips.length]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.show();
     if (thing) putAgain(this.element, ...this.ofThing(thing));
     else if (room) putAgain(this.element, ...this.ofRoom(room));
+    else if (robotRoom) putAgain(this.element, ...this.ofRobotRoom(robotRoom));
     else put(this.element);
+    // The button that had the focus may be gone.
+    if (hadFocus && !this.element.contains(document.activeElement)) this.element.focus({ preventScroll: true });
+  }
+
+  /** Takes the focus of a person who selected by keys: the card is far from the lists. It goes back when the card closes. */
+  focus(): void {
+    const { activeElement } = document;
+    if (this.element.hidden) return;
+    this.opener = activeElement instanceof HTMLElement && activeElement !== document.body ? activeElement : null;
+    this.element.focus({ preventScroll: true });
   }
 
   /** The card would hide the room that a person divides. */
   private show(): void {
     const { data, looks, measure } = this;
-    const isChosen = (thingOf(data, looks.selected) ?? roomOf(data, looks.selected)) !== null;
+    const isChosen = [thingOf, roomOf, robotRoomOf].some((of) => of(data, looks.selected) !== null);
     this.element.hidden = !isChosen || measure.isAsked;
   }
 
   private head(name: string): HTMLElement {
     const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close", "data-key": "Close" }, "✕");
     close.addEventListener("click", () => this.close());
-    return h("div", { class: "row between" }, h("h2", { dir: "auto" }, name), close);
+    return h("div", { class: "row between" }, h("h2", { id: "details-name", dir: "auto" }, name), close);
   }
 
-  /** Closes the card. The focus goes to the row of its object or room, or else to the map; a removed object loses its row. */
+  /** Closes the card. The focus goes to the row that opened it, to that of its object or room, or else to the map. */
   private close(isRemoved = false): void {
-    const { selected } = this.looks;
+    const { opener, looks: { selected } } = this;
     const hadFocus = this.element.contains(document.activeElement);
     this.looks.select(null);
     if (!hadFocus || !selected) return;
-    const row = isRemoved ? null : document.querySelector(`.thing-row[data-key="${CSS.escape(`${selected.kind} ${selected.id}`)}"]`);
+    // Lists make their rows again. A removed object loses its row.
+    const rowOf = (key: string | undefined) => document.querySelector(`.side [data-key="${CSS.escape(key ?? "")}"]`);
+    const rows = isRemoved ? [] : [opener, rowOf(opener?.dataset.key), rowOf(`${selected.kind} ${selected.id}`)];
     const views = this.element.closest(".stage")?.querySelectorAll(".stage-3d canvas, .views > .plan") ?? [];
-    const shown = [row, ...views].find((element) => element?.checkVisibility());
+    const shown = [...rows, ...views].find((element) => element?.checkVisibility());
     (shown as HTMLElement | SVGElement | undefined)?.focus({ preventScroll: true });
   }
 
@@ -143,6 +161,14 @@ export class Details {
         this.action("Split", () => this.split(room)),
         room.corrected.length > 0 && this.action("Withdraw corrections", () =>
           this.correctRoom(room, { name: null, merge_with: null, split_by: null }, "The room is as the map has it."))),
+    ];
+  }
+
+  /** The service corrects rooms of the clips' map only. */
+  private ofRobotRoom(room: RobotRoom): HTMLElement[] {
+    return [
+      this.head(roomName(room)), definitions([["Area", area(room.area_m2)], ["From", "the robot's map"]]),
+      h("p", { class: "hint" }, "Its outline and its objects appear when a clip has its place."),
     ];
   }
 

@@ -15,10 +15,11 @@ export class Downloads {
 
   draw(): void {
     const { map, clips, lidar, level, hasLevels } = this.data;
-    const drawn = JSON.stringify([map?.revision, map?.info.points, clips.length > 0, lidar !== null, level, hasLevels]);
+    const isThere = { map: map !== null && map.info.points > 0, lidar: lidar !== null, anything: clips.length > 0 || lidar !== null };
+    // A new revision has the same links, and one of them may have the focus.
+    const drawn = JSON.stringify([isThere, level, hasLevels]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    const isThere = { map: map !== null && map.info.points > 0, lidar: lidar !== null, anything: clips.length > 0 || lidar !== null };
     const files = FILES.filter(({ needs }) => isThere[needs]);
     if (files.length === 0) return put(this.element, h("p", { class: "hint" }, "Files appear with the LiDAR map and the first clip."));
     put(this.element, ...FOR.flatMap((group) => {

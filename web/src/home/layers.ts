@@ -1,6 +1,6 @@
 // The switches of a home: layers, height, classes.
 
-import { h, put as fill } from "../dom.ts";
+import { h, put as fill, putAgain } from "../dom.ts";
 import { onOff } from "../parts/switches.ts";
 import { count, decimal, plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
@@ -63,7 +63,7 @@ export class LayersPanel {
     this.both.hidden = classes.length === 0;
     if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" },
       this.data.map ? "This level has no points yet." : "Classes appear with the first map."));
-    fill(this.classes, ...classes.map(({ class: name, points }) =>
+    putAgain(this.classes, ...classes.map(({ class: name, points }) =>
       onOff(plain(name), !this.looks.hiddenClasses.has(name), (isOn) =>
         this.looks.change((looks) => put(looks.hiddenClasses, name, !isOn)),
         { colour: this.data.classNamed(name)?.color ?? "#9a9a9a", note: count(points), name })));

@@ -2,6 +2,7 @@
 
 import type { Point3 } from "../cloud/pick.ts";
 import { h } from "../dom.ts";
+import { isAsking } from "../parts/dialog.ts";
 import { decimal, metres } from "../words.ts";
 
 export class Measure {
@@ -24,7 +25,10 @@ export class Measure {
     this.button.addEventListener("click", () => this.set(!this.isBegun));
     this.close.addEventListener("click", () => this.end());
     addEventListener("keydown", (event) => {
-      if (event.key === "Escape") this.end();
+      if (event.key !== "Escape" || !this.isBegun || isAsking()) return;
+      this.end();
+      // The next Escape closes the card.
+      event.preventDefault();
     }, { signal });
     signal.addEventListener("abort", () => this.asked?.answer(null));
   }

@@ -1,8 +1,8 @@
 // The object or room that a person looks at.
 
 import { hullOf, type Point3 } from "../cloud/pick.ts";
-import { isInside, type Point2 } from "../frames.ts";
-import type { Room, Thing } from "../types.ts";
+import { corners, isInside, type Point2 } from "../frames.ts";
+import type { RobotRoom, Room, Thing } from "../types.ts";
 import { plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
@@ -40,6 +40,10 @@ export function roomOf(data: HomeData, selected: Selection | null): Room | null 
   return (selected?.kind === "room" && data.rooms.find(({ id }) => id === selected.id)) || null;
 }
 
+export function robotRoomOf(data: HomeData, selected: Selection | null): RobotRoom | null {
+  return (selected?.kind === "room" && data.robotRooms.find(({ id }) => id === selected.id)) || null;
+}
+
 /** The room around a point of the floor. */
 export function roomAt(rooms: readonly Room[], point: Point2): Room | null {
   const isIn = ({ polygon_m, holes_m }: Room) =>
@@ -51,6 +55,13 @@ export function roomAt(rooms: readonly Room[], point: Point2): Room | null {
 export function hullOfSelected(data: HomeData, selected: Selection): Point3[] {
   const thing = thingOf(data, selected);
   if (thing) return hullOf(thing);
-  const ring = roomOf(data, selected)?.polygon_m ?? [];
+  const robotRoom = robotRoomOf(data, selected);
+  const ring = robotRoom ? squareOf(robotRoom) : (roomOf(data, selected)?.polygon_m ?? []);
   return ring.flatMap(([x, y]): Point3[] => [[x, y, 0], [x, y, ROOM_HEIGHT_M]]);
+}
+
+/** A room of the robot's map has no outline; a square of its area has about its size. */
+function squareOf({ centre_m, area_m2 }: RobotRoom): Point2[] {
+  const side_m = Math.sqrt(area_m2);
+  return corners(centre_m, [side_m, side_m], 0);
 }

@@ -1,6 +1,6 @@
 // Lists the rooms and objects of a home. A person searches in it and selects.
 
-import { h, put, putAgain } from "../dom.ts";
+import { h, isByKey, put, putAgain } from "../dom.ts";
 import { area, percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
@@ -37,7 +37,7 @@ export class ThingsPanel {
   constructor(
     private readonly data: HomeData,
     private readonly looks: Looks,
-    private readonly onChosen: (selection: Selection) => void,
+    private readonly onChosen: (selection: Selection, isByKey: boolean) => void,
   ) {
     this.search.addEventListener("input", () => this.draw());
     this.element = h("div", {}, this.search, this.list);
@@ -55,9 +55,10 @@ export class ThingsPanel {
     this.drawn = drawn;
     this.search.hidden = all.length === 0;
     if (all.length === 0) put(this.list, h("li", { class: "hint" }, this.data.described
-      ? "No room and no object is known on this level." : "Rooms and objects appear with the first clip."));
+      ? "No room and no object is known on this level." : "Rooms and objects appear when a clip has its place."));
     else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name. Try another word, or a room."));
-    else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
+    else putAgain(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))),
+      !this.data.described && h("li", { class: "hint" }, "Objects appear when a clip has its place."));
     if (!isSame(this.picked, this.looks.selected)) this.bringIntoSight();
     this.picked = this.looks.selected;
   }
@@ -73,7 +74,8 @@ export class ThingsPanel {
   private entries(): Entry[] {
     const { data } = this;
     const roomNames = new Map(data.rooms.map((room) => [room.id, roomName(room)]));
-    const rooms = data.rooms.map((room): Entry => {
+    const known = data.rooms.length > 0 ? data.rooms : data.robotRooms;
+    const rooms = known.map((room): Entry => {
       const name = roomName(room);
       const note = area(room.area_m2);
       const words = wordsOf(`${name} room ${room.id}`);
@@ -109,7 +111,7 @@ export class ThingsPanel {
       type: "button", class: "thing-row", "data-key": `${selection.kind} ${selection.id}`,
       "aria-pressed": String(isSame(selection, this.looks.selected)),
     }, swatch, h("span", { class: "word", dir: "auto" }, name), h("span", { class: "hint" }, h("bdi", {}, note)));
-    button.addEventListener("click", () => this.onChosen(selection));
+    button.addEventListener("click", (event) => this.onChosen(selection, isByKey(event)));
     return h("li", {}, button);
   }
 }

@@ -54,11 +54,12 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   if (!data.map?.info.points && !asked.has("view")) looks.view = "2d";
   const status = new StatusLine("stage-status");
   const scene = new HomeScene(data, looks, (text) => status.show(text), signal);
-  const select = (selection: Selection) => {
+  const select = (selection: Selection, isByKey: boolean) => {
     looks.select(selection);
     scene.show(selection);
     // The list lies below the map there.
     if (matchMedia(NARROW).matches) stage.scrollIntoView();
+    if (isByKey) details.focus();
   };
   const clips = new ClipsPanel(data, looks, () => repeated.again());
   const things = new ThingsPanel(data, looks, select);

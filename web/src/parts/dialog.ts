@@ -36,6 +36,11 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
   });
 }
 
+/** True while a question is open: keys are for it. */
+export function isAsking(): boolean {
+  return document.querySelector("dialog[open]") !== null;
+}
+
 /** A line of text of at most `most` letters; null when the question was closed. */
 export function askText(title: string, before: string, word: string, most: number): Promise<string | null> {
   const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: most, autofocus: true, dir: "auto" });

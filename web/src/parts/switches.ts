@@ -25,7 +25,8 @@ export function onOff(
   onSwitch: (isOn: boolean) => void,
   more: { colour?: string; note?: string; name?: string } = {},
 ): HTMLLabelElement {
-  const input = h("input", { type: "checkbox", checked: isOn, "data-name": more.name ?? word });
+  const name = more.name ?? word;
+  const input = h("input", { type: "checkbox", checked: isOn, "data-name": name, "data-key": `switch ${name}` });
   input.addEventListener("change", () => onSwitch(input.checked));
   const swatch = more.colour ? h("span", { class: "swatch" }) : null;
   if (swatch && more.colour) swatch.style.background = more.colour;

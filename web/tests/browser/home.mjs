@@ -161,7 +161,9 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
       await page.keyboard.press(key);
       await closed.waitFor({ state: "hidden" });
       assert.equal(await focusedKey(), selected);
-      if (key === "Escape") await page.keyboard.press("Enter");
+      if (key !== "Escape") continue;
+      await page.keyboard.press("Enter");
+      assert.ok(await closed.evaluate((card) => card === document.activeElement), "a selection by keys does not lead to the card");
     }
     const box = await boxOf(page.locator("svg.plan").first());
     const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
