@@ -4,7 +4,6 @@ import * as THREE from "three";
 import { corners } from "../frames.ts";
 import type { PictureFrame, Thing } from "../types.ts";
 import type { Rgb } from "./colours.ts";
-import type { Point3 } from "./pick.ts";
 
 /** Below the floor's own points, so that they do not flicker. */
 const FLOOR_Z_M = -0.04;
@@ -88,21 +87,10 @@ export function patchOf(ring_m: readonly [number, number][], [red, green, blue]:
   return new THREE.Mesh(new THREE.ShapeGeometry(shape), material);
 }
 
-/** A line with a small cross at each end. */
-export function ruleOf(ends: Point3[], colour: Rgb): THREE.LineSegments {
-  const segments = ends.flatMap(([x, y, z]) => {
-    const arms: Point3[] = [[0.05, 0, 0], [0, 0.05, 0], [0, 0, 0.05]];
-    return arms.flatMap(([u, v, w]) => [x - u, y - v, z - w, x + u, y + v, z + w]);
-  });
-  const [from, to] = ends;
-  if (from && to) segments.push(...from, ...to);
-  return lines(segments, colour, false);
-}
-
 /** Gives back what the graphics card holds for everything below. */
 export function release(group: THREE.Object3D): void {
   group.traverse((object) => {
-    if (!(object instanceof THREE.Mesh || object instanceof THREE.LineSegments)) return;
+    if (!(object instanceof THREE.Mesh || object instanceof THREE.LineSegments || object instanceof THREE.Points)) return;
     object.geometry.dispose();
     const material = object.material as THREE.MeshBasicMaterial;
     material.map?.dispose();

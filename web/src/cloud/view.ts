@@ -8,7 +8,8 @@ import { PointMaterial } from "./material.ts";
 import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
 import type { Point3, Ray } from "./pick.ts";
-import { boxOf, floorOf, outlineOf, patchOf, pathOf, release, ruleOf, solidOf } from "./shapes.ts";
+import { ruleOf } from "./rule.ts";
+import { boxOf, floorOf, outlineOf, patchOf, pathOf, release, solidOf } from "./shapes.ts";
 import { Stage, type Viewpoint } from "./stage.ts";
 import type { ClassLook, Surface } from "./surface.ts";
 
@@ -190,7 +191,7 @@ export class CloudView {
   /** Draws the line that is measured, through everything. */
   setRule(ends: Point3[], colour: Rgb): void {
     release(this.rule);
-    if (ends.length > 0) this.rule.add(ruleOf(ends, colour));
+    if (ends.length > 0) this.rule.add(...ruleOf(ends, colour));
     this.draw();
   }
 
