@@ -102,7 +102,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   };
   const repeated = keepUpToDate(place, data, { clips, status }, draw);
 
-  const foot = h("div", { class: "stage-foot" }, status.shown, legend.element, summary.figures);
+  const foot = h("div", { class: "stage-foot" }, h("div", { class: "stage-notes" }, status.shown, legend.element), summary.figures);
   // In the order in which keys reach them.
   put(stage, toolbar.element, scene.element, summary.empty, foot, details.element, status.said);
   put(side,
