@@ -24,17 +24,19 @@ export class RemovedPanel {
     const shown = `${this.data.map?.revision ?? 0} ${this.data.removals}`;
     if (shown === this.shown || this.element.closest("details")?.open !== true) return;
     this.shown = shown;
-    await this.read();
+    await this.read(shown);
   }
 
-  private async read(): Promise<void> {
+  /** An answer that comes after a later removal is old: the later reading shows its own. */
+  private async read(shown: string): Promise<void> {
     try {
       const { objects } = await api.corrections(this.data.home.id, this.signal);
+      if (shown !== this.shown) return;
       const removed = objects.filter(({ hidden }) => hidden);
       if (removed.length === 0) return put(this.element, h("p", { class: "hint" }, "No object is removed."));
       putAgain(this.element, h("ul", { class: "removed" }, ...removed.map((object) => this.row(object))));
     } catch (error) {
-      if (this.signal.aborted) return;
+      if (this.signal.aborted || shown !== this.shown) return;
       this.shown = "";
       put(this.element, h("p", { class: "reason", role: "status" }, messageOf(error)));
     }

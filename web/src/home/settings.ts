@@ -4,7 +4,6 @@ import * as api from "../api.ts";
 import { h } from "../dom.ts";
 import { askText, confirm } from "../parts/dialog.ts";
 import { attempt, say } from "../parts/notices.ts";
-import { toHomes } from "../route.ts";
 import { levelWord, many, named } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
@@ -13,6 +12,7 @@ const MOST_LETTERS = 200;
 interface Listener {
   onRenamed: () => void;
   onLevelDeleted: () => void;
+  onDeleted: () => void;
 }
 
 export class Settings {
@@ -60,7 +60,7 @@ export class Settings {
     if (!(await confirm(`Delete ${named(name)}?`, text, "Delete home"))) return;
     await api.deleteHome(home.id);
     say(`${named(name)} is deleted.`);
-    location.hash = toHomes();
+    this.listener.onDeleted();
   }
 }
 

@@ -3,6 +3,7 @@
 import { rgb } from "../cloud/colours.ts";
 import { addressOf } from "../paper.ts";
 import { frameOf, fromAbove, type Shown } from "../plan/raster.ts";
+import { tellFailure } from "../parts/notices.ts";
 import type { PlanView } from "../plan/view.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
@@ -49,6 +50,11 @@ export class TopView {
         if (this.signal.aborted || this.drawn !== drawn) return URL.revokeObjectURL(address);
         this.plan.setPoints(address, frame);
         this.replace(address);
+      }, (error: unknown) => {
+        if (this.drawn !== drawn) return;
+        // The next change draws again.
+        this.drawn = "";
+        tellFailure(error, "The points from above");
       });
     }, 30);
   }

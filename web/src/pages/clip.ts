@@ -109,7 +109,8 @@ class ClipPage {
     put(place.main, h("div", { class: "page clip-page" },
       this.lost, this.said, this.head, this.verdict, this.places, this.pictures, this.cloud.element, this.rest));
     onTheme(() => {
-      this.ground.pictures.clear();
+      // A picture of the other theme may still come; it goes into the earlier ground.
+      this.ground = { ...this.ground, pictures: new Map() };
       this.drawn = "";
       void this.draw();
     }, place.signal);
@@ -197,7 +198,8 @@ class ClipPage {
       if (!(await confirm(`Delete ${named(this.name)}?`, text, "Delete clip"))) return;
       await api.deleteClip(clip);
       say(`${named(this.name)} is deleted.`);
-      location.hash = toHome(clip.home);
+      // The person may have gone to another page meanwhile.
+      if (!this.place.signal.aborted) location.hash = toHome(clip.home);
     };
     return h("div", { class: "row actions" },
       clip.choice ? act("Withdraw choice", "", withdraw) : null,
@@ -217,6 +219,7 @@ class ClipPage {
       for (const { level } of ground.lidars) {
         if (!levels.has(level) || ground.pictures.has(level)) continue;
         const address = await addressOf(await inkOf(api.lidarPicture(clip.home, level), isDark(), signal));
+        if (signal.aborted) return URL.revokeObjectURL(address);
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
         ground.pictures.set(level, address);
       }

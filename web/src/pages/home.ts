@@ -88,7 +88,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     draw();
     leaveLevel();
   }, signal);
-  const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel });
+  const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel, onDeleted: () => leaveHome(signal) });
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
   const draw = () => {
@@ -125,6 +125,11 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   scene.onMoved = () => address.note();
   address.scroll();
   onHomeChange(id, () => repeated.again(), signal);
+}
+
+/** Shows the list in place of a deleted home. The person may have gone to another page meanwhile. */
+function leaveHome(signal: AbortSignal): void {
+  if (!signal.aborted) location.hash = toHomes();
 }
 
 /** Reads the home again after each of its changes, and follows its jobs. */

@@ -23,7 +23,7 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
   const list = new HomeList(asked);
   list.draw(first);
   put(place.main, h("div", { class: "page" },
-    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome(), list.lost), ...list.elements));
+    h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome(place.signal), list.lost), ...list.elements));
   keepUpToDate(place, asked, list, first);
 }
 
@@ -197,7 +197,7 @@ export function states(home: Pick<Home, "clips_by_state" | "map_state">): HTMLEl
   return h("span", { class: "row states" }, ...badges, map);
 }
 
-function newHome(): HTMLElement {
+function newHome(signal: AbortSignal): HTMLElement {
   const name = h("input", {
     name: "name", required: true, placeholder: "Flat 3, Elm Street", autocomplete: "off", maxlength: 200, dir: "auto",
     "aria-label": "Name of the new home",
@@ -207,7 +207,9 @@ function newHome(): HTMLElement {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void attempt(button, async () => {
-      location.hash = toHome(await makeHome(name.value.trim()));
+      const id = await makeHome(name.value.trim());
+      // The person may have gone to another page meanwhile.
+      if (!signal.aborted) location.hash = toHome(id);
     });
   });
   return form;
