@@ -101,7 +101,8 @@ export class Stage {
     this.renderer.setPixelRatio(this.pixelRatio);
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
-    canvas.setAttribute("role", "img");
+    // A screen reader gives the keys of an application to the page, and those of a picture not.
+    canvas.setAttribute("role", "application");
     canvas.setAttribute("aria-label", label);
     this.element = h("div", { class: "stage-3d" }, canvas);
     this.camera.up.set(0, 0, 1);
@@ -113,6 +114,7 @@ export class Stage {
     this.controls.addEventListener("end", () => this.onMoved());
     canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
     this.listenForClicks(canvas, signal);
+    canvas.addEventListener("wheel", () => cancelAnimationFrame(this.flight), { signal, passive: true });
     // A phone takes the context from a tab in the background.
     canvas.addEventListener("webglcontextrestored", () => this.draw(), { signal });
     const sizes = new ResizeObserver(() => this.resize());
@@ -153,6 +155,7 @@ export class Stage {
   look(scene: Scene, from: "corner" | "above" = "corner"): void {
     const { box, outline } = scene;
     if (box.isEmpty()) return;
+    cancelAnimationFrame(this.flight);
     const { width, height } = this.size();
     if (width === 0 || height === 0) {
       this.pending = { scene, from };
@@ -210,6 +213,7 @@ export class Stage {
   lookFrom({ eye_m, target_m }: Viewpoint, box: THREE.Box3): void {
     // A stage without a size would look at the whole box once it gets one.
     this.pending = null;
+    cancelAnimationFrame(this.flight);
     if (!box.isEmpty()) this.reach(box.getBoundingSphere(new THREE.Sphere()));
     this.controls.target.fromArray(target_m);
     this.camera.position.fromArray(eye_m);
@@ -364,6 +368,7 @@ export class Stage {
     const [turn, walk, zoom] = [turns[event.key], walks[event.key.toLowerCase()], zooms[event.key]];
     if (event.ctrlKey || event.metaKey || event.altKey || !(turn || walk || zoom)) return;
     event.preventDefault();
+    cancelAnimationFrame(this.flight);
     const arm = this.camera.position.clone().sub(this.controls.target);
     if (turn) {
       const around = new THREE.Spherical().setFromVector3(new THREE.Vector3(arm.x, arm.z, -arm.y));

@@ -49,7 +49,8 @@ export class PlanView {
 
   /** A drawing that stays as it is when `signal` is null. */
   constructor(label: string, signal: AbortSignal | null) {
-    this.element = s("svg", { class: "plan", role: "img", "aria-label": label });
+    // A screen reader gives the keys of an application to the page, and those of a picture not.
+    this.element = s("svg", { class: "plan", role: signal ? "application" : "img", "aria-label": label });
     this.element.append(this.picture, this.points);
     if (!signal) return;
     this.element.classList.add("movable");
@@ -61,9 +62,11 @@ export class PlanView {
       this.zoom(Math.exp(event.deltaY * 0.0015), event.clientX, event.clientY);
     });
     on("pointerdown", (event) => {
+      // The browser's menu of the other buttons keeps the release for itself, and the plan would stick to the pointer.
+      if (event.button !== 0) return;
       this.element.setPointerCapture(event.pointerId);
       this.fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-      this.press = this.fingers.size === 1 && event.button === 0 ? { x: event.clientX, y: event.clientY } : null;
+      this.press = this.fingers.size === 1 ? { x: event.clientX, y: event.clientY } : null;
     });
     on("pointermove", (event) => this.drag(event));
     on("pointerup", (event) => {

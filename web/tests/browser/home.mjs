@@ -217,6 +217,24 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await other.close();
   }
 
+  /** A person who asks for the whole home gets it, also while the view still moves to an object. */
+  async function aFlightGivesWay() {
+    const share = page.getByRole("button", { name: "Share" });
+    const camera = () => page.evaluate(() => new URLSearchParams(location.hash.split("?")[1]).get("from"));
+    await page.getByRole("button", { name: "Fit" }).click();
+    await share.click();
+    const whole = await camera();
+    await page.locator(".stage-3d canvas").focus();
+    await page.keyboard.press("+");
+    await share.click();
+    assert.notEqual(await camera(), whole);
+    await page.evaluate(() => {
+      document.querySelector(".thing-row").click();
+      [...document.querySelectorAll(".toolbar button")].find(({ textContent }) => textContent === "Fit").click();
+    });
+    await page.waitForFunction((whole) => new URLSearchParams(location.hash.split("?")[1]).get("from") === whole, whole);
+  }
+
   /** The numbers of the camera in an address: its eye and its target. */
   function from(address) {
     const numbers = new URLSearchParams(address.split("?")[1]).get("from").split("_").map(Number);
@@ -292,6 +310,6 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
 
   return [
     objectsAreFoundAndCorrected, anObjectIsClicked, aRoomIsRenamedAndDivided, linesAreMeasured, aLineIsMeasuredByKeys, everythingIsDownloaded,
-    aViewIsShared, aViewIsFoundAgain, aHomeIsRenamed, aQuietHomeIsNotAskedAbout,
+    aViewIsShared, aFlightGivesWay, aViewIsFoundAgain, aHomeIsRenamed, aQuietHomeIsNotAskedAbout,
   ];
 }
