@@ -39,16 +39,12 @@ const PROGRESS_MS = 2000;
 const NARROW = "(max-width: 820px)";
 
 export async function showHome(place: Place, id: string, asked: URLSearchParams): Promise<void> {
-  setCrumbs(place, [{ word: "Homes", href: toHomes() }], id);
+  const drawCrumbs = crumbsOf(place);
+  drawCrumbs(id);
   const { signal } = place;
   const data = await HomeData.load(id, asked.get("level"), signal);
   if (signal.aborted) return;
-  let named = "";
-  const drawCrumbs = () => {
-    if (named !== data.name) setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.name);
-    named = data.name;
-  };
-  drawCrumbs();
+  drawCrumbs(data.name);
   const looks = new Looks();
   const framing = read(asked, looks);
   if (!data.map?.info.points && !asked.has("view")) looks.view = "2d";
@@ -92,10 +88,9 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
   const draw = () => {
-    const panels = [clips, things, details, downloads, layers, coverage, legend, summary, toolbar, settings];
-    for (const panel of panels) panel.draw();
+    for (const panel of [clips, things, details, downloads, layers, coverage, legend, summary, toolbar, settings]) panel.draw();
     for (const panel of [compare, removed, earlier]) void panel.draw();
-    drawCrumbs();
+    drawCrumbs(data.name);
     scene.update();
     // Another level has another camera.
     address.soon();
@@ -106,17 +101,14 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   // In the order in which keys reach them.
   put(stage, toolbar.element, scene.element, summary.empty, foot, details.element, status.said);
   put(side,
-    settings.heading,
-    upload?.element,
-    section("Clips", true, clips.element),
-    section("Rooms and objects", true, things.element),
+    settings.heading, upload?.element,
+    section("Clips", true, clips.element), section("Rooms and objects", true, things.element),
     mayChange() && lateSection("Removed objects", removed),
     layers.element,
     section("Coverage", false, coverage.element),
     lateSection("Changes", compare),
     mayChange() && lateSection("Earlier LiDAR maps", earlier),
-    section("Downloads", false, downloads.element),
-    mayChange() && settings.element);
+    section("Downloads", false, downloads.element), mayChange() && settings.element);
   put(place.main, stage, side);
   place.main.className = "home-page";
   details.draw();
@@ -125,6 +117,15 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   scene.onMoved = () => address.note();
   address.scroll();
   onHomeChange(id, () => repeated.again(), signal);
+}
+
+/** Returns the function that shows the name of the home above the page; the same name changes nothing. */
+function crumbsOf(place: Place): (name: string) => void {
+  let shown = "";
+  return (name) => {
+    if (shown !== name) setCrumbs(place, [{ word: "Homes", href: toHomes() }], name);
+    shown = name;
+  };
 }
 
 /** Shows the list in place of a deleted home. The person may have gone to another page meanwhile. */
