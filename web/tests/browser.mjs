@@ -91,12 +91,12 @@ async function pointsAreColoured() {
   await page.locator(".views[data-revision]").waitFor({ state: "attached" });
   await page.locator("#view-3d").check({ force: true });
   await pointsShown();
-  const place = await boxOf(page.locator(".stage-3d canvas"));
+  const place = await boxOf(page.locator(".stage-3d"));
   for (const colouring of ["class", "clip", "probability", "colour"]) {
     await page.locator(`#colouring-${colouring}`).check({ force: true });
     await page.locator(`.views[data-colouring=${colouring}]`).waitFor();
     assert.equal(await page.locator(".legend").isVisible(), ["class", "probability"].includes(colouring));
-    assert.deepEqual(await boxOf(page.locator(".stage-3d canvas")), place, "the legend moves the picture");
+    assert.deepEqual(await boxOf(page.locator(".stage-3d")), place, "the legend moves the picture");
     await page.locator(".stage").screenshot({ path: join(pictures, `03-3d-${colouring}.png`) });
   }
   // By keyboard, as radio buttons are.
