@@ -202,7 +202,7 @@ fn finish(
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
     let measured = bounds;
-    hidden::deepen_front(&mut bounds, fragment.class, &members, points);
+    hidden::deepen_front(&mut bounds, fragment, &members, points);
     let decided = fragment.decide(&bounds, cells)?;
     // The depth of other furniture is the measured one, unless only a front was measured.
     if !kind::is_appliance(decided.class) && measured.size_m[1] >= hidden::FRONT_M {

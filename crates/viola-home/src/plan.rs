@@ -4,6 +4,8 @@
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
 //! (`gaps`), and what remains connected is a room (`spaces`), so rooms are closed and never overlap.
 
+mod backs;
+mod bites;
 mod cells;
 mod columns;
 mod cut;
@@ -28,6 +30,7 @@ mod page;
 mod passages;
 mod raster;
 mod recess;
+mod ring;
 mod shape;
 mod spaces;
 mod standing;
@@ -99,10 +102,12 @@ pub(super) fn plan_of_corrected(
     let evidence = Evidence::new(map_from_plan, space, points, given, &roots, revised.objects);
     let mut faces = faces::faces(&evidence);
     thin::separate(&mut faces, &evidence);
+    backs::add(&mut faces, &evidence, revised.objects);
     let mut oblique = oblique::faces(&evidence, &faces);
     thin::pair(&mut oblique);
     let faces = oblique::without_steps(faces, &oblique);
     let mut cells = Cells::new(&evidence, &faces, &oblique, given);
+    bites::fill(&mut cells, &evidence);
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
     let merges = Merges::new(found, given, &roots);

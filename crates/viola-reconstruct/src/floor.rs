@@ -132,9 +132,11 @@ pub fn floors(
     let none_seen = best.as_ref().err().copied().filter(|_| floors.is_empty());
     if !best.as_ref().is_ok_and(is_usual) {
         for assumed in assume(cloud, key_frames, up) {
-            let is_near =
-                |f: &Floor| (f.first_camera_height_m - assumed.first_camera_height_m).abs() < SAME_FLOOR_M;
-            if !floors.iter().any(is_near) {
+            let height_m = assumed.first_camera_height_m;
+            let is_near = |f: &Floor| (f.first_camera_height_m - height_m).abs() < SAME_FLOOR_M;
+            // A height that is assumed only because something lies that low: false depth is below a seen floor, too.
+            let is_less_likely = !floors.is_empty() && !USUAL_HEIGHT_M.contains(&height_m);
+            if !floors.iter().any(is_near) && !is_less_likely {
                 floors.push(assumed);
             }
         }

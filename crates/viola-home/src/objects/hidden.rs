@@ -49,9 +49,10 @@ fn is_shallower(bounds: &UprightBox, class: Class, depth_m: f64) -> bool {
     is_closed && short_m < depth_m && long_m > FRONT_SIDE_M && high_m > FRONT_SIDE_M
 }
 
-/// Gives an appliance of which only the front was measured, or the front and less of a side than any such appliance has,
-/// its usual depth: it is built in or stands at a wall.
-pub fn deepen_front(bounds: &mut UprightBox, class: Class, members: &[u32], points: &[MapPoint]) {
+/// Gives units below a worktop and appliances of which only the front was measured, or the front and less of a side than any
+/// such appliance has, their usual depth: they are built in or stand at a wall.
+pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32], points: &[MapPoint]) {
+    let class = fragment.class;
     let (sin, cos) = bounds.yaw_rad.sin_cos();
     let (mut out, mut upright) = (0.0, 0.0);
     for i in members {
@@ -62,7 +63,8 @@ pub fn deepen_front(bounds: &mut UprightBox, class: Class, members: &[u32], poin
     let least_m = kind::kind(class).map_or(0.0, |kind| kind.short_m.start);
     let is_facing = upright > 0.0 && out.abs() >= MIN_FRONT_FRACTION * upright;
     let shows_front = is_shallower(bounds, class, least_m) && is_facing;
-    if !is_front(bounds, class) && !shows_front {
+    let is_front_of_unit = fragment.is_unit && bounds.size_m[1] < FRONT_M;
+    if !is_front(bounds, class) && !shows_front && !is_front_of_unit {
         return;
     }
     let by_m = (APPLIANCE_M - bounds.size_m[1]) / 2.0 * out.signum();

@@ -211,6 +211,21 @@ mod tests {
         assert!((kitchen[1].size_m[0] - 3.0).abs() < 0.15, "{:?}", kitchen[1]);
     }
 
+    /// No picture showed them, so the form decides.
+    #[test]
+    fn units_of_which_only_the_fronts_were_seen_are_as_deep_as_their_worktop() {
+        let mut points = surface(Class::Wall, [-0.1, -0.1, 0.0], [3.1, 0.0, 2.4], 0);
+        run(&mut points, [0.0, 0.0], [3.0, 0.6], [[0.0, 0.57], [3.0, 0.6]]);
+        for point in &mut points {
+            let class = point.point.label.class;
+            point.point.label = viola_reconstruct::Label::new(class, 0.7, 0);
+        }
+        let kitchen = found(&points);
+        assert_eq!(kitchen.iter().map(|o| o.class).collect::<Vec<_>>(), [Class::Cabinet, Class::Counter]);
+        let [long_m, deep_m, high_m] = kitchen[0].size_m;
+        assert!((long_m - 3.0).abs() < 0.15 && (deep_m - 0.6).abs() < 0.1 && high_m > 0.7, "{kitchen:?}");
+    }
+
     #[test]
     fn a_bar_reaches_the_floor() {
         let mut points = surface(Class::Wall, [-0.1, -0.1, 0.0], [3.1, 0.0, 2.4], 0);

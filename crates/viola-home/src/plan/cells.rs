@@ -289,17 +289,28 @@ impl Cells {
     }
 }
 
-/// Returns the fraction of the ground right behind a side of a cell that is below standing furniture.
+/// Returns the fraction of the ground right behind a side of a cell that is below standing furniture. Furniture with open floor
+/// at its other side has its back to this one, and a wall is between.
 fn furnished(axis: usize, up: bool, ends: [Point2; 2], evidence: &Evidence) -> f64 {
     const BEHIND_M: [f64; 3] = [0.05, 0.1, 0.15];
     const ALONG: [f64; 3] = [0.2, 0.5, 0.8];
-    let places = ALONG.iter().flat_map(|part| BEHIND_M.map(|behind_m| (part, behind_m)));
-    let is_furnished = |(part, behind_m): (&f64, f64)| {
-        let mut place = ends[0] + (ends[1] - ends[0]) * *part;
+    /// Step through furniture, and its maximum depth.
+    const STEP_M: f64 = 0.05;
+    const STEPS: usize = 24;
+    let behind = |part: f64, behind_m: f64| {
+        let mut place = ends[0] + (ends[1] - ends[0]) * part;
         place[axis] += if up { -behind_m } else { behind_m };
-        evidence.is_below_furniture(&place)
+        place
     };
-    places.map(is_furnished).filter(|is| *is).count() as f64 / (ALONG.len() * BEHIND_M.len()) as f64
+    let is_front = |part: f64| {
+        let deep = (BEHIND_M.len()..STEPS).map(|step| behind(part, (step + 1) as f64 * STEP_M));
+        let beyond = deep.into_iter().find(|place| !evidence.is_below_furniture(place));
+        beyond.is_none_or(|place| !evidence.is_open(&place))
+    };
+    let is_furnished = |(part, behind_m): (f64, f64)| evidence.is_below_furniture(&behind(part, behind_m));
+    let fronts = ALONG.into_iter().filter(|part| is_front(*part));
+    let places = fronts.flat_map(|part| BEHIND_M.map(|behind_m| (part, behind_m)));
+    places.filter(|place| is_furnished(*place)).count() as f64 / (ALONG.len() * BEHIND_M.len()) as f64
 }
 
 /// Returns the faces that look in a direction and stand on a line of cells.

@@ -298,6 +298,11 @@ impl<'a> Evidence<'a> {
         self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits) >= TALL)
     }
 
+    /// Returns the fraction of the columns of an interval of a face that the LiDAR saw.
+    pub fn lidar_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, by_lidar)
+    }
+
     /// Returns the fraction of the columns of an interval of a face that show wall up to the ceiling.
     pub fn tall_fraction(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
         self.fraction_of(facing, line_m, [-0.06, 0.06], span_m, is_tall)

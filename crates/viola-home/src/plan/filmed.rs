@@ -58,6 +58,20 @@ pub(super) fn fraction(wall: &Wall, ways: &[Opening], evidence: &Evidence) -> f6
     (filmed as f64 / steps.len() as f64 * 1e3).round() / 1e3
 }
 
+/// Returns whether clips saw upright surface at most of a straight piece of wall.
+pub(super) fn is_filmed([from_m, to_m]: [[f64; 2]; 2], thickness_m: f64, evidence: &Evidence) -> bool {
+    let wall = Wall {
+        id: String::new(),
+        from_m,
+        to_m,
+        thickness_m,
+        is_measured: false,
+        filmed_fraction: 0.0,
+        rooms: Vec::new(),
+    };
+    fraction(&wall, &[], evidence) >= 0.5
+}
+
 /// Returns the walls in their parts between other walls, each with its own fraction: clips of one room film its part of a facade.
 pub(super) fn parts(walls: &[Wall], ways: &[Opening], evidence: &Evidence) -> Vec<Wall> {
     let mut parts = Vec::new();

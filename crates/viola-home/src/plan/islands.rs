@@ -18,6 +18,8 @@ const ISLAND_M2: f64 = 0.3;
 /// wall. Furniture like a wall is thicker, as a rule.
 const PIER_M: f64 = 0.25;
 const PIER_RATIO: f64 = 2.0;
+/// Largest thickness of an inner wall.
+const PARTITION_M: f64 = 0.15;
 const PIER_FRACTION: f64 = 0.6;
 /// Minimum fraction of a small island with wall up to the ceiling: a piece of a thin wall.
 const WALL_FRACTION: f64 = 0.5;
@@ -142,6 +144,8 @@ struct Island {
     /// Length of its border, and of the part that shows wall at many heights.
     border_m: f64,
     upright_m: f64,
+    /// Length of the part that clips or the LiDAR saw.
+    lidar_m: f64,
     /// Its first line and its last one, by axis.
     bounds: [[usize; 2]; 2],
 }
@@ -151,17 +155,24 @@ struct Island {
 pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     let solid = Grid { frame: cells.frame(), cells: cells.inside.iter().map(|inside| !inside).collect() };
     let (piece, count) = pieces(&solid);
-    let none =
-        Island { area_m2: 0.0, wall_m2: 0.0, border_m: 0.0, upright_m: 0.0, bounds: [[usize::MAX, 0]; 2] };
+    let none = Island {
+        area_m2: 0.0,
+        wall_m2: 0.0,
+        border_m: 0.0,
+        upright_m: 0.0,
+        lidar_m: 0.0,
+        bounds: [[usize::MAX, 0]; 2],
+    };
     let mut islands = vec![none; count + 1];
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &mut islands[*piece as usize];
         let place = cells.place(at);
         island.area_m2 += cells.area_m2(at);
         island.wall_m2 += cells.area_m2(at) * wall_fraction(cells, evidence, place);
-        for [length_m, upright] in sides(cells, evidence, at) {
+        for [length_m, upright, lidar] in sides(cells, evidence, at) {
             island.border_m += length_m;
             island.upright_m += length_m * upright;
+            island.lidar_m += length_m * upright.max(lidar);
         }
         for (axis, [low, high]) in island.bounds.iter_mut().enumerate() {
             (*low, *high) = ((*low).min(place[axis]), (*high).max(place[axis] + 1));
@@ -193,8 +204,9 @@ fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
     (0..STEPS * STEPS).filter(is_wall).count() as f64 / (STEPS * STEPS) as f64
 }
 
-/// Returns the length of each side of a solid cell that looks into a room, and the fraction that shows wall at many heights.
-fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 2]> {
+/// Returns the length of each side of a solid cell that looks into a room, the fraction that shows wall at many heights, and the one
+/// that the LiDAR saw.
+fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 3]> {
     let place = cells.place(at);
     let side = |facing: &Facing| {
         let (axis, along) = (facing.axis, 1 - facing.axis);
@@ -205,18 +217,20 @@ fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 2]> {
         }
         let line_m = cells.lines[axis][place[axis] + usize::from(facing.up)];
         let span_m = [0, 1].map(|end| cells.lines[along][place[along] + end]);
-        Some([span_m[1] - span_m[0], evidence.upright_fraction(*facing, line_m, span_m)])
+        let upright = evidence.upright_fraction(*facing, line_m, span_m);
+        Some([span_m[1] - span_m[0], upright, evidence.lidar_fraction(*facing, line_m, span_m)])
     };
     Facing::ALL.iter().filter_map(side).collect()
 }
 
 /// Returns whether an island of any shape is as thin as a wall, is longer than the leaf of a door, and shows wall at many
-/// heights nearly all around.
+/// heights nearly all around. A thinner one may be by the LiDAR alone: no furniture is that thin.
 fn is_long_wall(island: &Island) -> bool {
     let length_m = island.border_m / 2.0;
-    length_m >= LEAF_M
-        && island.area_m2 <= PIER_M * length_m
-        && island.upright_m >= PIER_FRACTION * island.border_m
+    let is_seen = |thickness_m: f64, seen_m: f64| {
+        island.area_m2 <= thickness_m * length_m && seen_m >= PIER_FRACTION * island.border_m
+    };
+    length_m >= LEAF_M && (is_seen(PIER_M, island.upright_m) || is_seen(PARTITION_M, island.lidar_m))
 }
 
 /// Returns whether an island is a piece of wall, of which clips saw both faces at many heights; they seldom see the ceiling.

@@ -2,8 +2,7 @@
 
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
-use crate::rooms::outline::trace;
-use viola_geometry::Grid;
+use super::ring::{Ring, rings};
 
 /// Depths of recesses are those of walls.
 const DEEPEST_M: f64 = 0.55;
@@ -15,13 +14,10 @@ const WINDOW_FRACTION: f64 = 0.5;
 
 /// Takes the recesses of windows out of the inside.
 pub(super) fn close(cells: &mut Cells, evidence: &Evidence) {
-    let outlines = trace(&Grid { frame: cells.frame(), cells: cells.inside.clone() });
-    let rings = outlines.iter().flat_map(|outline| std::iter::once(&outline.ring_m).chain(&outline.holes_m));
-    let mut closed = Vec::new();
-    for ring in rings {
-        let corners: Vec<[usize; 2]> = ring.iter().map(|corner| corner.map(|c| c.round() as usize)).collect();
-        closed.extend((0..corners.len()).filter_map(|at| recess(cells, evidence, &corners, at)));
-    }
+    let rings = rings(cells);
+    let places = rings.iter().flat_map(|ring| (0..ring.len()).map(move |at| (ring, at)));
+    let closed: Vec<[[usize; 2]; 2]> =
+        places.filter_map(|(ring, at)| recess(cells, evidence, ring, at)).collect();
     for [low, high] in closed {
         for (i, j) in (low[0]..high[0]).flat_map(|i| (low[1]..high[1]).map(move |j| (i, j))) {
             let at = cells.index([i, j]);
@@ -30,16 +26,13 @@ pub(super) fn close(cells: &mut Cells, evidence: &Evidence) {
     }
 }
 
-/// Returns the lines around the recess whose first corner is at a place of a ring; the room is on the left.
-fn recess(cells: &Cells, evidence: &Evidence, ring: &[[usize; 2]], at: usize) -> Option<[[usize; 2]; 2]> {
+/// Returns the lines around the recess whose first corner is at a place of a ring.
+fn recess(cells: &Cells, evidence: &Evidence, ring: &Ring, at: usize) -> Option<[[usize; 2]; 2]> {
     if ring.len() < 8 {
         return None;
     }
-    let corner = |i: usize| ring[(at + i) % ring.len()];
-    let turn = |i: usize| {
-        let [a, b, c] = [i, i + 1, i + 2].map(|i| corner(i).map(|c| c as i64));
-        (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-    };
+    let corner = |i: usize| ring.corner(at + i);
+    let turn = |i: usize| ring.turn(at + i);
     // Corners 1 and 4 are at the wall's face, 2 and 3 at the back of the recess.
     if turn(0) >= 0 || turn(1) <= 0 || turn(2) <= 0 || turn(3) >= 0 {
         return None;

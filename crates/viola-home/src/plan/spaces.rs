@@ -5,6 +5,7 @@ mod joined;
 use super::cells::Cells;
 use super::evidence::Evidence;
 use super::faces::Face;
+use super::filmed;
 use super::gaps::{Gap, gaps};
 use super::merges::Merges;
 use super::oblique::Oblique;
@@ -12,12 +13,14 @@ use super::passages::{MIN_PART_M2, Passage, passages};
 use crate::rooms::{Room, RoomSource};
 use joined::{Key, joined};
 use std::collections::BTreeMap;
+use viola_geometry::{Point2, Vector2};
 
 /// Smaller pieces are no rooms.
 const MIN_AREA_M2: f64 = 1.0;
 /// Minimum fraction of a piece that belongs to a given room, for the piece to be a part of it beside the main one.
 const OWNED: f64 = 0.5;
-/// Spaces on both sides of a wide opening are at least this large; smaller ones are alcoves.
+/// Spaces on both sides of a wide opening, or of one that may be beside furniture, are at least this large; smaller ones are
+/// alcoves.
 const WIDE_AREA_M2: f64 = 4.0;
 /// Two rooms may be joined by more than one passage.
 const ROUNDS: usize = 3;
@@ -64,10 +67,10 @@ impl Spaces {
             pieces = self::pieces(cells, &closed);
         }
         let cells = &*cells;
-        open_idle(cells, &mut closed);
+        open_idle(cells, evidence, &mut closed);
         let (mut inner, mut dividing): (Vec<Gap>, Vec<Gap>) =
             closed.into_iter().partition(|gap| merges.hold(gap, evidence));
-        inner.extend(open_idle(cells, &mut dividing));
+        inner.extend(open_idle(cells, evidence, &mut dividing));
         inner.retain(|gap| merges.is_doorway(gap, evidence));
         let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known);
         let mut joins = vec![0; of_cell.len()];
@@ -81,7 +84,7 @@ impl Spaces {
 
 /// Removes the gaps that divide no rooms, and returns them. The widest one is open first; then others may divide some, or
 /// none. Several gaps may be in one doorway.
-fn open_idle(cells: &Cells, closed: &mut Vec<Gap>) -> Vec<Gap> {
+fn open_idle(cells: &Cells, evidence: &Evidence, closed: &mut Vec<Gap>) -> Vec<Gap> {
     let mut opened = Vec::new();
     loop {
         let pieces = pieces(cells, closed);
@@ -94,7 +97,8 @@ fn open_idle(cells: &Cells, closed: &mut Vec<Gap>) -> Vec<Gap> {
         };
         let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
             (Some(a), Some(b)) => {
-                let may_be_small = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
+                let is_way = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
+                let may_be_small = is_way && !is_beside_furniture(gap, cells, evidence);
                 let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
                 a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
             }
@@ -123,8 +127,31 @@ fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -
     closed
 }
 
+/// Returns whether a gap is within a given room, and no clip saw the wall at its ends: the LiDAR's outlines of furniture and
+/// of open leaves of doors look like ends of walls.
+fn is_beside_furniture(gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
+    /// Length of the wall at each end.
+    const END_M: f64 = 0.3;
+    let [one, other] = owners_beside(gap, cells);
+    let [from, to] = gap.ends_m.map(Point2::from);
+    let outward = (to - from).try_normalize(1e-9).map(|along| along * END_M);
+    let is_filmed = |outward: Vector2| {
+        [(from, -outward), (to, outward)].into_iter().any(|(end, outward)| {
+            let ends = [end, end + outward].map(|p| [p.x, p.y]);
+            filmed::is_filmed(ends, gap.thickness_m, evidence)
+        })
+    };
+    one != 0 && one == other && outward.is_some_and(|outward| !is_filmed(outward))
+}
+
 /// Returns whether different given rooms are on the two sides of a gap.
 fn divides_owners(gap: &Gap, cells: &Cells) -> bool {
+    let [one, other] = owners_beside(gap, cells);
+    one != 0 && other != 0 && one != other
+}
+
+/// Returns the given rooms on the two sides of a gap.
+fn owners_beside(gap: &Gap, cells: &Cells) -> [u32; 2] {
     let owner = |up: bool| {
         let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
         for at in &gap.beside[usize::from(up)] {
@@ -132,8 +159,7 @@ fn divides_owners(gap: &Gap, cells: &Cells) -> bool {
         }
         areas.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(owner, _)| owner)
     };
-    let (a, b) = (owner(false), owner(true));
-    a != 0 && b != 0 && a != b
+    [false, true].map(owner)
 }
 
 /// Returns the connected piece of each inside cell, from 1; 0 outside and in gaps.

@@ -66,7 +66,7 @@ pub(super) fn standing_cells(surface: &Surface, objects: &[Object]) -> Vec<bool>
 }
 
 /// Returns whether an object is sure enough, and no wall can be below it.
-fn is_evidence(object: &Object) -> bool {
+pub(super) fn is_evidence(object: &Object) -> bool {
     object.confidence >= MIN_CONFIDENCE && is_furniture(object.class) && object.bounds().stands()
 }
 

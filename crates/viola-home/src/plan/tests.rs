@@ -6,6 +6,7 @@ mod furniture;
 mod gaps;
 mod oblique;
 mod pages;
+mod unfilmed;
 
 use super::*;
 use crate::rooms::RoomSource;

@@ -178,6 +178,9 @@ fn other_floors_compete_where_the_seen_one_is_doubtful() {
         })
         .collect();
     check_floors(&[vec![floor()], steps].concat(), &[(2.48, false), (1.4, false)]);
+    // The false depth of a mirror reaches below the floor.
+    let mirrored = wall(0.6).into_iter().map(|(p, n)| (p - 0.6 * Vector3::z(), n)).collect();
+    check_floors(&[floor(), wall(2.4), mirrored], &[(1.4, false)]);
 }
 
 #[test]

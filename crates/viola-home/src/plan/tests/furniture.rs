@@ -27,7 +27,7 @@ fn front(from_m: [f64; 2], to_m: [f64; 2], normal: [f32; 3]) -> Vec<MapPoint> {
 }
 
 /// Returns a cabinet along y.
-fn cabinet([x, y]: [f64; 2], size_m: [f64; 3], confidence: f64) -> Object {
+pub(super) fn cabinet([x, y]: [f64; 2], size_m: [f64; 3], confidence: f64) -> Object {
     Object {
         id: "cabinet-1".to_owned(),
         class: Class::Cabinet,

@@ -74,7 +74,7 @@ fn a_room_ends_at_the_recess_of_its_window() {
 }
 
 /// Returns points of a face across x, 5 cm apart.
-fn face(x: f64, up: bool, ys: [f64; 2], zs: [f64; 2]) -> Vec<MapPoint> {
+pub(super) fn face(x: f64, up: bool, ys: [f64; 2], zs: [f64; 2]) -> Vec<MapPoint> {
     let count = |[low, high]: [f64; 2]| ((high - low) / 0.05) as usize;
     let normal = [if up { 1.0 } else { -1.0 }, 0.0, 0.0];
     let at = |i: usize, j: usize| [x, ys[0] + 0.05 * i as f64, zs[0] + 0.05 * j as f64];

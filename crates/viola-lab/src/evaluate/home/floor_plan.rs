@@ -240,7 +240,12 @@ mod tests {
             ],
             faces: Vec::new(),
         };
-        let truth = TruePlan { map_from_home: Pose2::IDENTITY, rooms: vec![room], openings: Vec::new() };
+        let truth = TruePlan {
+            map_from_home: Pose2::IDENTITY,
+            rooms: vec![room],
+            openings: Vec::new(),
+            is_seen: Vec::new(),
+        };
         let side =
             |from_m: f64, to_m: f64| Side { ends: [Point2::new(from_m, 0.02), Point2::new(to_m, 0.02)] };
         let mut score = PlanScore::default();

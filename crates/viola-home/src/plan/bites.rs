@@ -1,0 +1,115 @@
+//! Furniture at a wall that no clip saw. The LiDAR map has its outline, as it has that of walls.
+
+use super::cells::Cells;
+use super::evidence::{Evidence, Facing};
+use super::ring::{Ring, rings};
+
+/// Footprints of furniture: beds stand with their head at a wall. What is in a corner may also be a closet.
+const LEAST_M2: f64 = 0.12;
+const MOST_AT_WALL_M2: f64 = 4.8;
+const MOST_IN_CORNER_M2: f64 = 2.2;
+const SHORTEST_M: f64 = 0.25;
+/// The wall on both sides of furniture is in one line within this.
+const SAME_LINE_M: f64 = 0.07;
+/// Maximum fraction of its sides where a clip saw wall at many heights, and minimum fraction that the LiDAR saw.
+const UPRIGHT_FRACTION: f64 = 0.2;
+const LIDAR_FRACTION: f64 = 0.5;
+
+/// A solid rectangle between lines of cells, and its sides that look into the room.
+struct Bite {
+    low: [usize; 2],
+    high: [usize; 2],
+    sides: Vec<Facing>,
+}
+
+/// Makes furniture at walls and in corners a part of its room.
+pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
+    // Furniture beside other furniture is at the wall once that is filled.
+    const ROUNDS: usize = 3;
+    for _ in 0..ROUNDS {
+        let rings = rings(cells);
+        let places = rings.iter().flat_map(|ring| (0..ring.len()).map(move |at| (ring, at)));
+        let bites = places.flat_map(|(ring, at)| [at_wall(cells, ring, at), in_corner(ring, at)]).flatten();
+        let furniture: Vec<Bite> = bites.filter(|bite| is_furniture(cells, evidence, bite)).collect();
+        if furniture.is_empty() {
+            return;
+        }
+        let filled: Vec<usize> = furniture.iter().flat_map(|bite| places_of(cells, bite)).collect();
+        for at in filled {
+            cells.inside[at] = true;
+        }
+    }
+}
+
+/// Returns the rectangle before a wall whose first corner is at a place of a ring.
+fn at_wall(cells: &Cells, ring: &Ring, at: usize) -> Option<Bite> {
+    let corner = |i: usize| ring.corner(at + i);
+    let turn = |i: usize| ring.turn(at + i);
+    // Corners 1 and 4 are at the wall, 2 and 3 at the front.
+    if ring.len() < 8 || turn(0) <= 0 || turn(1) >= 0 || turn(2) >= 0 || turn(3) <= 0 {
+        return None;
+    }
+    let along = if corner(2)[1] == corner(3)[1] { 0 } else { 1 };
+    let across = 1 - along;
+    let place = |i: usize| cells.lines[across][corner(i)[across]];
+    if (place(1) - place(4)).abs() > SAME_LINE_M {
+        return None;
+    }
+    let front = corner(2)[across];
+    let up = front > corner(1)[across];
+    let back =
+        if up { corner(1)[across].min(corner(4)[across]) } else { corner(1)[across].max(corner(4)[across]) };
+    let mut bite = Bite::between(corner(2), corner(3));
+    (bite.low[across], bite.high[across]) = (front.min(back), front.max(back));
+    let beside = [true, false].map(|up| Facing { axis: along, up });
+    bite.sides = std::iter::once(Facing { axis: across, up }).chain(beside).collect();
+    Some(bite)
+}
+
+/// Returns the rectangle in a corner whose first corner is at a place of a ring.
+fn in_corner(ring: &Ring, at: usize) -> Option<Bite> {
+    // Corners 1 and 3 are at the walls.
+    if ring.len() < 6 || ring.turn(at) <= 0 || ring.turn(at + 1) >= 0 || ring.turn(at + 2) <= 0 {
+        return None;
+    }
+    let [from, front, to] = [1, 2, 3].map(|i| ring.corner(at + i));
+    let mut bite = Bite::between(from, to);
+    let side = |axis: usize| Facing { axis, up: front[axis] == bite.high[axis] };
+    bite.sides = vec![side(0), side(1)];
+    Some(bite)
+}
+
+impl Bite {
+    fn between(a: [usize; 2], b: [usize; 2]) -> Bite {
+        let bound = |pick: fn(usize, usize) -> usize| [0, 1].map(|axis| pick(a[axis], b[axis]));
+        Bite { low: bound(usize::min), high: bound(usize::max), sides: Vec::new() }
+    }
+}
+
+fn places_of(cells: &Cells, bite: &Bite) -> Vec<usize> {
+    let Bite { low, high, .. } = bite;
+    (low[0]..high[0]).flat_map(|i| (low[1]..high[1]).map(move |j| cells.index([i, j]))).collect()
+}
+
+/// Returns whether a rectangle is solid, as large as furniture, and has an outline that the LiDAR saw and no clip.
+fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
+    let span_m = [0, 1].map(|axis| [bite.low[axis], bite.high[axis]].map(|line| cells.lines[axis][line]));
+    let size_m = span_m.map(|[low, high]| high - low);
+    let most_m2 = if bite.sides.len() > 2 { MOST_AT_WALL_M2 } else { MOST_IN_CORNER_M2 };
+    if !(LEAST_M2..=most_m2).contains(&(size_m[0] * size_m[1])) || size_m[0].min(size_m[1]) < SHORTEST_M {
+        return false;
+    }
+    if places_of(cells, bite).into_iter().any(|at| cells.inside[at] || cells.pillars[at]) {
+        return false;
+    }
+    let (mut length_m, mut upright_m, mut lidar_m) = (0.0, 0.0, 0.0);
+    for side in &bite.sides {
+        let line_m = span_m[side.axis][usize::from(side.up)];
+        let along_m = span_m[1 - side.axis];
+        let side_m = along_m[1] - along_m[0];
+        length_m += side_m;
+        upright_m += side_m * evidence.upright_fraction(*side, line_m, along_m);
+        lidar_m += side_m * evidence.lidar_fraction(*side, line_m, along_m);
+    }
+    upright_m <= UPRIGHT_FRACTION * length_m && lidar_m >= LIDAR_FRACTION * length_m
+}

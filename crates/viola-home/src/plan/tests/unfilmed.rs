@@ -1,0 +1,96 @@
+//! Plans where no clip saw what the LiDAR saw.
+
+use super::super::*;
+use super::furniture::cabinet;
+use super::gaps::face;
+use super::lidar_of;
+
+fn ring(corners: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
+    (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]]).collect()
+}
+
+fn plan_with(lidar: &LidarMap, points: &[MapPoint], objects: &[Object]) -> Plan {
+    plan(lidar, points, &crate::rooms(lidar, points), objects)
+}
+
+fn areas_m2(plan: &Plan) -> Vec<f64> {
+    plan.rooms.iter().map(|room| (room.area_m2 * 10.0).round() / 10.0).collect()
+}
+
+/// A wardrobe in a corner of a room of 4 m by 3 m, and a bed at its wall.
+#[test]
+fn furniture_that_no_clip_saw_is_no_wall() {
+    let bed = [[2.0, 3.0], [2.0, 1.4], [3.4, 1.4], [3.4, 3.0]];
+    let outline = |corner: &[[f64; 2]], at_wall: &[[f64; 2]]| {
+        let corners = [
+            corner,
+            &[[4.0, 0.0], [4.0, 3.0]],
+            &at_wall.iter().rev().copied().collect::<Vec<_>>(),
+            &[[0.0, 3.0]],
+        ];
+        lidar_of(&ring(&corners.concat()))
+    };
+    let in_corner = [[0.0, 0.6], [0.9, 0.6], [0.9, 0.0]];
+    let lidar = outline(&in_corner, &bed);
+    let plan = plan_with(&lidar, &[], &[]);
+    assert!(
+        areas_m2(&plan).len() == 1 && (plan.rooms[0].area_m2 - 12.0).abs() < 0.2,
+        "{:?}",
+        areas_m2(&plan)
+    );
+    // A clip saw that the wall ends there.
+    let mut filmed = face(0.9, true, [0.0, 0.6], [0.1, 2.5]);
+    filmed.extend(face(2.0, false, [1.4, 3.0], [0.1, 2.5]));
+    filmed.extend(face(3.4, true, [1.4, 3.0], [0.1, 2.5]));
+    let plan = plan_with(&lidar, &filmed, &[]);
+    let walled_m2 = 12.0 - 0.9 * 0.6 - 1.4 * 1.6;
+    assert!((plan.rooms[0].area_m2 - walled_m2).abs() < 0.3, "{:?}", areas_m2(&plan));
+    // A closet is too large for furniture in a corner.
+    let lidar = outline(&[[0.0, 1.7], [1.6, 1.7], [1.6, 0.0]], &[]);
+    let plan = plan_with(&lidar, &[], &[]);
+    assert!((plan.rooms[0].area_m2 - (12.0 - 1.6 * 1.7)).abs() < 0.3, "{:?}", areas_m2(&plan));
+}
+
+/// Two rooms of 3 m by 3 m with a wall of 0.1 m and a door between them. The wardrobe hides the left face of the wall beside the
+/// door, of which the LiDAR saw only the right one.
+#[test]
+fn a_wall_stays_behind_a_wardrobe() {
+    let left =
+        [[0.0, 0.0], [3.0, 0.0], [3.0, 0.3], [3.1, 0.3], [3.1, 0.0], [6.1, 0.0], [6.1, 3.0], [3.1, 3.0]];
+    let right = [[3.1, 1.1], [3.0, 1.1], [3.0, 1.3], [2.4, 1.3], [2.4, 3.0], [0.0, 3.0]];
+    let lidar = lidar_of(&ring(&[&left[..], &right[..]].concat()));
+    let plan = plan_with(&lidar, &[], &[cabinet([2.7, 2.15], [1.7, 0.6, 2.0], 0.9)]);
+    let areas_m2 = areas_m2(&plan);
+    assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 9.0).abs() < 0.4), "{areas_m2:?}");
+    assert!(!plan.rooms.iter().any(|room| room.contains([3.05, 2.2])), "the wall is in a room");
+}
+
+/// A piece of wall between two doors of one room, as thin as inner walls are, and a piece of a thicker thing.
+#[test]
+fn a_thin_wall_by_the_lidar_alone_is_no_furniture() {
+    for (thickness_m, holes) in [(0.1, 1), (0.2, 0)] {
+        let mut walls = ring(&[[0.0, 0.0], [6.0, 0.0], [6.0, 4.0], [0.0, 4.0]]);
+        let high = 2.0 + thickness_m;
+        walls.extend(ring(&[[2.4, 2.0], [3.7, 2.0], [3.7, high], [2.4, high]]));
+        let plan = plan_with(&lidar_of(&walls), &[], &[]);
+        let found: usize = plan.rooms.iter().map(|room| room.outline.holes_m.len()).sum();
+        assert_eq!(found, holes, "{thickness_m} m: {:?}", plan.rooms);
+    }
+}
+
+/// A room of 4 m by 1.6 m with a passage of 0.7 m between two screens.
+#[test]
+fn screens_that_no_clip_saw_do_not_divide_a_small_room() {
+    let mut walls = ring(&[[0.0, 0.0], [4.0, 0.0], [4.0, 1.6], [0.0, 1.6]]);
+    for x in [1.5, 1.525, 1.55, 1.575, 1.6] {
+        walls.extend([[[x, 0.0], [x, 0.45]], [[x, 1.15], [x, 1.6]]]);
+    }
+    let lidar = lidar_of(&walls);
+    assert_eq!(areas_m2(&plan_with(&lidar, &[], &[])).len(), 1);
+    let mut filmed = Vec::new();
+    for ys in [[0.0, 0.45], [1.15, 1.6]] {
+        filmed.extend(face(1.5, false, ys, [0.1, 2.5]));
+        filmed.extend(face(1.6, true, ys, [0.1, 2.5]));
+    }
+    assert_eq!(areas_m2(&plan_with(&lidar, &filmed, &[])).len(), 2);
+}
