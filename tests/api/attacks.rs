@@ -79,7 +79,7 @@ async fn json_bombs_are_refused() {
     let deep_object = "{\"name\":".repeat(6_000);
     let wide = format!("{{\"name\": \"x\", {}\"y\": 1}}", "\"name\": \"x\", ".repeat(4_000));
     let large = format!("{{\"name\": \"{}\"}}", "x".repeat(100 << 10));
-    for (body, status) in [(deep, 422), (deep_object, 400), (wide, 422), (large, 413)] {
+    for (body, status) in [(deep, 422), (deep_object, 400), (wide, 400), (large, 413)] {
         let request = server.request(Method::PUT, "/v1/homes/h").header("content-type", "application/json");
         let answer = server.send(request.body(body)).await;
         assert_eq!(answer.status, status, "{}", String::from_utf8_lossy(&answer.bytes));

@@ -16,7 +16,8 @@ pub(super) struct Object {
 impl<'de> Deserialize<'de> for Object {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Object, D::Error> {
         let mut repeated = None;
-        let value = Reader { path: String::new(), repeated: &mut repeated }.deserialize(deserializer)?;
+        // Anything else than an object is refused at its first byte, however deep it is.
+        let value = deserializer.deserialize_map(Reader { path: String::new(), repeated: &mut repeated })?;
         match value {
             Value::Object(members) => Ok(Object { members, repeated }),
             _ => Err(D::Error::custom("not a JSON object")),
@@ -42,7 +43,7 @@ impl<'de> Visitor<'de> for Reader<'_> {
     type Value = Value;
 
     fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
-        formatter.write_str("a JSON value")
+        formatter.write_str("a JSON object")
     }
 
     fn visit_unit<E: Error>(self) -> Result<Value, E> {

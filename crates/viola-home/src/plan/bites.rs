@@ -8,7 +8,8 @@ use super::ring::{Ring, rings};
 const LEAST_M2: f64 = 0.12;
 const MOST_AT_WALL_M2: f64 = 4.8;
 const MOST_IN_CORNER_M2: f64 = 2.2;
-const SHORTEST_M: f64 = 0.25;
+/// Recesses of windows are less deep.
+const SHORTEST_M: f64 = 0.35;
 /// The wall on both sides of furniture is in one line within this.
 const SAME_LINE_M: f64 = 0.07;
 /// Maximum fraction of its sides where a clip saw wall at many heights, and minimum fraction that the LiDAR saw.
