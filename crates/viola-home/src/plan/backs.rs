@@ -9,8 +9,10 @@ use viola_geometry::Point2;
 
 /// Sine of the largest angle between furniture and the wall at its back.
 const ALONG_WALL: f64 = 0.17;
-/// Distance of furniture's back from the other face of the wall; boxes are noisy.
-const THICKNESS_M: std::ops::RangeInclusive<f64> = -0.05..=0.35;
+/// Clips see the wall above lower furniture.
+const TALL_M: f64 = 1.6;
+/// Distance of furniture's back from the other face of the wall; boxes are noisy. A nearer face is that of the back itself.
+const THICKNESS_M: std::ops::RangeInclusive<f64> = 0.03..=0.35;
 /// Usual thickness of an inner wall.
 const USUAL_M: f64 = 0.1;
 /// Faces this near the back of furniture are the hidden one, beside the furniture.
@@ -25,7 +27,7 @@ const HIDDEN_FRACTION: f32 = 0.8;
 
 /// Adds the faces that furniture hides.
 pub(super) fn add(faces: &mut Vec<Face>, evidence: &Evidence, objects: &[Object]) {
-    let standing = objects.iter().filter(|object| is_evidence(object));
+    let standing = objects.iter().filter(|object| is_evidence(object) && object.bounds().top_m() >= TALL_M);
     let hidden: Vec<Face> = standing.flat_map(|object| of_object(object, faces, evidence)).collect();
     faces.extend(hidden);
 }

@@ -4,6 +4,7 @@ use super::cells::{Cells, TALL_FRACTION};
 use super::evidence::{Evidence, Facing};
 use super::oblique::Oblique;
 use crate::rooms::outline::pieces;
+use std::ops::RangeInclusive;
 use viola_geometry::{Grid, Point2};
 
 /// Widest passage that nobody fits through.
@@ -224,13 +225,14 @@ fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 3]> {
 }
 
 /// Returns whether an island of any shape is as thin as a wall, is longer than the leaf of a door, and shows wall at many
-/// heights nearly all around. A thinner one may be by the LiDAR alone: no furniture is that thin.
+/// heights nearly all around. One as thick as inner walls may be by the LiDAR alone: furniture is thicker, its outline thinner.
 fn is_long_wall(island: &Island) -> bool {
     let length_m = island.border_m / 2.0;
-    let is_seen = |thickness_m: f64, seen_m: f64| {
-        island.area_m2 <= thickness_m * length_m && seen_m >= PIER_FRACTION * island.border_m
-    };
-    length_m >= LEAF_M && (is_seen(PIER_M, island.upright_m) || is_seen(PARTITION_M, island.lidar_m))
+    let is_as_thick = |thickness_m: RangeInclusive<f64>| thickness_m.contains(&(island.area_m2 / length_m));
+    let is_seen = |seen_m: f64| seen_m >= PIER_FRACTION * island.border_m;
+    length_m >= LEAF_M
+        && (is_as_thick(0.0..=PIER_M) && is_seen(island.upright_m)
+            || is_as_thick(SPUR_M..=PARTITION_M) && is_seen(island.lidar_m))
 }
 
 /// Returns whether an island is a piece of wall, of which clips saw both faces at many heights; they seldom see the ceiling.
