@@ -294,7 +294,7 @@ impl Cells {
 fn furnished(axis: usize, up: bool, ends: [Point2; 2], evidence: &Evidence) -> f64 {
     const BEHIND_M: [f64; 3] = [0.05, 0.1, 0.15];
     const ALONG: [f64; 3] = [0.2, 0.5, 0.8];
-    /// Step through furniture, and its maximum depth.
+    /// Step through furniture, and a bound on the steps: no furniture is deeper.
     const STEP_M: f64 = 0.05;
     const STEPS: usize = 24;
     let behind = |part: f64, behind_m: f64| {

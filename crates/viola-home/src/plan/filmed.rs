@@ -19,13 +19,24 @@ const MIN_PART_M: f64 = 0.5;
 /// Returns the fraction of a wall's length where clips saw upright surface at one of its faces: 0 to 1, rounded to thousandths.
 /// Doors and passages (`ways`) count only if the wall has no other length.
 pub(super) fn fraction(wall: &Wall, ways: &[Opening], evidence: &Evidence) -> f64 {
-    let (from, length_m) = (Point2::from(wall.from_m), wall.length_m());
-    let along = (Point2::from(wall.to_m) - from) / length_m.max(1e-9);
+    fraction_between([wall.from_m, wall.to_m], wall.thickness_m, ways, evidence)
+}
+
+/// Returns the same of a piece of wall, by the ends of its centre line.
+pub(super) fn fraction_between(
+    ends_m: [[f64; 2]; 2],
+    thickness_m: f64,
+    ways: &[Opening],
+    evidence: &Evidence,
+) -> f64 {
+    let [from, to] = ends_m.map(Point2::from);
+    let length_m = (to - from).norm();
+    let along = (to - from) / length_m.max(1e-9);
     let across = Vector2::new(-along.y, along.x);
     let span = |way: &Opening| {
         let offsets = [way.from_m, way.to_m].map(|end| Point2::from(end) - from);
         let [a, b] = offsets.map(|offset| offset.dot(&along));
-        let half_m = wall.thickness_m.max(way.thickness_m) / 2.0;
+        let half_m = thickness_m.max(way.thickness_m) / 2.0;
         let is_in_wall = offsets.iter().all(|offset| offset.dot(&across).abs() <= half_m);
         is_in_wall.then(|| [a.min(b), a.max(b)])
     };
@@ -45,7 +56,7 @@ pub(super) fn fraction(wall: &Wall, ways: &[Opening], evidence: &Evidence) -> f6
     let origin = evidence.map_from_plan.apply(&from);
     let [along, across] = [along, across].map(|direction| evidence.map_from_plan.rotate(&direction));
     let directions = directions_of(&across);
-    let rows_m = rows_m(wall.thickness_m, evidence.cell_m());
+    let rows_m = rows_m(thickness_m, evidence.cell_m());
     let samples = (step_m / evidence.cell_m()).round().max(1.0) as usize;
     let is_filmed = |step: usize| {
         (0..samples).any(|sample| {
@@ -56,20 +67,6 @@ pub(super) fn fraction(wall: &Wall, ways: &[Opening], evidence: &Evidence) -> f6
     };
     let filmed = steps.iter().filter(|step| is_filmed(**step)).count();
     (filmed as f64 / steps.len() as f64 * 1e3).round() / 1e3
-}
-
-/// Returns whether clips saw upright surface at most of a straight piece of wall.
-pub(super) fn is_filmed([from_m, to_m]: [[f64; 2]; 2], thickness_m: f64, evidence: &Evidence) -> bool {
-    let wall = Wall {
-        id: String::new(),
-        from_m,
-        to_m,
-        thickness_m,
-        is_measured: false,
-        filmed_fraction: 0.0,
-        rooms: Vec::new(),
-    };
-    fraction(&wall, &[], evidence) >= 0.5
 }
 
 /// Returns the walls in their parts between other walls, each with its own fraction: clips of one room film its part of a facade.

@@ -130,15 +130,16 @@ fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -
 /// Returns whether a gap is within a given room, and no clip saw the wall at its ends: the LiDAR's outlines of furniture and
 /// of open leaves of doors look like ends of walls.
 fn is_beside_furniture(gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
-    /// Length of the wall at each end.
+    /// Length of the wall at each end, and minimum fraction of it that clips saw.
     const END_M: f64 = 0.3;
+    const FILMED: f64 = 0.5;
     let [one, other] = owners_beside(gap, cells);
     let [from, to] = gap.ends_m.map(Point2::from);
     let outward = (to - from).try_normalize(1e-9).map(|along| along * END_M);
     let is_filmed = |outward: Vector2| {
         [(from, -outward), (to, outward)].into_iter().any(|(end, outward)| {
             let ends = [end, end + outward].map(|p| [p.x, p.y]);
-            filmed::is_filmed(ends, gap.thickness_m, evidence)
+            filmed::fraction_between(ends, gap.thickness_m, &[], evidence) >= FILMED
         })
     };
     one != 0 && one == other && outward.is_some_and(|outward| !is_filmed(outward))
