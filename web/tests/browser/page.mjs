@@ -76,25 +76,21 @@ export async function boxOf(locator) {
 }
 
 /**
- * Checks that input waits at most `limit_ms` for what is drawn of the fused map, beside what it waits without it: other
- * processes share the machine. `isShown` waits until the map is drawn.
+ * Checks that input waits at most `limit_ms` longer for what is drawn of the fused map than it waits without it, measured
+ * beside each other: other processes share the machine. `isShown` waits until the map is drawn.
  */
 export async function isResponsive(page, { act, isShown, limit_ms, say }) {
   const fused = page.locator("input[data-name=points]");
-  await fused.uncheck();
-  const without = await measureInput(page, act);
-  await fused.check();
-  await isShown();
-  const most_ms = limit_ms + without.slowest_ms;
-  let measured = await measureInput(page, act);
   // Another process may take the machine for a moment; what the page itself does, it does every time.
-  for (let again = 0; again < 2 && measured.slowest_ms >= most_ms; again++) {
-    say(`once more, after ${JSON.stringify(measured)}`);
-    measured = await measureInput(page, act);
+  for (let left = 3; left > 0; left--) {
+    await fused.uncheck();
+    const without = await measureInput(page, act);
+    await fused.check();
+    await isShown();
+    const measured = await measureInput(page, act);
+    say(`${JSON.stringify(measured)}; without the map ${without.slowest_ms} ms`);
+    if (measured.inputs <= 20) throw new Error(`only ${measured.inputs} inputs were measured`);
+    if (measured.slowest_ms < limit_ms + without.slowest_ms) return;
   }
-  say(`${JSON.stringify(measured)}; without the map ${without.slowest_ms} ms`);
-  if (measured.inputs <= 20) throw new Error(`only ${measured.inputs} inputs were measured`);
-  if (measured.slowest_ms >= most_ms) {
-    throw new Error(`an input waited ${measured.slowest_ms} ms (${measured.slowest}), ${without.slowest_ms} ms without the map`);
-  }
+  throw new Error(`an input waited ${limit_ms} ms longer than without the map, three times`);
 }
