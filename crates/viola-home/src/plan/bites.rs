@@ -16,6 +16,15 @@ const SAME_LINE_M: f64 = 0.07;
 const UPRIGHT_FRACTION: f64 = 0.2;
 const LIDAR_FRACTION: f64 = 0.5;
 
+/// Beyond furniture is wall, at least this far.
+const BEHIND_M: f64 = 0.03;
+/// Widths of the doorway between a piece of wall and the next one in its line.
+const DOOR_M: [f64; 2] = [0.55, 1.35];
+/// Largest thickness of an inner wall.
+const WALL_M: f64 = 0.3;
+/// Distance of samples.
+const STEP_M: f64 = 0.05;
+
 /// A solid rectangle between lines of cells, and its sides that look into the room.
 struct Bite {
     low: [usize; 2],
@@ -31,13 +40,17 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
         let rings = rings(cells);
         let places = rings.iter().flat_map(|ring| (0..ring.len()).map(move |at| (ring, at)));
         let bites = places.flat_map(|(ring, at)| [at_wall(cells, ring, at), in_corner(ring, at)]).flatten();
-        let furniture: Vec<Bite> = bites.filter(|bite| is_furniture(cells, evidence, bite)).collect();
-        if furniture.is_empty() {
-            return;
+        let mut is_changed = false;
+        // One may be behind another: the last one would open the wall between them.
+        for bite in bites.collect::<Vec<Bite>>() {
+            let Some(bite) = without_wall(cells, bite) else { continue };
+            if is_furniture(cells, evidence, &bite) {
+                places_of(cells, &bite).into_iter().for_each(|at| cells.inside[at] = true);
+                is_changed = true;
+            }
         }
-        let filled: Vec<usize> = furniture.iter().flat_map(|bite| places_of(cells, bite)).collect();
-        for at in filled {
-            cells.inside[at] = true;
+        if !is_changed {
+            return;
         }
     }
 }
@@ -103,6 +116,9 @@ fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
     if places_of(cells, bite).into_iter().any(|at| cells.inside[at] || cells.pillars[at]) {
         return false;
     }
+    if !has_wall_behind(cells, bite, &span_m) {
+        return false;
+    }
     let (mut length_m, mut upright_m, mut lidar_m) = (0.0, 0.0, 0.0);
     for side in &bite.sides {
         let line_m = span_m[side.axis][usize::from(side.up)];
@@ -113,4 +129,84 @@ fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
         lidar_m += side_m * evidence.lidar_fraction(*side, line_m, along_m);
     }
     upright_m <= UPRIGHT_FRACTION * length_m && lidar_m >= LIDAR_FRACTION * length_m
+}
+
+/// Returns whether no room is right behind most of a rectangle.
+fn has_wall_behind(cells: &Cells, bite: &Bite, span_m: &[[f64; 2]; 2]) -> bool {
+    let behind = Facing::ALL.into_iter().filter(|facing| !bite.sides.contains(facing));
+    behind.into_iter().all(|facing| {
+        let line_m = span_m[facing.axis][usize::from(facing.up)];
+        let beyond_m = line_m + if facing.up { BEHIND_M } else { -BEHIND_M };
+        let is_solid = |along_m: &f64| !cells.is_inside(place(facing.axis, beyond_m, *along_m));
+        let solid = steps(span_m[1 - facing.axis]).filter(is_solid).count();
+        2 * solid >= steps(span_m[1 - facing.axis]).count()
+    })
+}
+
+/// Returns a rectangle without the wall at one of its sides, if that goes on behind a doorway: furniture stands before it.
+/// `None` if nothing is left.
+fn without_wall(cells: &Cells, mut bite: Bite) -> Option<Bite> {
+    let [front, beside @ ..] = bite.sides.as_slice() else { return Some(bite) };
+    if beside.len() < 2 {
+        return Some(bite);
+    }
+    for side in beside {
+        let Some(other_face) = wall_beyond_door(cells, &bite, *front, *side) else { continue };
+        if side.up {
+            bite.high[side.axis] = other_face;
+        } else {
+            bite.low[side.axis] = other_face;
+        }
+    }
+    (0..2).all(|axis| bite.low[axis] < bite.high[axis]).then_some(bite)
+}
+
+/// Returns the line of the other face of a wall behind a doorway, one face of which is in line with a side of a rectangle.
+fn wall_beyond_door(cells: &Cells, bite: &Bite, front: Facing, side: Facing) -> Option<usize> {
+    let line_m = |facing: Facing| {
+        let bounds = if facing.up { &bite.high } else { &bite.low };
+        cells.lines[facing.axis][bounds[facing.axis]]
+    };
+    let (ahead, inward) = (if front.up { 1.0 } else { -1.0 }, if side.up { -1.0 } else { 1.0 });
+    let at = |off_m: f64, in_m: f64| {
+        place(front.axis, line_m(front) + ahead * off_m, line_m(side) + inward * in_m)
+    };
+    let is_inside = |off_m: f64, in_m: f64| cells.is_inside(at(off_m, in_m));
+    let end_m = steps([0.0, DOOR_M[1]]).find(|off_m| !is_inside(*off_m, SAME_LINE_M))?;
+    // The room is right beside the next wall, on both sides.
+    let is_wall = end_m >= DOOR_M[0] && is_inside(end_m + STEP_M, -SAME_LINE_M);
+    let through_m = steps([SAME_LINE_M, WALL_M]).find(|in_m| is_inside(end_m + STEP_M, *in_m))?;
+    let beyond = cells.at(at(end_m + STEP_M, through_m)).filter(|_| is_wall)?;
+    Some(cells.place(beyond)[side.axis] + usize::from(side.up))
+}
+
+fn place(axis: usize, on_axis_m: f64, other_m: f64) -> [f64; 2] {
+    if axis == 0 { [on_axis_m, other_m] } else { [other_m, on_axis_m] }
+}
+
+/// Returns values from one to another.
+fn steps([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
+    let count = ((to - from) / STEP_M).ceil().max(1.0) as usize;
+    (0..count).map(move |i| from + (i as f64 + 0.5) / count as f64 * (to - from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn furniture_in_a_corner_has_a_wall_behind() {
+        // Furniture in the middle column; the lower row and the right column are wall, as far as they are no room.
+        let cells = |is_room_behind: bool| {
+            let inside =
+                vec![false, false, is_room_behind, true, false, is_room_behind, true, true, is_room_behind];
+            let lines = [vec![0.0, 1.0, 1.6, 2.6], vec![0.0, 0.1, 0.7, 1.7]];
+            Cells { lines, inside, pillars: vec![false; 9], owners: vec![Vec::new(); 9] }
+        };
+        let sides = vec![Facing { axis: 0, up: false }, Facing { axis: 1, up: true }];
+        let bite = Bite { low: [1, 1], high: [2, 2], sides };
+        let span_m = [[1.0, 1.6], [0.1, 0.7]];
+        assert!(has_wall_behind(&cells(false), &bite, &span_m));
+        assert!(!has_wall_behind(&cells(true), &bite, &span_m));
+    }
 }

@@ -97,7 +97,7 @@ fn open_idle(cells: &Cells, evidence: &Evidence, closed: &mut Vec<Gap>) -> Vec<G
         };
         let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
             (Some(a), Some(b)) => {
-                let is_way = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
+                let is_way = !gap.is_passage && (gap.is_door() || divides_owners(gap, cells));
                 let may_be_small = is_way && !is_beside_furniture(gap, cells, evidence);
                 let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
                 a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
@@ -127,12 +127,14 @@ fn closed(cells: &Cells, evidence: &Evidence, gaps: Vec<Gap>, merges: &Merges) -
     closed
 }
 
-/// Returns whether a gap is within a given room, and no clip saw the wall at its ends: the LiDAR's outlines of furniture and
-/// of open leaves of doors look like ends of walls.
+/// Returns whether a gap is within a given room, and no clip saw the wall at its ends, or it is deeper than a wall between
+/// rooms: furniture and open leaves of doors look like ends of walls.
 fn is_beside_furniture(gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
     /// Length of the wall at each end, and minimum fraction of it that clips saw.
     const END_M: f64 = 0.3;
     const FILMED: f64 = 0.5;
+    /// Largest thickness of a wall between rooms without a lintel in sight.
+    const THICKEST_M: f64 = 0.3;
     let [one, other] = owners_beside(gap, cells);
     let [from, to] = gap.ends_m.map(Point2::from);
     let outward = (to - from).try_normalize(1e-9).map(|along| along * END_M);
@@ -142,7 +144,8 @@ fn is_beside_furniture(gap: &Gap, cells: &Cells, evidence: &Evidence) -> bool {
             filmed::fraction_between(ends, gap.thickness_m, &[], evidence) >= FILMED
         })
     };
-    one != 0 && one == other && outward.is_some_and(|outward| !is_filmed(outward))
+    let is_deep = gap.thickness_m > THICKEST_M && !gap.has_lintel;
+    one != 0 && one == other && (is_deep || outward.is_some_and(|outward| !is_filmed(outward)))
 }
 
 /// Returns whether different given rooms are on the two sides of a gap.

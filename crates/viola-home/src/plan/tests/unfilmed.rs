@@ -95,3 +95,13 @@ fn screens_that_no_clip_saw_do_not_divide_a_small_room() {
     }
     assert_eq!(areas_m2(&plan_with(&lidar, &filmed, &[])).len(), 2);
 }
+
+/// Two rooms of 3 m by 3 m with a wall of 0.1 m and a door between them. Furniture stands along all of the wall before the door.
+#[test]
+fn a_wall_between_furniture_and_a_room_stays() {
+    let left = [[0.0, 0.0], [2.1, 0.0], [2.1, 1.6], [3.1, 1.6], [3.1, 0.0], [6.1, 0.0], [6.1, 3.0]];
+    let right = [[3.1, 3.0], [3.1, 2.4], [3.0, 2.4], [3.0, 3.0], [0.0, 3.0]];
+    let plan = plan_with(&lidar_of(&ring(&[&left[..], &right[..]].concat())), &[], &[]);
+    let areas_m2 = areas_m2(&plan);
+    assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 9.0).abs() < 0.4), "{areas_m2:?}");
+}
