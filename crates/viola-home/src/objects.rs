@@ -43,7 +43,8 @@ const MIN_SURFACE_M2: f64 = 0.12;
 const MIN_SMALL_M2: f64 = 0.045;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
-/// Minimum confidence of an object that a network saw in pictures; it understates how often such an object is right.
+/// Minimum confidence of an object that a network saw in pictures, and of a worktop with its units; it understates how often
+/// such an object is right.
 const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
@@ -166,7 +167,10 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
 }
 
 /// Returns the minimum confidence of an object with these points.
-fn least_confidence(members: &[u32], points: &[MapPoint]) -> f64 {
+fn least_confidence(fragment: &Fragment, members: &[u32], points: &[MapPoint]) -> f64 {
+    if fragment.is_kitchen {
+        return MIN_CONFIDENCE;
+    }
     let in_pictures = members.iter().filter(|i| points[**i as usize].point.label.views > 0).count();
     if 2 * in_pictures >= members.len() { MIN_CONFIDENCE } else { MIN_CONFIDENCE_BY_SURFACE }
 }
@@ -197,7 +201,7 @@ fn finish(
     members.sort_unstable();
     let at: Vec<[f64; 3]> =
         members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
-    let mut bounds = fit_box(&at, wall_yaw_rad, fit::BEYOND)?;
+    let mut bounds = fit_box(&at, wall_yaw_rad, kind::beyond(fragment.class))?;
     // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
@@ -210,7 +214,7 @@ fn finish(
     }
     hidden::complete(&mut bounds, &decided, fragment, &members, points, cells);
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
-    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
+    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(fragment, &members, points) {
         return None;
     }
     let object = Object {

@@ -16,8 +16,10 @@ const WORKTOP_THICK_M: f64 = 0.04;
 const TRAY_M: f64 = 0.35;
 const TRAY_SIDE_M: f64 = 0.6;
 const SHOWER_M: f64 = 2.0;
-/// Lowest part of a basin's foot that is looked for.
+/// Lowest part of a foot that is looked for.
 const FOOT_LOW_M: f64 = 0.15;
+/// Heights of the shade's lower edge of lamps that stand on the floor.
+const STANDING_LAMP_M: std::ops::Range<f64> = 0.9..1.7;
 /// Largest height of a sink of which only the rim was measured, the usual depth of its basin, and the usual height of its tap.
 const RIM_M: f64 = 0.1;
 const BASIN_LOW_M: f64 = 0.12;
@@ -49,7 +51,7 @@ fn is_shallower(bounds: &UprightBox, class: Class, depth_m: f64) -> bool {
     is_closed && short_m < depth_m && long_m > FRONT_SIDE_M && high_m > FRONT_SIDE_M
 }
 
-/// Gives units below a worktop and appliances of which only the front was measured, or the front and less of a side than any
+/// Gives rows of kitchen units and appliances of which only the front was measured, or the front and less of a side than any
 /// such appliance has, their usual depth: they are built in or stand at a wall.
 pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32], points: &[MapPoint]) {
     let class = fragment.class;
@@ -63,7 +65,8 @@ pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32
     let least_m = kind::kind(class).map_or(0.0, |kind| kind.short_m.start);
     let is_facing = upright > 0.0 && out.abs() >= MIN_FRONT_FRACTION * upright;
     let shows_front = is_shallower(bounds, class, least_m) && is_facing;
-    let is_front_of_unit = fragment.is_unit && bounds.size_m[1] < FRONT_M;
+    let is_front_of_unit =
+        fragment.is_unit && bounds.size_m[1] < FRONT_M || is_facing && is_row_of_fronts(bounds, class);
     if !is_front(bounds, class) && !shows_front && !is_front_of_unit {
         return;
     }
@@ -72,6 +75,19 @@ pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32
     bounds.centre_m[1] -= cos * by_m;
     bounds.size_m[1] = APPLIANCE_M;
     bounds.normalise();
+}
+
+/// Returns whether a box is a row of fronts as high as a worktop that nobody saw from above.
+fn is_row_of_fronts(bounds: &UprightBox, class: Class) -> bool {
+    /// Heights of units with or without their worktop, and least length of a row.
+    const TOP_M: std::ops::Range<f64> = 0.78..1.0;
+    const LONG_M: f64 = 0.9;
+    let [long_m, short_m, _] = bounds.size_m;
+    class == Class::Cabinet
+        && bounds.stands()
+        && TOP_M.contains(&bounds.top_m())
+        && long_m >= LONG_M
+        && short_m <= FRONT_M + 0.02
 }
 
 /// Extends what stands on the floor down to it, and bounds sinks and worktops by their own heights.
@@ -92,6 +108,10 @@ pub fn complete(
     if decided.class == Class::Sink && bounds.bottom_m() > FOOT_LOW_M && has_foot(bounds, cells) {
         set_heights(bounds, 0.0, bounds.top_m());
     }
+    if decided.class == Class::Lamp && STANDING_LAMP_M.contains(&bounds.bottom_m()) && has_foot(bounds, cells)
+    {
+        set_heights(bounds, 0.0, bounds.top_m());
+    }
     if decided.class == Class::Sink && bounds.size_m[2] < RIM_M {
         set_heights(bounds, bounds.bottom_m() - BASIN_LOW_M, bounds.top_m() + TAP_M);
     }
@@ -107,7 +127,7 @@ pub fn complete(
     }
 }
 
-/// Returns whether a foot is below the middle of a basin, and no furniture that it is built into.
+/// Returns whether a foot is below the middle of a basin or of a lampshade, and no furniture that it is built into or stands on.
 fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
     /// Half the side of the square that holds the foot.
     const REACH_M: f64 = 0.18;

@@ -87,6 +87,11 @@ pub fn is_furniture(class: Class) -> bool {
     )
 }
 
+/// Returns the fraction of an object's points allowed beyond each face of its box, as outliers: chairs touch what is beside.
+pub fn beyond(class: Class) -> f64 {
+    if class == Class::Chair { 0.05 } else { super::fit::BEYOND }
+}
+
 /// Maximum height of a sink: only its basin with the tap belongs to it, not the cabinet below.
 pub const BASIN_M: f64 = 0.35;
 

@@ -130,3 +130,42 @@ fn the_corner_of_a_room_is_no_cabinet() {
     }
     assert_eq!(found(&points), []);
 }
+
+/// Nobody saw their worktop. A board of another height is no kitchen.
+#[test]
+fn a_row_of_fronts_as_high_as_a_worktop_is_as_deep_as_units() {
+    for (high_m, deep_m) in [(0.88, 0.6), (1.2, 0.03)] {
+        let mut points = surface(Class::Cabinet, [0.0, 0.6, 0.06], [1.5, 0.63, high_m], 0);
+        points.retain(|p| p.point.normal[1] < -0.5);
+        let objects = found(&points);
+        let [Object { centre_m, size_m, .. }] = objects.as_slice() else { panic!("{objects:?}") };
+        assert!((size_m[0] - 1.5).abs() < 0.1 && (size_m[1] - deep_m).abs() < 0.05, "{high_m}: {objects:?}");
+        assert!((centre_m[1] - 0.6 - deep_m / 2.0).abs() < 0.05, "behind the front: {objects:?}");
+    }
+}
+
+#[test]
+fn a_lamp_on_a_pole_stands_on_the_floor() {
+    for has_pole in [true, false] {
+        let mut points = surface(Class::Lamp, [0.0, 0.0, 1.3], [0.3, 0.3, 1.6], 0);
+        if has_pole {
+            points.extend(surface(Class::Other, [0.15, 0.15, 0.03], [0.15, 0.15, 1.3], 0));
+        }
+        let objects = found(&points);
+        let lamp = objects.iter().find(|object| object.class == Class::Lamp);
+        let bounds = lamp.unwrap_or_else(|| panic!("{objects:?}")).bounds();
+        let bottom_m = if has_pole { 0.0 } else { 1.3 };
+        assert!((bounds.bottom_m() - bottom_m).abs() < 0.05 && bounds.top_m() > 1.5, "{objects:?}");
+    }
+}
+
+/// Things in the label of a chair beyond it: less than 5 % of its points on each side.
+#[test]
+fn the_box_of_a_chair_leaves_out_what_touches_it() {
+    let mut points = surface(Class::Chair, [0.0, 0.0, 0.0], [0.5, 0.5, 0.9], 0);
+    let beside = surface(Class::Chair, [0.53, 0.2, 0.6], [0.74, 0.26, 0.6], 0);
+    assert!(beside.len() * 20 < points.len());
+    points.extend(beside);
+    let objects = found(&points);
+    assert!((objects[0].size_m[0] - 0.5).abs() < 0.1, "{objects:?}");
+}

@@ -3,7 +3,7 @@
 use super::shown::{MIN_POINTS, Shown};
 use crate::simulate::{ClipParams, Home, Survey, View};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 use std::ops::Range;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pinhole, Point3, Pose2, Pose3};
@@ -18,6 +18,7 @@ const BEFORE_M: f64 = 0.1;
 const MIN_LOOKED_AT: f64 = 0.5;
 
 type Cell = [i32; 3];
+type Surface = FxHashMap<Cell, Point3>;
 
 /// The noise-free views of the clips of a visit.
 pub(super) struct Visit {
@@ -25,8 +26,8 @@ pub(super) struct Visit {
     range_m: f64,
     views: Vec<(View, Pose3)>,
     /// Surface of each piece that the views show, by the piece's number and the class: what stands on a piece is a
-    /// part of it.
-    seen: FxHashMap<(u16, Class), FxHashSet<Cell>>,
+    /// part of it. Each cell has its first place.
+    seen: FxHashMap<(u16, Class), Surface>,
 }
 
 impl Visit {
@@ -47,8 +48,8 @@ impl Visit {
         visit
     }
 
-    fn surfaces(&self, home: &Home) -> FxHashMap<(u16, Class), FxHashSet<Cell>> {
-        let mut seen: FxHashMap<(u16, Class), FxHashSet<Cell>> = FxHashMap::default();
+    fn surfaces(&self, home: &Home) -> FxHashMap<(u16, Class), Surface> {
+        let mut seen: FxHashMap<(u16, Class), Surface> = FxHashMap::default();
         for (view, home_from_camera) in &self.views {
             let pixels = (0..view.height)
                 .step_by(STRIDE)
@@ -62,17 +63,16 @@ impl Visit {
                 if piece > 0 {
                     let at = home_from_camera * self.camera.unproject(x as f64, y as f64, depth_m);
                     let cell = [at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32);
-                    seen.entry((piece, class)).or_default().insert(cell);
+                    seen.entry((piece, class)).or_default().entry(cell).or_insert(at);
                 }
             }
         }
         seen
     }
 
-    /// Returns the centres of the cells of a piece that have a class and that the visit shows; none if they are too few to
-    /// find it.
+    /// Returns places of a piece that have a class and that the visit shows; none if they are too few to find it.
     pub fn places(&self, piece: u16, class: Class) -> Option<Vec<Point3>> {
-        self.seen.get(&(piece, class)).filter(|cells| cells.len() >= MIN_POINTS).map(centres)
+        self.seen.get(&(piece, class)).filter(|surface| surface.len() >= MIN_POINTS).map(places)
     }
 
     /// Returns all furniture that the visit shows, in the map.
@@ -83,8 +83,8 @@ impl Visit {
         };
         let pieces = self.seen.iter();
         pieces
-            .map(|((piece, class), cells)| {
-                ((*piece, class.id()), centres(cells).into_iter().map(in_map).collect())
+            .map(|((piece, class), surface)| {
+                ((*piece, class.id()), places(surface).into_iter().map(in_map).collect())
             })
             .collect()
     }
@@ -111,9 +111,9 @@ impl Visit {
     }
 }
 
-/// Returns the centres of cells, in the order of their places.
-fn centres(cells: &FxHashSet<Cell>) -> Vec<Point3> {
-    let mut cells: Vec<Cell> = cells.iter().copied().collect();
-    cells.sort_unstable();
-    cells.into_iter().map(|cell| Point3::from(cell.map(|c| (f64::from(c) + 0.5) * CELL_M))).collect()
+/// Returns the places of a surface, in the order of their cells.
+fn places(surface: &Surface) -> Vec<Point3> {
+    let mut places: Vec<(Cell, Point3)> = surface.iter().map(|(cell, place)| (*cell, *place)).collect();
+    places.sort_unstable_by_key(|(cell, _)| *cell);
+    places.into_iter().map(|(_, place)| place).collect()
 }
