@@ -43,8 +43,7 @@ const MIN_SURFACE_M2: f64 = 0.12;
 const MIN_SMALL_M2: f64 = 0.045;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
-/// Minimum confidence of an object that a network saw in pictures, and of a worktop with its units; it understates how often
-/// such an object is right.
+/// Minimum confidence of an object that a network saw in pictures; it understates how often such an object is right.
 const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
@@ -167,10 +166,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
 }
 
 /// Returns the minimum confidence of an object with these points.
-fn least_confidence(fragment: &Fragment, members: &[u32], points: &[MapPoint]) -> f64 {
-    if fragment.is_kitchen {
-        return MIN_CONFIDENCE;
-    }
+fn least_confidence(members: &[u32], points: &[MapPoint]) -> f64 {
     let in_pictures = members.iter().filter(|i| points[**i as usize].point.label.views > 0).count();
     if 2 * in_pictures >= members.len() { MIN_CONFIDENCE } else { MIN_CONFIDENCE_BY_SURFACE }
 }
@@ -214,7 +210,7 @@ fn finish(
     }
     hidden::complete(&mut bounds, &decided, fragment, &members, points, cells);
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
-    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(fragment, &members, points) {
+    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
         return None;
     }
     let object = Object {

@@ -17,8 +17,6 @@ pub struct Fragment {
     pub evidence: [f32; CLASSES],
     /// True for the units below a worktop, which other storage furniture is no part of.
     pub is_unit: bool,
-    /// True for a worktop and its units, which tell each other.
-    pub is_kitchen: bool,
 }
 
 /// Class decision for a fragment.
@@ -37,8 +35,7 @@ impl Fragment {
         for (class, fraction) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
             evidence[class as usize] += fraction;
         }
-        let mut fragment =
-            Fragment { cells, class: Class::Other, evidence, is_unit: false, is_kitchen: false };
+        let mut fragment = Fragment { cells, class: Class::Other, evidence, is_unit: false };
         fragment.class = fragment.most();
         fragment
     }

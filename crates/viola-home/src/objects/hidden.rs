@@ -16,10 +16,8 @@ const WORKTOP_THICK_M: f64 = 0.04;
 const TRAY_M: f64 = 0.35;
 const TRAY_SIDE_M: f64 = 0.6;
 const SHOWER_M: f64 = 2.0;
-/// Lowest part of a foot that is looked for.
+/// Lowest part of a basin's foot that is looked for.
 const FOOT_LOW_M: f64 = 0.15;
-/// Heights of the shade's lower edge of lamps that stand on the floor.
-const STANDING_LAMP_M: std::ops::Range<f64> = 0.9..1.7;
 /// Largest height of a sink of which only the rim was measured, the usual depth of its basin, and the usual height of its tap.
 const RIM_M: f64 = 0.1;
 const BASIN_LOW_M: f64 = 0.12;
@@ -108,10 +106,6 @@ pub fn complete(
     if decided.class == Class::Sink && bounds.bottom_m() > FOOT_LOW_M && has_foot(bounds, cells) {
         set_heights(bounds, 0.0, bounds.top_m());
     }
-    if decided.class == Class::Lamp && STANDING_LAMP_M.contains(&bounds.bottom_m()) && has_foot(bounds, cells)
-    {
-        set_heights(bounds, 0.0, bounds.top_m());
-    }
     if decided.class == Class::Sink && bounds.size_m[2] < RIM_M {
         set_heights(bounds, bounds.bottom_m() - BASIN_LOW_M, bounds.top_m() + TAP_M);
     }
@@ -127,7 +121,7 @@ pub fn complete(
     }
 }
 
-/// Returns whether a foot is below the middle of a basin or of a lampshade, and no furniture that it is built into or stands on.
+/// Returns whether a foot is below the middle of a basin, and no furniture that it is built into.
 fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
     /// Half the side of the square that holds the foot.
     const REACH_M: f64 = 0.18;

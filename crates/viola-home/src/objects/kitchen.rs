@@ -85,10 +85,9 @@ pub fn kitchens(
         if is_bar {
             top.extend(fronts.iter().copied());
         }
-        let is_kitchen = !is_bar && !fronts.is_empty();
-        fragments.push(Fragment { is_kitchen, ..Fragment::new(top, labels) });
-        if is_kitchen {
-            fragments.push(Fragment { is_unit: true, is_kitchen, ..Fragment::new(fronts, labels) });
+        fragments.push(Fragment::new(top, labels));
+        if !is_bar && !fronts.is_empty() {
+            fragments.push(Fragment { is_unit: true, ..Fragment::new(fronts, labels) });
         }
     }
     for cell in fragments.iter().flat_map(|fragment| &fragment.cells) {

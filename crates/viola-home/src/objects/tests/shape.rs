@@ -144,21 +144,6 @@ fn a_row_of_fronts_as_high_as_a_worktop_is_as_deep_as_units() {
     }
 }
 
-#[test]
-fn a_lamp_on_a_pole_stands_on_the_floor() {
-    for has_pole in [true, false] {
-        let mut points = surface(Class::Lamp, [0.0, 0.0, 1.3], [0.3, 0.3, 1.6], 0);
-        if has_pole {
-            points.extend(surface(Class::Other, [0.15, 0.15, 0.03], [0.15, 0.15, 1.3], 0));
-        }
-        let objects = found(&points);
-        let lamp = objects.iter().find(|object| object.class == Class::Lamp);
-        let bounds = lamp.unwrap_or_else(|| panic!("{objects:?}")).bounds();
-        let bottom_m = if has_pole { 0.0 } else { 1.3 };
-        assert!((bounds.bottom_m() - bottom_m).abs() < 0.05 && bounds.top_m() > 1.5, "{objects:?}");
-    }
-}
-
 /// Things in the label of a chair beyond it: less than 5 % of its points on each side.
 #[test]
 fn the_box_of_a_chair_leaves_out_what_touches_it() {
