@@ -144,12 +144,12 @@ fn a_row_of_fronts_as_high_as_a_worktop_is_as_deep_as_units() {
     }
 }
 
-/// Things in the label of a chair beyond it: less than 5 % of its points on each side.
+/// Things in the label of a chair beyond it: 2.5 to 5 % of its points.
 #[test]
 fn the_box_of_a_chair_leaves_out_what_touches_it() {
     let mut points = surface(Class::Chair, [0.0, 0.0, 0.0], [0.5, 0.5, 0.9], 0);
-    let beside = surface(Class::Chair, [0.53, 0.2, 0.6], [0.74, 0.26, 0.6], 0);
-    assert!(beside.len() * 20 < points.len());
+    let beside = surface(Class::Chair, [0.53, 0.2, 0.6], [0.74, 0.29, 0.66], 0);
+    assert!((points.len() / 40..points.len() / 20).contains(&beside.len()), "{}", beside.len());
     points.extend(beside);
     let objects = found(&points);
     assert!((objects[0].size_m[0] - 0.5).abs() < 0.1, "{objects:?}");
