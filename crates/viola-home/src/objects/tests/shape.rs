@@ -152,5 +152,5 @@ fn the_box_of_a_chair_leaves_out_what_touches_it() {
     assert!((points.len() / 40..points.len() / 20).contains(&beside.len()), "{}", beside.len());
     points.extend(beside);
     let objects = found(&points);
-    assert!((objects[0].size_m[0] - 0.5).abs() < 0.1, "{objects:?}");
+    assert!((objects[0].size_m[0] - 0.5).abs() < 0.05, "{objects:?}");
 }
