@@ -49,7 +49,7 @@ fn is_shallower(bounds: &UprightBox, class: Class, depth_m: f64) -> bool {
     is_closed && short_m < depth_m && long_m > FRONT_SIDE_M && high_m > FRONT_SIDE_M
 }
 
-/// Gives rows of kitchen units and appliances of which only the front was measured, or the front and less of a side than any
+/// Gives units below a worktop and appliances of which only the front was measured, or the front and less of a side than any
 /// such appliance has, their usual depth: they are built in or stand at a wall.
 pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32], points: &[MapPoint]) {
     let class = fragment.class;
@@ -63,8 +63,7 @@ pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32
     let least_m = kind::kind(class).map_or(0.0, |kind| kind.short_m.start);
     let is_facing = upright > 0.0 && out.abs() >= MIN_FRONT_FRACTION * upright;
     let shows_front = is_shallower(bounds, class, least_m) && is_facing;
-    let is_front_of_unit =
-        fragment.is_unit && bounds.size_m[1] < FRONT_M || is_facing && is_row_of_fronts(bounds, class);
+    let is_front_of_unit = fragment.is_unit && bounds.size_m[1] < FRONT_M;
     if !is_front(bounds, class) && !shows_front && !is_front_of_unit {
         return;
     }
@@ -73,19 +72,6 @@ pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32
     bounds.centre_m[1] -= cos * by_m;
     bounds.size_m[1] = APPLIANCE_M;
     bounds.normalise();
-}
-
-/// Returns whether a box is a row of fronts as high as a worktop that nobody saw from above.
-fn is_row_of_fronts(bounds: &UprightBox, class: Class) -> bool {
-    /// Heights of units with or without their worktop, and least length of a row.
-    const TOP_M: std::ops::Range<f64> = 0.78..1.0;
-    const LONG_M: f64 = 0.9;
-    let [long_m, short_m, _] = bounds.size_m;
-    class == Class::Cabinet
-        && bounds.stands()
-        && TOP_M.contains(&bounds.top_m())
-        && long_m >= LONG_M
-        && short_m <= FRONT_M + 0.02
 }
 
 /// Extends what stands on the floor down to it, and bounds sinks and worktops by their own heights.

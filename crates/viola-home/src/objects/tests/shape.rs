@@ -131,19 +131,6 @@ fn the_corner_of_a_room_is_no_cabinet() {
     assert_eq!(found(&points), []);
 }
 
-/// Nobody saw their worktop. A board of another height is no kitchen.
-#[test]
-fn a_row_of_fronts_as_high_as_a_worktop_is_as_deep_as_units() {
-    for (high_m, deep_m) in [(0.88, 0.6), (1.2, 0.03)] {
-        let mut points = surface(Class::Cabinet, [0.0, 0.6, 0.06], [1.5, 0.63, high_m], 0);
-        points.retain(|p| p.point.normal[1] < -0.5);
-        let objects = found(&points);
-        let [Object { centre_m, size_m, .. }] = objects.as_slice() else { panic!("{objects:?}") };
-        assert!((size_m[0] - 1.5).abs() < 0.1 && (size_m[1] - deep_m).abs() < 0.05, "{high_m}: {objects:?}");
-        assert!((centre_m[1] - 0.6 - deep_m / 2.0).abs() < 0.05, "behind the front: {objects:?}");
-    }
-}
-
 /// Things in the label of a chair beyond it: 2.5 to 5 % of its points.
 #[test]
 fn the_box_of_a_chair_leaves_out_what_touches_it() {
