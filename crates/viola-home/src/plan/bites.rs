@@ -16,7 +16,7 @@ const SAME_LINE_M: f64 = 0.07;
 const UPRIGHT_FRACTION: f64 = 0.2;
 const LIDAR_FRACTION: f64 = 0.5;
 
-/// Beyond furniture is wall, at least this far.
+/// Wall is looked for this far behind furniture: inner walls are thicker.
 const BEHIND_M: f64 = 0.03;
 /// Widths of the doorway between a piece of wall and the next one in its line.
 const DOOR_M: [f64; 2] = [0.55, 1.35];
@@ -41,7 +41,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
         let places = rings.iter().flat_map(|ring| (0..ring.len()).map(move |at| (ring, at)));
         let bites = places.flat_map(|(ring, at)| [at_wall(cells, ring, at), in_corner(ring, at)]).flatten();
         let mut is_changed = false;
-        // One may be behind another: the last one would open the wall between them.
+        // Each is compared with those before it: two on both sides of a wall would open it together.
         for bite in bites.collect::<Vec<Bite>>() {
             let Some(bite) = without_wall(cells, bite) else { continue };
             if is_furniture(cells, evidence, &bite) {
@@ -131,7 +131,7 @@ fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
     upright_m <= UPRIGHT_FRACTION * length_m && lidar_m >= LIDAR_FRACTION * length_m
 }
 
-/// Returns whether no room is right behind most of a rectangle.
+/// Returns whether at least half of each back of a rectangle is at solid cells.
 fn has_wall_behind(cells: &Cells, bite: &Bite, span_m: &[[f64; 2]; 2]) -> bool {
     let behind = Facing::ALL.into_iter().filter(|facing| !bite.sides.contains(facing));
     behind.into_iter().all(|facing| {
@@ -184,7 +184,7 @@ fn place(axis: usize, on_axis_m: f64, other_m: f64) -> [f64; 2] {
     if axis == 0 { [on_axis_m, other_m] } else { [other_m, on_axis_m] }
 }
 
-/// Returns values from one to another.
+/// Returns the middles of equal steps between two values, at most [`STEP_M`] long.
 fn steps([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     let count = ((to - from) / STEP_M).ceil().max(1.0) as usize;
     (0..count).map(move |i| from + (i as f64 + 0.5) / count as f64 * (to - from))

@@ -19,8 +19,8 @@ use viola_geometry::{Point2, Vector2};
 const MIN_AREA_M2: f64 = 1.0;
 /// Minimum fraction of a piece that belongs to a given room, for the piece to be a part of it beside the main one.
 const OWNED: f64 = 0.5;
-/// Spaces on both sides of a wide opening, or of one that may be beside furniture, are at least this large; smaller ones are
-/// alcoves.
+/// Spaces on both sides of a wide opening, of a passage between computed rooms, or of an opening that may be beside furniture,
+/// are at least this large; smaller ones are alcoves.
 const WIDE_AREA_M2: f64 = 4.0;
 /// Two rooms may be joined by more than one passage.
 const ROUNDS: usize = 3;
