@@ -87,6 +87,7 @@ async fn add(storage: &Storage, home: &HomeId) -> anyhow::Result<uuid::Uuid> {
     let new = NewClip {
         file,
         info: info(),
+        content_sha256: None,
         idempotency_key: None,
         recorded_at: None,
         title: None,

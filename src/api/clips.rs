@@ -3,6 +3,7 @@
 use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
+use super::content;
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, timestamp};
 use super::names;
@@ -136,13 +137,14 @@ pub(super) async fn add_clip(
     }
     let (file, _arrival) = receive(&app, caller.tenant.name(), request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
-    let (file, info, estimate) = open(&app, caller.tenant.name(), file, unknown_scale).await?;
+    let opened = open(&app, caller.tenant.name(), file, unknown_scale).await?;
+    let OpenedClip { file, info, content_sha256, estimate } = opened;
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));
     }
     let recorded_at = told.or_else(|| recorded_at_of_file(&info));
-    let new = NewClip { file, info, idempotency_key, recorded_at, title, file_name };
+    let new = NewClip { file, info, content_sha256, idempotency_key, recorded_at, title, file_name };
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, app.limits.storage_bytes, app.storage.now()).await?;
         app.queue.wake();
@@ -202,19 +204,27 @@ pub(super) fn is_scale_unknown(text: Option<&str>) -> Result<bool, Error> {
     }
 }
 
+/// A received file that is a clip.
+pub(super) struct OpenedClip {
+    pub file: Arrived,
+    pub info: clip::ClipInfo,
+    pub content_sha256: Option<String>,
+    pub estimate: viola_reconstruct::Estimate,
+}
+
 /// Opens a received file; refuses it if it is not a clip.
 pub(super) async fn open(
     app: &App,
     tenant: &str,
     file: Arrived,
     unknown_scale: bool,
-) -> Result<(Arrived, clip::ClipInfo, viola_reconstruct::Estimate), Error> {
+) -> Result<OpenedClip, Error> {
     let scratch = app.storage.scratch(tenant);
     let read = move || {
         let clip = clip::Clip::open_in(file.path(), &Tools::default(), &scratch)?;
         let clip = if unknown_scale { clip.with_unknown_scale() } else { clip };
-        let estimate = estimate(&clip);
-        Ok((file, clip.info().clone(), estimate))
+        let (content_sha256, estimate) = (content::of_clip(&clip)?, estimate(&clip));
+        Ok(OpenedClip { file, info: clip.info().clone(), content_sha256, estimate })
     };
     app.readers.run(tenant, read).await?
 }

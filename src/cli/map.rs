@@ -70,7 +70,7 @@ const LEVEL_FILES: [&str; 16] = [
 #[derive(Args)]
 pub struct MapArguments {
     /// Clips, each as `viola align --clip` takes it: folders, archives or single files, in any order. A clip
-    /// that is given twice counts once.
+    /// that is given twice counts once, even as another archive of the same files.
     #[arg(required = true, value_name = "CLIP")]
     clips: Vec<PathBuf>,
     /// LiDAR map of the home, in any format that `viola align` reads. For a home of several storeys: several
@@ -146,21 +146,21 @@ fn refuse_to_overwrite(arguments: &MapArguments) -> Result<()> {
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.
 fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> {
     let mut clips: Vec<HomeClip> = Vec::new();
-    let mut known: BTreeMap<Content, usize> = BTreeMap::new();
+    let mut known: BTreeMap<String, usize> = BTreeMap::new();
     for (number, path) in (1..).zip(paths) {
         let part = format!("clip {number} of {}", paths.len());
         let file = path.display().to_string();
         print_line(&format!("{part}: {file}"));
-        let content = Content::of(path);
-        if let Some(first) = content.as_ref().ok().and_then(|content| known.get(content)) {
-            let first = &mut clips[*first];
-            print_line(&format!("{part}: the same content as {}, used once", first.file));
-            first.file = file.min(std::mem::take(&mut first.file));
-            continue;
-        }
-        let clip = match content {
+        let clip = match Content::of(path) {
             Ok(content) => {
-                known.insert(content.clone(), clips.len());
+                let recording = content.recording();
+                if let Some(first) = known.get(&recording) {
+                    let first = &mut clips[*first];
+                    print_line(&format!("{part}: the same recording as {}, used once", first.file));
+                    first.add_copy(content, file);
+                    continue;
+                }
+                known.insert(recording, clips.len());
                 let progress = TerminalProgress::of_part(part.clone());
                 let clip = aligner.align(path, content, &progress)?;
                 progress.finish();

@@ -4,8 +4,8 @@ use crate::clips::small_clip;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
-use viola_testing::room;
 use viola_testing::tus::sha256;
+use viola_testing::{room, zips};
 
 #[tokio::test]
 async fn a_recording_comes_back_with_its_name() {
@@ -47,6 +47,27 @@ async fn a_recording_comes_back_with_its_name() {
         let refused = server.post(&format!("{clips}?{query}"), small_clip()).await;
         assert_eq!(refused.problem(400, "invalid-query")["field"], field);
     }
+}
+
+#[tokio::test]
+async fn another_archive_of_the_same_files_is_a_copy() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let clips = format!("{home}/clips");
+    let first = server.post(&clips, small_clip()).await.ok(201);
+    let mut files = room::clip(2);
+    files.reverse();
+    for (name, _) in &mut files {
+        name.insert_str(0, "again/");
+    }
+    let copy = server.post(&clips, zips::zip(&files)).await.ok(201);
+    assert_ne!(copy["sha256"], first["sha256"]);
+    assert_eq!((&first["duplicate_of"], &copy["duplicate_of"]), (&Value::Null, &first["id"]));
+    let other = server.post(&clips, zips::zip(&room::clip(3))).await.ok(201);
+    assert_eq!(other["duplicate_of"], Value::Null);
+    server.delete(&format!("{clips}/{}", first["id"].as_str().unwrap())).await.ok(204);
+    let copy = server.get(&format!("{clips}/{}", copy["id"].as_str().unwrap())).await.ok(200);
+    assert_eq!(copy["duplicate_of"], Value::Null);
 }
 
 #[tokio::test]

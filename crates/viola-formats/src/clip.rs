@@ -202,6 +202,14 @@ impl Clip {
         &self.info
     }
 
+    /// Returns the files of the clip; `None` if its frames are made in memory.
+    pub fn container(&self) -> Option<&dyn Container> {
+        match &*self.origin {
+            Origin::Files(files) => Some(files.container.as_ref()),
+            Origin::Memory(_) => None,
+        }
+    }
+
     /// Returns whether colour is a video: frames between the wanted ones are then decoded too.
     pub fn has_video(&self) -> bool {
         matches!(&*self.origin, Origin::Files(files) if files.video.is_some())

@@ -17,7 +17,7 @@ mod spool;
 mod tar;
 mod zip;
 
-pub use contents::Container;
+pub use contents::{Container, FileSum};
 pub use error::{ContainerError, MAX_ENTRIES};
 pub use fault::is_machine_fault;
 pub use folder::Folder;

@@ -43,7 +43,7 @@ pub struct Clip {
     pub file_name: Option<String>,
     /// Name that a person gave the clip.
     pub title: Option<String>,
-    /// The oldest clip of the home with the same file, if this is not it.
+    /// The oldest clip of the home with the same file or content, if this is not it.
     pub duplicate_of: Option<Uuid>,
     /// Summary of the file.
     pub info: ClipInfo,
@@ -99,6 +99,8 @@ impl Clip {
 pub struct NewClip {
     pub file: Arrived,
     pub info: ClipInfo,
+    /// SHA-256 of the files in an archive, which other archives of the same files have, too; `None` for a single file.
+    pub content_sha256: Option<String>,
     pub idempotency_key: Option<String>,
     pub recorded_at: Option<Timestamp>,
     pub title: Option<String>,
@@ -118,8 +120,13 @@ pub enum Added {
 /// The columns that [`from_row`] reads.
 macro_rules! clip_columns {
     () => {
-        "clips.*, (SELECT MIN(same.id) FROM clips AS same
-            WHERE same.home_id = clips.home_id AND same.sha256 = clips.sha256 AND same.id < clips.id) AS duplicate_of"
+        // Each of the two has an index; with OR, every older clip of the home would be read.
+        "clips.*, (SELECT MIN(twins.id) FROM (
+            SELECT MIN(same.id) AS id FROM clips AS same
+            WHERE same.home_id = clips.home_id AND same.sha256 = clips.sha256 AND same.id < clips.id
+            UNION ALL SELECT MIN(same.id) FROM clips AS same
+            WHERE same.home_id = clips.home_id AND same.content_sha256 = clips.content_sha256 AND same.id < clips.id
+        ) AS twins) AS duplicate_of"
     };
 }
 pub(super) use clip_columns;

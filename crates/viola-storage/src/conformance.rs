@@ -150,8 +150,15 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
 async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
     let file = arrived(storage, bytes).await;
     let idempotency_key = key.map(str::to_owned);
-    let new =
-        NewClip { file, info: clip_info(), idempotency_key, recorded_at: None, title: None, file_name: None };
+    let new = NewClip {
+        file,
+        info: clip_info(),
+        content_sha256: None,
+        idempotency_key,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    };
     storage.add_clip(home, new, None, at(0)).await.unwrap()
 }
 

@@ -148,7 +148,8 @@ answer! {
         /// Name that a person gave the clip.
         #[schema(example = "Kitchen, evening")]
         title: Option<String>,
-        /// The oldest clip of the home with the same file; null if this is it.
+        /// The oldest clip of the home with the same recording: with the same file, or with another archive of the same files. Null if
+        /// this is it. The home's map takes one of them.
         duplicate_of: Option<Uuid>,
         /// Summary of the file.
         info: ClipInfo,

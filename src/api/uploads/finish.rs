@@ -138,12 +138,12 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
         return Err(UploadRefusal::FileMismatch.into());
     }
     let unknown_scale = metadata.unknown_scale;
-    let (file, mut info) = match &app.uploads.opener {
+    let (file, mut info, content_sha256) = match &app.uploads.opener {
         Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
         None if claim.lost_attempts >= LOST_ATTEMPTS => return Err(UploadRefusal::Unreadable.into()),
         _ => {
-            let (file, info, _) = clips::open(app, claim.home.tenant(), file, unknown_scale).await?;
-            (file, info)
+            let opened = clips::open(app, claim.home.tenant(), file, unknown_scale).await?;
+            (opened.file, opened.info, opened.content_sha256)
         }
     };
     info.metric &= !unknown_scale;
@@ -151,6 +151,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
         file,
         recorded_at: metadata.recorded_at.or_else(|| clips::recorded_at_of_file(&info)),
         info,
+        content_sha256,
         title: metadata.title.clone(),
         file_name: metadata.filename.clone(),
         idempotency_key: metadata.clip_key(),

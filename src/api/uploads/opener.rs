@@ -2,6 +2,7 @@
 //! processes ended for another reason.
 
 use super::refusal::UploadRefusal;
+use crate::api::content;
 use crate::api::error::{Defence, Error, Problem};
 use crate::jobs::{ChildParams, PANICKED};
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,10 @@ const MAX_TIME: Duration = Duration::from_secs(120);
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Opened {
-    Clip(Box<ClipInfo>),
+    Clip {
+        info: Box<ClipInfo>,
+        content_sha256: Option<String>,
+    },
     Refused(Problem),
     /// A fault of the service or of the system.
     Failed(String),
@@ -29,23 +33,28 @@ enum Opened {
 pub fn opened_clip_json(path: &Path) -> String {
     // Beside the file, which lies in the data folder.
     let scratch = path.parent().map_or_else(Scratch::default, |folder| Scratch::new(folder, Vec::new()));
-    let opened = match Clip::open_in(path, &Tools::default(), &scratch).map_err(Error::from) {
-        Ok(clip) => Opened::Clip(Box::new(clip.info().clone())),
+    let opened = Clip::open_in(path, &Tools::default(), &scratch)
+        .and_then(|clip| Ok((clip.info().clone(), content::of_clip(&clip)?)));
+    let opened = match opened.map_err(Error::from) {
+        Ok((info, content_sha256)) => Opened::Clip { info: Box::new(info), content_sha256 },
         Err(error) if error.is_refusal() => Opened::Refused(error.problem()),
         Err(error) => Opened::Failed(error.to_string()),
     };
     serde_json::to_string(&opened).expect("our own records have text keys and cannot fail to serialise")
 }
 
-/// Opens a file in a process that is started by `params`.
-pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived, ClipInfo), Error> {
+/// Opens a file in a process that is started by `params`; returns it with its summary and the SHA-256 of its content.
+pub(super) async fn open(
+    params: &ChildParams,
+    file: Arrived,
+) -> Result<(Arrived, ClipInfo, Option<String>), Error> {
     let failed = |cause: String| Error::Opener(cause);
     let output = params.output(file.path().as_os_str(), MAX_TIME).await;
     let Some(output) = output.map_err(|error| failed(error.to_string()))? else {
         return Err(Defence::TookTooLong { limit: MAX_TIME }.into());
     };
     match serde_json::from_slice(&output.stdout) {
-        Ok(Opened::Clip(info)) => Ok((file, *info)),
+        Ok(Opened::Clip { info, content_sha256 }) => Ok((file, *info, content_sha256)),
         Ok(Opened::Refused(problem)) => Err(Error::Told(problem)),
         Ok(Opened::Failed(cause)) => Err(failed(cause)),
         // It panicked, or a signal ended it: it aborted, or took too much memory.
@@ -72,7 +81,7 @@ mod tests {
         let params = ChildParams { program: "/bin/sh".into(), arguments, environment: Vec::new() };
         let opened = open(&params, file).await;
         storage.close().await;
-        opened.map(|(_, info)| info)
+        opened.map(|(_, info, _)| info)
     }
 
     #[tokio::test]

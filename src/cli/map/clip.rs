@@ -36,14 +36,22 @@ impl HomeClip {
         }
     }
 
+    /// Adds another argument with the same recording; the lower one names the clip, whatever their order.
+    pub fn add_copy(&mut self, content: Content, file: String) {
+        let copy = (Some(content), file);
+        if copy < (self.content.clone(), self.file.clone()) {
+            (self.content, self.file) = copy;
+        }
+    }
+
     /// Returns the clip as a member of the home; `None` without a pose.
     pub fn member(&self) -> Option<Member> {
         let (content, alignment) = (self.content.as_ref()?, self.answer.as_ref().ok()?);
         Some(Member {
             clip: content.id(),
             recorded_at_ms: self.recorded_at.map(Timestamp::as_millisecond),
-            sha256: content.sha256(),
-            contribution: content.sha256(),
+            sha256: content.recording(),
+            contribution: content.recording(),
             verdict: Verdict::of(alignment)?,
         })
     }
@@ -62,7 +70,7 @@ impl Aligner<'_> {
         let tried = catch_unwind(AssertUnwindSafe(|| self.finish(path, progress)));
         let (recorded_at, answer) = match tried {
             Ok(Ok((recorded_at, finished))) => {
-                self.contributions.keep(&content.sha256(), &finished)?;
+                self.contributions.keep(&content.recording(), &finished)?;
                 (recorded_at, Ok(finished.alignment))
             }
             Ok(Err(failure)) => (None, Err(failure.reason())),

@@ -1,19 +1,25 @@
 //! The identity of a clip: its content.
 
+use crate::api::content_sha256;
 use anyhow::{Context, Result, bail};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 use uuid::{Builder, Uuid};
-use viola_formats::container::{Container, Folder, Region};
+use viola_formats::container::{self, Container, Folder, Region};
 
 /// Bytes read at a time.
 const BUFFER_BYTES: usize = 1 << 16;
 
-/// The SHA-256 of a clip: of the bytes of its file, or of the names and bytes of the files in its folder.
+/// The content of a clip.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Content([u8; 32]);
+pub struct Content {
+    /// SHA-256 of the bytes of its file, or of the names and bytes of the files in its folder.
+    bytes: [u8; 32],
+    /// SHA-256 of the recording in an archive or a folder; all archives of the same files have the same.
+    files: Option<String>,
+}
 
 impl Content {
     /// Reads all bytes of a clip.
@@ -38,18 +44,25 @@ impl Content {
             // Opening a pipe would block until there is a writer.
             bail!("{} is neither a file nor a folder", path.display());
         }
-        Ok(Content(hash.finalize().into()))
+        // A file that is no clip is refused when it is opened.
+        let files = container::open(path).and_then(|container| content_sha256(container.as_ref()));
+        Ok(Content { bytes: hash.finalize().into(), files: files.ok().flatten() })
     }
 
     /// Returns the SHA-256 in lower-case hexadecimal.
     pub fn sha256(&self) -> String {
-        self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+        self.bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Returns the hash of the recording: equal for a clip that is packed twice.
+    pub fn recording(&self) -> String {
+        self.files.clone().unwrap_or_else(|| self.sha256())
     }
 
     /// Returns the clip's id: a UUID of version 8 (RFC 9562) of the first bits of the sum.
     pub fn id(&self) -> Uuid {
         let mut bytes = [0; 16];
-        bytes.copy_from_slice(&self.0[..16]);
+        bytes.copy_from_slice(&self.bytes[..16]);
         Builder::from_custom_bytes(bytes).into_uuid()
     }
 }

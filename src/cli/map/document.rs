@@ -39,7 +39,8 @@ pub struct LevelDocument {
 pub struct ClipDocument {
     /// Id of the clip, a function of its content; null if the file cannot be read.
     pub clip: Option<Uuid>,
-    /// The argument that names it; of several arguments with the same content the first in byte order.
+    /// The argument that names it; of several arguments with the same recording the one with the lowest `sha256`, and of those
+    /// the first in byte order.
     pub file: String,
     pub sha256: Option<String>,
     pub state: ClipState,

@@ -128,7 +128,7 @@ export class ClipsPanel {
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
-    const same = twin ? `Same file as ${named(this.data.nameOf(twin))}` : null;
+    const same = twin ? `Same recording as ${named(this.data.nameOf(twin))}` : null;
     const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
     const [advice] = adviceOf(clip);
     const last = lastAnswerFigure(clip);

@@ -137,7 +137,7 @@ class ClipPage {
     this.answer = answerName(clip);
     putAgain(this.head, h("div", { class: "head" },
       h("h1", { dir: "auto" }, name), stateBadge(clip.state), mayChange() && this.actions(),
-      clip.duplicate_of && h("p", { class: "hint" }, "Same file as ",
+      clip.duplicate_of && h("p", { class: "hint" }, "Same recording as ",
         h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin", dir: "auto" }, this.twin ?? "another clip"))));
     this.drawVerdict();
     const { shown } = this;

@@ -61,7 +61,7 @@ export function lossSteps({ page, base, go, file, shot }) {
     assert.ok(made.length >= 3 && made[0] && made[0] === made[1], `the attempts to create the first upload: ${made}`);
     const part = resumed.find((request) => request.startsWith("PATCH") && request !== "PATCH 0");
     assert.deepEqual(resumed.slice(0, 5), ["HEAD", "PATCH 0", part, "HEAD", part]);
-    await page.getByText("Same file as first.zip").waitFor();
+    await page.getByText("Same recording as first.zip").waitFor();
   }
 
   /** A tab that is looked at again after the session's end. */

@@ -4,10 +4,18 @@ use super::error::ContainerError;
 use super::names::{position, shown};
 use super::region::Region;
 use super::scratch::Scratch;
-use std::io::Read;
+use flate2::CrcReader;
+use std::io::{self, Read};
 
 /// Up to this unpacked size, an entry or an archive may have any compression ratio.
 pub(super) const RATIO_FREE_BYTES: u64 = 16 << 20;
+
+/// Length and CRC-32 of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FileSum {
+    pub bytes: u64,
+    pub crc32: u32,
+}
 
 /// Named files, readable from several threads at once.
 pub trait Container: Send + Sync {
@@ -21,6 +29,19 @@ pub trait Container: Send + Sync {
     /// Returns the file as a part of an open file, for readers that seek. Every call unpacks a compressed
     /// entry into an unnamed temporary file, which is deleted with the region.
     fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError>;
+
+    /// Returns the sums of the files, one for each name; `None` if the container is one file by itself. Reads all files, except
+    /// for a zip archive, whose directory has the sums.
+    fn sums(&self) -> Result<Option<Vec<FileSum>>, ContainerError> {
+        let sum = |name: &String| -> Result<FileSum, ContainerError> {
+            let region = self.region(name, u64::MAX)?;
+            let mut reader = CrcReader::new(region.reader());
+            io::copy(&mut reader, &mut io::sink())
+                .map_err(|source| ContainerError::Unreadable { name: shown(name), source })?;
+            Ok(FileSum { bytes: region.bytes, crc32: reader.crc().sum() })
+        };
+        self.names().iter().map(sum).collect::<Result<_, _>>().map(Some)
+    }
 
     /// Returns the place for copies of scattered parts.
     fn scratch(&self) -> Scratch {

@@ -1,6 +1,6 @@
 //! A file that is no archive: a container of one name.
 
-use super::contents::{read_bounded, region_of};
+use super::contents::{FileSum, read_bounded, region_of};
 use super::names::required;
 use super::{Container, ContainerError, Region, Scratch};
 use std::path::Path;
@@ -44,5 +44,9 @@ impl Container for Single {
     fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
         required(&self.names, name)?;
         region_of(&self.region, name, 0, self.region.bytes, max_bytes)
+    }
+
+    fn sums(&self) -> Result<Option<Vec<FileSum>>, ContainerError> {
+        Ok(None)
     }
 }

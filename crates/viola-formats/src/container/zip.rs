@@ -2,7 +2,7 @@
 
 mod entry;
 
-use super::contents::{RATIO_FREE_BYTES, read_bounded};
+use super::contents::{FileSum, RATIO_FREE_BYTES, read_bounded};
 use super::names::{Entries, required, safe_name, shown};
 use super::spool::spool;
 use super::{Container, ContainerError, MAX_ENTRIES, Region, Scratch};
@@ -173,6 +173,11 @@ impl Container for Zip {
             |source| ContainerError::damaged_zip(name, source),
         )?;
         entry.check(&file, name).map(|()| region)
+    }
+
+    fn sums(&self) -> Result<Option<Vec<FileSum>>, ContainerError> {
+        let sum = |entry: &Entry| FileSum { bytes: entry.bytes, crc32: entry.crc32 };
+        Ok(Some(self.entries.iter().map(sum).collect()))
     }
 }
 

@@ -14,7 +14,7 @@ pub struct Member {
     pub clip: Uuid,
     /// Recording time in milliseconds since 1970, if known.
     pub recorded_at_ms: Option<i64>,
-    /// Hash of the file; orders clips whose times are unknown.
+    /// Hash of the recording, by its content or else by its file; orders clips whose times are unknown.
     pub sha256: String,
     /// Name of its contribution; each new alignment result has a new name.
     pub contribution: String,

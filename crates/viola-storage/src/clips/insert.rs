@@ -17,6 +17,7 @@ pub(crate) struct NewRow {
     id: Uuid,
     size_bytes: u64,
     sha256: String,
+    content_sha256: Option<String>,
     info: ClipInfo,
     idempotency_key: Option<String>,
     recorded_at: Option<Timestamp>,
@@ -31,6 +32,7 @@ impl NewRow {
             id,
             size_bytes: new.file.size_bytes,
             sha256: new.file.sha256.clone(),
+            content_sha256: new.content_sha256,
             info: new.info,
             idempotency_key: new.idempotency_key,
             recorded_at: new.recorded_at,
@@ -65,8 +67,8 @@ pub(crate) async fn insert(
     let reasons = [no_lidar_map()];
     query(
         "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
-            updated_at, title, file_name)
-        VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9, $10, $11)",
+            updated_at, title, file_name, content_sha256)
+        VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9, $10, $11, $12)",
     )
     .bind(new.id.to_string())
     .bind(home.key())
@@ -79,6 +81,7 @@ pub(crate) async fn insert(
     .bind(now.as_millisecond())
     .bind(&new.title)
     .bind(&new.file_name)
+    .bind(&new.content_sha256)
     .execute(transaction)
     .await?;
     homes::grow(transaction, home, new.size_bytes as i64).await?;

@@ -71,6 +71,7 @@ async fn a_job_of_a_clock_that_was_ahead_comes_before_newer_ones(storage: Storag
     let newer = NewClip {
         file: arrived(&storage, b"newer").await,
         info: clip_info(),
+        content_sha256: None,
         idempotency_key: None,
         recorded_at: None,
         title: None,
@@ -146,6 +147,7 @@ async fn workers_with_a_wrong_clock_go_by_the_databases() {
         let new = NewClip {
             file: arrived(&worker, b"clip").await,
             info: clip_info(),
+            content_sha256: None,
             idempotency_key: None,
             recorded_at: None,
             title: None,

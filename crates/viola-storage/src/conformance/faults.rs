@@ -219,6 +219,7 @@ async fn a_write_that_fails_leaves_no_blob(mut storage: Storage) {
     let new = NewClip {
         file: arrived(&storage, b"another clip").await,
         info: clip_info(),
+        content_sha256: None,
         idempotency_key: None,
         recorded_at: None,
         title: None,

@@ -145,6 +145,7 @@ async fn a_used_key_gives_no_room(storage: Storage) {
         let new = NewClip {
             file: arrived(&storage, bytes).await,
             info: clip_info(),
+            content_sha256: None,
             idempotency_key: Some(key.to_owned()),
             recorded_at: None,
             title: None,

@@ -1,6 +1,6 @@
 //! Filters and pages of lists.
 
-use super::home_maps::{align, due};
+use super::home_maps::{align, due, finish};
 use super::*;
 
 on_every_back_end!(
@@ -9,6 +9,7 @@ on_every_back_end!(
     homes_by_text_and_need,
     homes_with_clips_after_a_fault_need_attention,
     the_same_file_twice_is_told,
+    the_same_recording_in_another_archive_is_told_and_merged_once,
     clips_of_all_homes_by_reason,
     a_clip_is_corrected,
     an_earlier_lidar_map_comes_back,
@@ -189,6 +190,53 @@ async fn the_same_file_twice_is_told(storage: Storage) {
     assert_eq!(listed[1].duplicate_of, Some(first.id));
     storage.delete_clip(&id, first.id, |_| true, at(1)).await.unwrap();
     assert_eq!(storage.clip(&id, second.id).await.unwrap().duplicate_of, None);
+}
+
+/// Adds a clip whose file is an archive.
+async fn add_archive(storage: &Storage, home: &HomeId, file: &[u8], content: &str) -> Uuid {
+    let new = NewClip {
+        file: arrived(storage, file).await,
+        info: clip_info(),
+        content_sha256: Some(content.to_owned()),
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    };
+    match storage.add_clip(home, new, None, at(0)).await.unwrap() {
+        Added::New(clip) => clip.id,
+        other => panic!("{other:?}"),
+    }
+}
+
+async fn the_same_recording_in_another_archive_is_told_and_merged_once(storage: Storage) {
+    // Its clip is as of an earlier version: its content is unknown.
+    let (id, old) = one_job(&storage).await;
+    let old_again = add_archive(&storage, &id, b"clip", "content of the old one").await;
+    let first = add_archive(&storage, &id, b"zip", "content").await;
+    let second = add_archive(&storage, &id, b"zipped again", "content").await;
+    for _ in 0..4 {
+        align(&storage, AlignmentState::Aligned).await;
+    }
+    let twins = async || {
+        let page = Page { limit: 9, after: None };
+        let listed = storage.clips(&id, &ClipFilter::default(), &page).await.unwrap();
+        listed.iter().map(|clip| clip.duplicate_of).collect::<Vec<_>>()
+    };
+    assert_eq!(twins().await, [None, Some(old.id), None, Some(first)]);
+    assert_eq!(storage.clip(&id, second).await.unwrap().duplicate_of, Some(first));
+    let merged = async |seconds: i64| {
+        let claim = due(&storage, seconds).await.expect("the map is due");
+        assert!(finish(&storage, &claim, b"tile", seconds).await);
+        claim.members.iter().map(|member| (member.clip, member.sha256.clone())).collect::<Vec<_>>()
+    };
+    let content = "content".to_owned();
+    assert_eq!(merged(200).await, [(old.id, old.sha256.clone()), (first, content.clone())]);
+    // The copy takes its place.
+    storage.delete_clip(&id, first, |_| true, at(201)).await.unwrap();
+    storage.delete_clip(&id, old.id, |_| true, at(201)).await.unwrap();
+    assert_eq!(twins().await, [None, None]);
+    assert_eq!(merged(202).await, [(old_again, "content of the old one".to_owned()), (second, content)]);
 }
 
 async fn clips_of_all_homes_by_reason(storage: Storage) {

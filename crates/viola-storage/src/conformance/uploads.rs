@@ -59,6 +59,7 @@ fn new_clip(file: Arrived) -> NewClip {
     NewClip {
         file,
         info: clip_info(),
+        content_sha256: None,
         idempotency_key: None,
         recorded_at: None,
         title: None,
