@@ -19,7 +19,7 @@ pub use state::MapState;
 use super::columns::Columns;
 use super::damage::check_removed;
 use super::database::{Connection, Row, query};
-use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
+use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, clips, homes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -96,6 +96,8 @@ pub struct LeftOut {
     pub clip: Uuid,
     pub state: ClipState,
     pub reasons: Vec<Reason>,
+    /// The oldest clip of the home with the same file or content, if this is not it.
+    pub duplicate_of: Option<Uuid>,
 }
 
 /// A file of a revision.
@@ -192,14 +194,21 @@ impl Storage {
 
     /// Returns the clips of a home that are not in its newest map, oldest first.
     pub async fn clips_left_out(&self, home: &HomeId) -> Result<Vec<LeftOut>, StorageError> {
-        let rows = query(
-            "SELECT id, state, reasons FROM clips WHERE home_id = $1 AND placement IS NULL ORDER BY id",
-        )
+        let rows = query(concat!(
+            "SELECT id, state, reasons, ",
+            clips::duplicate_of!(),
+            " FROM clips WHERE home_id = $1 AND placement IS NULL ORDER BY id"
+        ))
         .bind(home.key())
         .fetch_all(&mut self.database.reader().await?)
         .await?;
         let left_out = |row: &Row| {
-            Ok(LeftOut { clip: row.id("id")?, state: row.name("state")?, reasons: row.json("reasons")? })
+            Ok(LeftOut {
+                clip: row.id("id")?,
+                state: row.name("state")?,
+                reasons: row.json("reasons")?,
+                duplicate_of: row.maybe_id("duplicate_of")?,
+            })
         };
         rows.iter().map(left_out).collect()
     }

@@ -172,6 +172,8 @@ answer! {
         clip: Uuid,
         state: ClipState,
         reasons: Vec<Reason>,
+        /// The oldest clip of the home with the same recording, of which the map takes one; null if this is it.
+        duplicate_of: Option<Uuid>,
     }
 }
 

@@ -230,8 +230,13 @@ async fn the_same_recording_in_another_archive_is_told_and_merged_once(storage: 
         assert!(finish(&storage, &claim, b"tile", seconds).await);
         claim.members.iter().map(|member| (member.clip, member.sha256.clone())).collect::<Vec<_>>()
     };
+    let left_out = async || {
+        let left_out = storage.clips_left_out(&id).await.unwrap();
+        left_out.iter().map(|clip| (clip.clip, clip.duplicate_of)).collect::<Vec<_>>()
+    };
     let content = "content".to_owned();
     assert_eq!(merged(200).await, [(old.id, old.sha256.clone()), (first, content.clone())]);
+    assert_eq!(left_out().await, [(old_again, Some(old.id)), (second, Some(first))]);
     // The copy takes its place.
     storage.delete_clip(&id, first, |_| true, at(201)).await.unwrap();
     storage.delete_clip(&id, old.id, |_| true, at(201)).await.unwrap();
