@@ -7,10 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
 use tempfile::TempDir;
+use viola_formats::container;
 use viola_geometry::taxonomy::Class;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, valetudo_json, write_scannet_zip};
 use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
+use viola_testing::zips;
 
 const CLIPS: u64 = 3;
 const FILES: [&str; 20] = [
@@ -139,6 +141,30 @@ fn neither_order_nor_threads_change_a_byte() {
         assert_eq!(again[name], MAPPED.0[name], "{name}");
     }
     assert_eq!(output.stdout.len(), MAPPED.1.stdout.len());
+}
+
+#[test]
+fn a_clip_in_another_archive_counts_once() {
+    let Recorded { clips, lidar, .. } = &*RECORDED;
+    let recorded = container::open(&clips[0]).unwrap();
+    let mut packed: zips::Files = Vec::new();
+    for name in recorded.names().iter().rev() {
+        packed.push((format!("again/{name}"), recorded.read(name, 1 << 30).unwrap()));
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let again = folder.path().join("again.zip");
+    fs::write(&again, zips::zip(&packed)).unwrap();
+    let mapped = [[&clips[0], &again], [&again, &clips[0]]].map(|clips| {
+        let out = tempfile::tempdir().unwrap();
+        let output = map(&clips.map(PathBuf::as_path), lidar, out.path(), 1);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        files(out.path())
+    });
+    let told: Value = serde_json::from_slice(&mapped[0]["map.json"]).unwrap();
+    assert_eq!(told["clips"].as_array().unwrap().len(), 1);
+    for name in FILES {
+        assert_eq!(mapped[0][name], mapped[1][name], "{name}");
+    }
 }
 
 /// Returns a document of the service with the command's ids of clips.
