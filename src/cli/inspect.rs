@@ -2,6 +2,7 @@
 
 mod sketch;
 
+use super::args::levels;
 use super::output;
 use super::video_tools::video_tools;
 use super::wrong_file::{self, Advice};
@@ -29,6 +30,9 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     let path = &arguments.file;
     if !path.exists() {
         bail!("there is no {}", path.display());
+    }
+    if let Some(picture) = &arguments.picture {
+        output::refuse_to_overwrite(&levels::files_of(path), std::slice::from_ref(picture), "--picture")?;
     }
     if path.is_dir() {
         let found = Clip::open_with(path, &video_tools());

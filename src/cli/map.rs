@@ -140,7 +140,7 @@ fn refuse_to_overwrite(arguments: &MapArguments) -> Result<()> {
     }
     let mut inputs = levels::files(&arguments.lidar);
     inputs.extend_from_slice(&arguments.clips);
-    output::refuse_to_overwrite(&inputs, &outputs)
+    output::refuse_to_overwrite(&inputs, &outputs, "--out")
 }
 
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.

@@ -89,3 +89,32 @@ fn convert_writes_what_is_read_back() {
     let again = viola(&["convert", "old.yaml", "--to", "ros", "--out", "old.yaml"], folder.path());
     assert!(again.status.success(), "{}", text_of(&again.stderr));
 }
+
+#[test]
+fn inspect_overwrites_no_input() {
+    let clip = scannet("clip/", &[0, 1, 2]);
+    let yaml =
+        b"image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    let mut files = vec![
+        ("map.rrmap".to_string(), roborock()),
+        ("map.yaml".to_string(), yaml.to_vec()),
+        ("map.png".to_string(), b"mine".to_vec()),
+        ("clip.zip".to_string(), zip_bytes(&clip)),
+    ];
+    files.extend(clip);
+    let folder = as_folder(&files);
+    for (input, picture) in [
+        ("map.rrmap", "./map.rrmap"),
+        ("map.yaml", "map.png"),
+        ("clip.zip", "clip.zip"),
+        ("clip", "clip/frames.png"),
+    ] {
+        let refused = viola(&["inspect", input, "--picture", picture], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains("choose another --picture"), "{input}: {told}");
+    }
+    for (name, bytes) in files {
+        assert_eq!(std::fs::read(folder.path().join(&name)).unwrap(), bytes, "{name}");
+    }
+    assert!(!folder.path().join("clip/frames.png").exists());
+}

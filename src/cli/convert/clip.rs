@@ -59,7 +59,7 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             Ok(written)
         })?
     } else {
-        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()])?;
+        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
         // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("{} is not empty; name a folder that is, or a .zip file", out.display());

@@ -29,7 +29,7 @@ pub(super) fn valetudo(file: &Path, out: &Path) -> Result<Vec<String>> {
 pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
     // Points have no rooms and no free space.
-    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()])?;
+    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()], "--out")?;
     let written = map.to_ply();
     write(out, &written.bytes)?;
     Ok(all_notes(&map, written.notes))
@@ -54,7 +54,7 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     // With --out as the input, the map is replaced as asked for, with its image.
     let is_in_place = out.exists() && out.canonicalize()? == file.canonicalize()?;
     if !is_in_place {
-        output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image))?;
+        output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image), "--out")?;
     }
     let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let files = map.to_ros(&name)?;
