@@ -14,6 +14,11 @@ use viola_geometry::Pose3;
 const MAX_FILE_BYTES: u64 = 64 << 30;
 /// Maximum size of the pictures of a bag after chunks are unpacked.
 const MAX_PICTURES_BYTES: u64 = 16 << 30;
+/// The first bytes of a bag of ROS 1 (wiki.ros.org/Bags/Format/2.0).
+const ROS_1: &[u8; 8] = b"#ROSBAG ";
+/// Advice for recordings of ROS 1.
+pub(super) const ROS_1_ADVICE: &str =
+    "convert the bag to ROS 2 (`pip install rosbags`, then `rosbags-convert --src FILE.bag --dst FOLDER`)";
 /// Pictures of a few cameras.
 const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
@@ -78,6 +83,10 @@ impl Bag {
             let region = container.region(name, MAX_FILE_BYTES)?;
             let mut head = [0; 8];
             let is_mcap = region.read_exact_at(0, &mut head).is_ok() && &head == mcap::MAGIC;
+            if &head == ROS_1 {
+                let reason = format!("it is a bag of ROS 1; {ROS_1_ADVICE}");
+                return Err(ClipError::BadMetadata { name: name.to_string(), reason });
+            }
             let visit: Visit = &mut |topic, kind, message| bag.add(name, topic, kind, message);
             if is_mcap {
                 mcap::read(&region, name, visit)?;

@@ -1,5 +1,6 @@
 //! MCAP files: records of a length, in chunks that may be compressed (mcap.dev/spec).
 
+use super::bag::ROS_1_ADVICE;
 use super::lz4;
 use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
 use crate::clip::ClipError;
@@ -89,7 +90,11 @@ impl File<'_> {
     fn channel(&mut self, body: &mut dyn Read) -> io::Result<()> {
         let (id, schema) = (u16_of(body)?, u16_of(body)?);
         let (topic, encoding) = (text_of(body)?, text_of(body)?);
-        let kind = self.schemas.get(&schema).filter(|_| encoding == "cdr");
+        let kind = self.schemas.get(&schema);
+        if kind.is_some() && encoding == "ros1" {
+            return Err(refused(format!("its messages are of ROS 1; {ROS_1_ADVICE}")));
+        }
+        let kind = kind.filter(|_| encoding == "cdr");
         self.channels.extend(kind.map(|kind| (id, (topic, *kind))));
         if self.channels.len() > MAX_TOPICS {
             return Err(refused(format!("it has more than {MAX_TOPICS} topics")));
