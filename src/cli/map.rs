@@ -73,6 +73,10 @@ pub struct MapArguments {
     /// that is given twice counts once.
     #[arg(required = true, value_name = "CLIP")]
     clips: Vec<PathBuf>,
+    /// Pass `unknown` if poses and depth of the clips are not in metres: the scale of each clip is found with its pose.
+    /// Formats without metres need no flag.
+    #[arg(long, value_name = "unknown", value_parser = ["unknown"])]
+    scale: Option<String>,
     /// LiDAR map of the home, in any format that `viola align` reads. For a home of several storeys: several
     /// times, as LEVEL=FILE.
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
@@ -101,7 +105,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
-    let params = JobParams { align, video: video_tools(), ..JobParams::default() };
+    let unknown_scale = arguments.scale.is_some();
+    let params = JobParams { align, video: video_tools(), unknown_scale, ..JobParams::default() };
     let out = &arguments.out;
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let levels = level_maps(&maps);

@@ -241,6 +241,21 @@ fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
 }
 
 #[test]
+fn clips_in_an_unknown_unit_get_their_scale() {
+    let Recorded { clips, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    let mut command = viola();
+    command.arg("map").arg(&clips[0]).args(["--scale", "unknown", "--lidar"]).arg(lidar);
+    let output = command.arg("--out").arg(out.path()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let map: Value = serde_json::from_slice(&files(out.path())["map.json"]).unwrap();
+    // The clip is in metres.
+    let scale = map["clips"][0]["scale"].as_f64().unwrap();
+    assert!((scale - 1.0).abs() < 0.05, "{scale}");
+    assert_eq!(document("map.json")["clips"][0]["scale"], Value::Null);
+}
+
+#[test]
 fn no_clip_and_no_lidar_map_is_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let (out, other) = (folder.path(), folder.path().join("other"));
