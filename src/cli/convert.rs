@@ -51,9 +51,14 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Scannet => clip::convert(&arguments.file, &arguments.out, WrittenLayout::Scannet),
     }?;
     for note in notes {
-        println!("note:   {note}");
+        tell(&arguments.out, &format!("note:   {note}"));
     }
     Ok(())
+}
+
+/// Prints a line about the output: to standard error if the output is a pipe, which may be standard output.
+fn tell(out: &Path, line: &str) {
+    if out.is_file() || out.is_dir() { println!("{line}") } else { eprintln!("{line}") }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -61,6 +66,6 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         output::folder(folder)?;
     }
     output::write_bytes(path, bytes)?;
-    println!("wrote:  {}, {} bytes", path.display(), bytes.len());
+    tell(path, &format!("wrote:  {}, {} bytes", path.display(), bytes.len()));
     Ok(())
 }

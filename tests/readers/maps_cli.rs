@@ -118,3 +118,14 @@ fn inspect_overwrites_no_input() {
     }
     assert!(!folder.path().join("clip/frames.png").exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn a_map_is_converted_into_a_pipe() {
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    let done = viola(&["convert", "map.rrmap", "--to", "valetudo", "--out", "/dev/stdout"], folder.path());
+    // Only the map is on standard output.
+    let map = LidarMap::read(&done.stdout).unwrap();
+    assert_eq!(map.info.occupied_points, hits().len());
+    assert!(text_of(&done.stderr).starts_with("wrote:"), "{}", text_of(&done.stderr));
+}
