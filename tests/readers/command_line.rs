@@ -190,3 +190,13 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
         assert!(!stdout.contains("secret@") && !stderr.contains("secret@"), "{stdout}{stderr}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn words_need_not_be_utf_8() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let output = viola(&[], folder.path()).arg(std::ffi::OsStr::from_bytes(b"\xff")).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+}
