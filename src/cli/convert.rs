@@ -56,6 +56,11 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
     Ok(())
 }
 
+/// Returns whether the output is a zip archive by its name.
+fn is_zip(out: &Path) -> bool {
+    out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"))
+}
+
 /// Prints a line about the output: to standard error if the output is a pipe, which may be standard output.
 fn tell(out: &Path, line: &str) {
     if out.is_file() || out.is_dir() { println!("{line}") } else { eprintln!("{line}") }

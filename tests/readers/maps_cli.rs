@@ -119,6 +119,19 @@ fn inspect_overwrites_no_input() {
     assert!(!folder.path().join("clip/frames.png").exists());
 }
 
+#[test]
+fn a_clip_is_converted_to_a_folder_or_a_zip_archive() {
+    let clip = scannet("clip/", &[0, 1, 2]);
+    let folder = as_folder(&clip);
+    let convert = |out| viola(&["convert", "clip", "--to", "tum", "--out", out], folder.path());
+    let done = convert("OUT.ZIP");
+    assert!(done.status.success(), "{}", text_of(&done.stderr));
+    assert!(std::fs::read(folder.path().join("OUT.ZIP")).unwrap().starts_with(b"PK"));
+    std::fs::write(folder.path().join("mine"), "mine").unwrap();
+    let told = text_of(&convert("mine").stderr);
+    assert!(told.contains("mine is a file; name a folder, or a .zip file"), "{told}");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_map_is_converted_into_a_pipe() {

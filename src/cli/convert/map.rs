@@ -1,6 +1,6 @@
 //! Conversion of maps.
 
-use super::write;
+use super::{is_zip, write};
 use crate::cli::args::levels;
 use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
@@ -38,7 +38,7 @@ pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
 /// Writes the YAML file and its image beside it, or a zip archive of both if the name ends with .zip.
 pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
-    if out.extension().is_some_and(|ending| ending == "zip") {
+    if is_zip(out) {
         let files = map.to_ros("map.pgm")?;
         let mut sink = ZipSink::new(Cursor::new(Vec::new()));
         sink.put("map.yaml", &files.yaml)?;
