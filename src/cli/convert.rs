@@ -31,7 +31,7 @@ enum Target {
     Ply,
     /// Clip: export of Stray Scanner.
     Stray,
-    /// Clip: layout of the TUM RGB-D benchmark.
+    /// Clip: layout of the TUM RGB-D benchmark, with the frames without a pose, too.
     Tum,
     /// Clip: layout of ScanNet's exporter.
     Scannet,

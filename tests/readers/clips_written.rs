@@ -129,6 +129,27 @@ fn frames_that_cannot_be_written_are_told() {
     }
 }
 
+/// SLAM programs take recordings without poses.
+#[test]
+fn a_clip_without_poses_is_written_for_tum() {
+    let mut files = crate::writers::scannet("", &[0, 1, 2]);
+    files.retain(|(name, _)| !name.starts_with("pose/"));
+    let folder = as_folder(&files);
+    let clip = Clip::open(folder.path()).unwrap();
+    for (layout, name) in LAYOUTS {
+        let out = tempfile::tempdir().unwrap();
+        let written = write(&clip, layout, &mut FolderSink::new(out.path()), &Silent);
+        if layout == WrittenLayout::TumRgbd {
+            assert_eq!(written.unwrap().frames, 3);
+            let read = Clip::open(out.path()).unwrap();
+            assert_eq!((read.info().frames, read.info().frames_with_pose), (3, 0));
+        } else {
+            let refused = written.unwrap_err().to_string();
+            assert!(refused.contains("no frame has a pose"), "{name}: {refused}");
+        }
+    }
+}
+
 #[test]
 fn intrinsics_of_single_frames_that_are_lost_are_told() {
     let recording = Recording::small(3);

@@ -38,9 +38,9 @@ pub enum WriteError {
     Picture(#[from] image::ImageError),
     #[error("cannot write {name}: {source}")]
     Write { name: String, source: std::io::Error },
-    #[error("no frame has a pose, and this layout needs them")]
+    #[error("no frame has a pose, and this layout needs them; TUM RGB-D does not")]
     NoPose,
-    #[error("none of {frames} frames with a pose can be decoded; the first one: {source}")]
+    #[error("none of {frames} frames can be decoded; the first one: {source}")]
     NotDecoded { frames: usize, source: ClipError },
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -63,21 +63,22 @@ trait Writer: Sync {
     fn close(&mut self) -> Vec<(String, Vec<u8>)>;
 }
 
-/// Writes the frames that have a pose and can be decoded.
+/// Writes the frames that can be decoded and have a pose; TUM RGB-D takes those without one, too.
 pub fn write(
     clip: &Clip,
     layout: WrittenLayout,
     sink: &mut dyn Sink,
     progress: &dyn Progress,
 ) -> Result<WrittenClip, WriteError> {
-    let posed: Vec<usize> =
-        (0..clip.frames().len()).filter(|&i| clip.frames()[i].world_from_camera.is_some()).collect();
+    let is_taken =
+        |i: &usize| layout == WrittenLayout::TumRgbd || clip.frames()[*i].world_from_camera.is_some();
+    let taken: Vec<usize> = (0..clip.frames().len()).filter(is_taken).collect();
     let mut notes = Vec::new();
-    let without = clip.frames().len() - posed.len();
+    let without = clip.frames().len() - taken.len();
     if without > 0 {
         notes.push(format!("{without} frames without a pose were left out"));
     }
-    let times_s: Vec<Option<f64>> = posed.iter().map(|&index| clip.frames()[index].time_s).collect();
+    let times_s: Vec<Option<f64>> = taken.iter().map(|&index| clip.frames()[index].time_s).collect();
     let has_times = increase(&times_s);
     if !has_times && layout != WrittenLayout::Scannet {
         let times = if times_s.contains(&None) { "has no times" } else { "has times that do not increase" };
@@ -87,10 +88,10 @@ pub fn write(
     let mut writer = writer(layout);
     let (mut written, mut broken, mut first_error) = (0, 0, None);
     let (mut first_camera, mut other_cameras) = (None, 0);
-    let mut frames = clip.stream(posed.clone());
-    for done in (0..posed.len()).step_by(BATCH) {
+    let mut frames = clip.stream(taken.clone());
+    for done in (0..taken.len()).step_by(BATCH) {
         viola_geometry::progress::check(progress)?;
-        progress.advance(done as f64 / posed.len() as f64);
+        progress.advance(done as f64 / taken.len() as f64);
         let mut batch = Vec::new();
         for frame in frames.next_batch(BATCH) {
             match frame {
@@ -123,7 +124,7 @@ pub fn write(
         written += batch.len();
     }
     if written == 0 {
-        let frames = posed.len();
+        let frames = taken.len();
         return Err(
             first_error.map_or(WriteError::NoPose, |source| WriteError::NotDecoded { frames, source })
         );
