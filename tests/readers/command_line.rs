@@ -98,6 +98,14 @@ fn align_overwrites_none_of_its_inputs() {
 }
 
 #[test]
+fn the_picture_of_a_network_does_not_replace_its_input() {
+    let folder = as_folder(&[("a.png".to_string(), b"mine".to_vec())]);
+    let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
+    let (code, _, stderr) = run(&arguments, folder.path());
+    assert!(code == Some(1) && stderr.contains("choose another --out"), "{stderr}");
+}
+
+#[test]
 fn output_that_nobody_reads_ends_quietly() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [&["models", "list"][..], &["man"], &["completions", "zsh"]] {
