@@ -46,6 +46,9 @@ fn bags_are_refused_by_name() {
     let all = messages(&Recording::small(3), PosesBy::Odometry);
     check(bag(mcap_file(&all, "snappy", <[u8]>::to_vec)), "bad_metadata", "snappy");
     check(bag(mcap_file(&all, "lz4", <[u8]>::to_vec)), "bad_metadata", "not lz4");
+    let mut packed = all;
+    packed.iter_mut().for_each(|(.., cdr)| *cdr = crate::archives::zstd(cdr));
+    check(bag(mcap_file(&packed, "", <[u8]>::to_vec)), "bad_metadata", "compressed one by one; unpack");
 }
 
 /// `mcap convert` keeps the messages of a ROS 1 bag as they are.

@@ -19,6 +19,8 @@ const ROS_1: &[u8; 8] = b"#ROSBAG ";
 /// Advice for recordings of ROS 1.
 pub(super) const ROS_1_ADVICE: &str =
     "convert the bag to ROS 2 (`pip install rosbags`, then `rosbags-convert --src FILE.bag --dst FOLDER`)";
+/// Begins a message that is packed by itself (`ros2 bag record --compression-mode message`); CDR begins with 0.
+const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Pictures of a few cameras.
 const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
@@ -115,6 +117,10 @@ impl Bag {
     fn add(&mut self, name: &str, topic: &str, kind: Kind, message: &[u8]) -> Result<(), ClipError> {
         let bad = |reason: String| ClipError::BadMetadata { name: name.to_string(), reason };
         let damaged = || bad(format!("a message of {topic} is damaged"));
+        if message.starts_with(ZSTD) {
+            let advice = "unpack the bag with `rosbags-convert --src FOLDER --dst OTHER_FOLDER`";
+            return Err(bad(format!("its messages are compressed one by one; {advice}")));
+        }
         let topics = self.images.len() + self.unread.len() + self.cameras.len();
         if topics + self.odometry.len() + self.poses.len() > MAX_TOPICS {
             return Err(bad(format!("there are more than {MAX_TOPICS} topics")));
