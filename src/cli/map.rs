@@ -109,6 +109,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let params = JobParams { align, video: video_tools(), unknown_scale, ..JobParams::default() };
     let out = &arguments.out;
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
+    let valetudo = levels::valetudo_files(&arguments.lidar, &maps)?;
     let levels = level_maps(&maps);
     output::folder(out)?;
 
@@ -122,7 +123,6 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     print_line(&format!("map: {} of {} clips are in the map", map.manifest.clips.len(), clips.len()));
     print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
-    let valetudo = levels::valetudo_files(&arguments.lidar)?;
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
     files.write(out)?;
     if arguments.json {
