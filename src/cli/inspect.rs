@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use viola_formats::clip::{Clip, ClipError, ClipInfo};
+use viola_formats::container::ContainerError;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_home as home;
 
@@ -59,6 +60,9 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
              docs/formats.md has the details.",
             wrong_file::kind(path, Advice::Flags).unwrap_or("an archive of other files")
         ),
+        Err(error @ ClipError::Container(ContainerError::CannotUnpack { .. })) => {
+            Err(wrong_file::of_clip(path, error, Advice::Flags))
+        }
         // Its layout was found.
         Err(error) if !matches!(error, ClipError::UnknownLayout { .. } | ClipError::Container(_)) => {
             bail!("{name} cannot be used as a clip ({}): {error}", error.code())

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::ContainerError;
 use viola_formats::lidar::{LidarError, LidarMap};
 
 const CLIPS: &str = "A clip is a recording with depth: a folder, zip or tar of a scanner app or a data set, or a single .r3d, \
@@ -52,6 +53,13 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
         }
         (ClipError::UnknownLayout { files }, None) if path.is_dir() => {
             anyhow!("{name} has {files} files, and no clip that is known\n{CLIPS}\n{MORE}")
+        }
+        (ClipError::Container(error @ ContainerError::CannotUnpack { .. }), _) => {
+            let folder = std::env::temp_dir();
+            anyhow!(
+                "clip {name}: {error}; it is unpacked in {}: name another folder by TMPDIR",
+                folder.display()
+            )
         }
         (error, _) => Error::new(error).context(format!("clip {name}")),
     }

@@ -201,6 +201,23 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
 
 #[cfg(unix)]
 #[test]
+fn a_clip_without_room_to_unpack_names_the_folder() {
+    let folder = as_folder(&crate::bags::mcap("", &crate::recording::Recording::small(3)));
+    let missing = folder.path().join("missing");
+    for arguments in
+        [&["inspect", "bag_0.mcap"][..], &["convert", "bag_0.mcap", "--to", "tum", "--out", "out"]]
+    {
+        let output = viola(arguments, folder.path()).env("TMPDIR", &missing).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        for words in ["no room to unpack the pictures", missing.to_str().unwrap(), "TMPDIR"] {
+            assert!(stderr.contains(words), "{arguments:?}: {words}: {stderr}");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
 fn words_need_not_be_utf_8() {
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::tempdir().unwrap();
