@@ -132,10 +132,9 @@ impl File<'_> {
         if compression.is_empty() {
             return self.records(&mut packed, true);
         }
-        self.left = self
-            .left
-            .checked_sub(unpacked_bytes)
-            .ok_or_else(|| refused("its chunks unpack to more than a recording's"))?;
+        self.left = self.left.checked_sub(unpacked_bytes).ok_or_else(|| {
+            refused("its chunks unpack to more than a recording's; split it into several clips")
+        })?;
         match compression.as_str() {
             "zstd" => {
                 let mut records = unzstd(BufReader::new(packed)).take(unpacked_bytes);
