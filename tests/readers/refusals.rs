@@ -201,3 +201,12 @@ fn a_conversion_of_pictures_that_cannot_be_decoded_names_the_first() {
         error => panic!("{error}"),
     }
 }
+
+/// Clips are given one by one, and not as the folder of their archives.
+#[test]
+fn a_folder_of_archives_is_told_from_a_clip() {
+    let clip = crate::writers::zip_bytes(&scannet("", &[0, 1]));
+    let files = ["a.zip", "b.zip", "notes.txt"].map(|name| (name.to_string(), clip.clone()));
+    let refused = Clip::open(as_folder(&files).path()).err().unwrap();
+    check_error(refused, "not_an_archive", "a.zip is an archive inside of the archive or folder");
+}

@@ -197,17 +197,18 @@ pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
     Err(ClipError::UnknownLayout { files: container.names().len() })
 }
 
-/// Refuses a zip archive that is the only file of a container.
+/// Refuses a container without a clip, of whose files half or more are zip archives: each may be a clip.
 fn check_nested(container: &dyn Container) -> Result<(), ClipError> {
     // Only likely names: a compressed file is unpacked for its first bytes.
     let is_zip = |name: &String| [".zip", ".r3d"].iter().any(|ending| name.to_lowercase().ends_with(ending));
-    if let [name] = container.names()
-        && is_zip(name)
+    let zips: Vec<&String> = container.names().iter().filter(|name| is_zip(name)).collect();
+    if let Some(name) = zips.first()
+        && 2 * zips.len() >= container.names().len()
         && let Ok(region) = container.region(name, MAX_NESTED_BYTES)
     {
         let mut head = [0; 4];
         if region.read_exact_at(0, &mut head).is_ok() && head == *b"PK\x03\x04" {
-            return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
+            return Err(ContainerError::ArchiveInside { name: name.to_string() }.into());
         }
     }
     Ok(())
