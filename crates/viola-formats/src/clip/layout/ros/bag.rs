@@ -1,7 +1,7 @@
 //! The files of a bag, and what their messages hold: places of pictures, intrinsics and poses.
 
 use super::frames::Frames;
-use super::message::{self, CameraInfo, Image, Kind, MAX_TOPICS, Transform, Visit};
+use super::message::{self, CameraInfo, Image, Kind, MAX_TOPICS, ROS_1_ADVICE, Transform, Visit};
 use super::{db3, mcap};
 use crate::clip::files::Part;
 use crate::clip::layout::trajectory::Timed;
@@ -16,9 +16,6 @@ const MAX_FILE_BYTES: u64 = 64 << 30;
 const MAX_PICTURES_BYTES: u64 = 16 << 30;
 /// The first bytes of a bag of ROS 1 (wiki.ros.org/Bags/Format/2.0).
 const ROS_1: &[u8; 8] = b"#ROSBAG ";
-/// Advice for recordings of ROS 1.
-pub(super) const ROS_1_ADVICE: &str =
-    "convert the bag to ROS 2 (`pip install rosbags`, then `rosbags-convert --src FILE.bag --dst FOLDER`)";
 /// Begins a message that is packed by itself (`ros2 bag record --compression-mode message`); CDR begins with 0.
 const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Pictures of a few cameras.

@@ -1,8 +1,7 @@
 //! MCAP files: records of a length, in chunks that may be compressed (mcap.dev/spec).
 
-use super::bag::ROS_1_ADVICE;
 use super::lz4;
-use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
+use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, ROS_1_ADVICE, Visit};
 use crate::clip::ClipError;
 use crate::container::{ContainerError, Region, is_machine_fault, unzstd};
 use std::collections::BTreeMap;
