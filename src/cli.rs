@@ -119,8 +119,8 @@ pub fn main() -> ExitCode {
     viola_network::return_large_buffers();
     viola_storage::tls::use_ring();
     end_without_standard_output();
-    let first = std::env::args().nth(1);
-    if first.is_some_and(|name| child::has_command(&name)) {
+    let first = std::env::args_os().nth(1);
+    if first.is_some_and(|name| child::has_command(&name.to_string_lossy())) {
         return child::run().map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS);
     }
     let program = Arguments::command();

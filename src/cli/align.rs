@@ -145,7 +145,7 @@ fn refuse_to_overwrite(arguments: &AlignArguments) -> Result<()> {
     outputs.extend(pictures.iter().map(|name| completion.join(name)));
     let mut inputs = levels::files(&arguments.lidar);
     inputs.push(arguments.clip.clone());
-    output::refuse_to_overwrite(&inputs, &outputs)
+    output::refuse_to_overwrite(&inputs, &outputs, "--out")
 }
 
 /// Returns the number of the clip's frames in a range; fails if there is none.

@@ -31,7 +31,7 @@ enum Target {
     Ply,
     /// Clip: export of Stray Scanner.
     Stray,
-    /// Clip: layout of the TUM RGB-D benchmark.
+    /// Clip: layout of the TUM RGB-D benchmark, with the frames without a pose, too.
     Tum,
     /// Clip: layout of ScanNet's exporter.
     Scannet,
@@ -51,9 +51,19 @@ pub fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Scannet => clip::convert(&arguments.file, &arguments.out, WrittenLayout::Scannet),
     }?;
     for note in notes {
-        println!("note:   {note}");
+        tell(&arguments.out, &format!("note:   {note}"));
     }
     Ok(())
+}
+
+/// Returns whether the output is a zip archive by its name.
+fn is_zip(out: &Path) -> bool {
+    out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"))
+}
+
+/// Prints a line about the output: to standard error if the output is a pipe, which may be standard output.
+fn tell(out: &Path, line: &str) {
+    if out.is_file() || out.is_dir() { println!("{line}") } else { eprintln!("{line}") }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -61,6 +71,6 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
         output::folder(folder)?;
     }
     output::write_bytes(path, bytes)?;
-    println!("wrote:  {}, {} bytes", path.display(), bytes.len());
+    tell(path, &format!("wrote:  {}, {} bytes", path.display(), bytes.len()));
     Ok(())
 }

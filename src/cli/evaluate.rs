@@ -12,7 +12,7 @@ mod unused;
 use super::args::{NetworkArguments, numbers};
 use super::output;
 use super::progress::Steps;
-use super::provenance::{commit, program};
+use super::provenance::{commit, program, words};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use serde_json::json;
@@ -254,12 +254,8 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
 fn fit(arguments: &EvaluateArguments, results: &[ClipResult], path: &Path) -> Result<()> {
     let fitted_to =
         format!("{}, clips of {:?} frames, {} clips", source(arguments), arguments.lengths(), results.len());
-    let made_by = MadeBy {
-        command: std::env::args().collect::<Vec<_>>().join(" "),
-        fitted_to,
-        commit: commit(),
-        note: None,
-    };
+    let made_by =
+        MadeBy { command: words().collect::<Vec<_>>().join(" "), fitted_to, commit: commit(), note: None };
     let model = evaluate::fit(results, made_by)
         .context("the probability cannot be fitted: the results are all right or all wrong")?;
     output::write_bytes(path, serde_json::to_string_pretty(&model)? + "\n")

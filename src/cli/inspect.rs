@@ -2,6 +2,7 @@
 
 mod sketch;
 
+use super::args::levels;
 use super::output;
 use super::video_tools::video_tools;
 use super::wrong_file::{self, Advice};
@@ -9,6 +10,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use std::path::PathBuf;
 use viola_formats::clip::{Clip, ClipError, ClipInfo};
+use viola_formats::container::ContainerError;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_home as home;
 
@@ -29,6 +31,9 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     let path = &arguments.file;
     if !path.exists() {
         bail!("there is no {}", path.display());
+    }
+    if let Some(picture) = &arguments.picture {
+        output::refuse_to_overwrite(&levels::files_of(path), std::slice::from_ref(picture), "--picture")?;
     }
     if path.is_dir() {
         let found = Clip::open_with(path, &video_tools());
@@ -55,6 +60,9 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
              docs/formats.md has the details.",
             wrong_file::kind(path, Advice::Flags).unwrap_or("an archive of other files")
         ),
+        Err(error @ ClipError::Container(ContainerError::CannotUnpack { .. })) => {
+            Err(wrong_file::of_clip(path, error, Advice::Flags))
+        }
         // Its layout was found.
         Err(error) if !matches!(error, ClipError::UnknownLayout { .. } | ClipError::Container(_)) => {
             bail!("{name} cannot be used as a clip ({}): {error}", error.code())

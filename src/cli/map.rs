@@ -73,6 +73,10 @@ pub struct MapArguments {
     /// that is given twice counts once, even as another archive of the same files.
     #[arg(required = true, value_name = "CLIP")]
     clips: Vec<PathBuf>,
+    /// Pass `unknown` if poses and depth of the clips are not in metres: the scale of each clip is found with its pose.
+    /// Formats without metres need no flag.
+    #[arg(long, value_name = "unknown", value_parser = ["unknown"])]
+    scale: Option<String>,
     /// LiDAR map of the home, in any format that `viola align` reads. For a home of several storeys: several
     /// times, as LEVEL=FILE.
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
@@ -101,9 +105,11 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
-    let params = JobParams { align, video: video_tools(), ..JobParams::default() };
+    let unknown_scale = arguments.scale.is_some();
+    let params = JobParams { align, video: video_tools(), unknown_scale, ..JobParams::default() };
     let out = &arguments.out;
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
+    let valetudo = levels::valetudo_files(&arguments.lidar, &maps)?;
     let levels = level_maps(&maps);
     output::folder(out)?;
 
@@ -117,7 +123,6 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     print_line(&format!("map: {} of {} clips are in the map", map.manifest.clips.len(), clips.len()));
     print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
-    let valetudo = levels::valetudo_files(&arguments.lidar)?;
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
     files.write(out)?;
     if arguments.json {
@@ -140,7 +145,7 @@ fn refuse_to_overwrite(arguments: &MapArguments) -> Result<()> {
     }
     let mut inputs = levels::files(&arguments.lidar);
     inputs.extend_from_slice(&arguments.clips);
-    output::refuse_to_overwrite(&inputs, &outputs)
+    output::refuse_to_overwrite(&inputs, &outputs, "--out")
 }
 
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.

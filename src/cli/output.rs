@@ -52,8 +52,8 @@ pub fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses outputs that would replace an input file or lie in an input folder.
-pub fn refuse_to_overwrite(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()> {
+/// Refuses outputs that would replace an input file or lie in an input folder. `flag` names the outputs.
+pub fn refuse_to_overwrite(inputs: &[PathBuf], outputs: &[PathBuf], flag: &str) -> Result<()> {
     let real: Vec<PathBuf> = outputs.iter().map(|output| resolved(output)).collect();
     for input in inputs {
         // The reader reports a missing input.
@@ -61,9 +61,9 @@ pub fn refuse_to_overwrite(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<()
         let Some(at) = real.iter().position(|output| output.starts_with(&read)) else { continue };
         let (input, output) = (input.display(), outputs[at].display());
         if read.is_dir() {
-            bail!("{output} would be written into the input folder {input}; choose another --out");
+            bail!("{output} would be written into the input folder {input}; choose another {flag}");
         }
-        bail!("the input {input} would be overwritten by {output}; choose another --out");
+        bail!("the input {input} would be overwritten by {output}; choose another {flag}");
     }
     Ok(())
 }
@@ -142,7 +142,7 @@ mod tests {
             ("missing", &["", "missing"], ""),
         ] {
             let outputs: Vec<PathBuf> = outputs.iter().map(|name| at(name)).collect();
-            let answer = refuse_to_overwrite(&[at("clips.zip"), at(input)], &outputs[..]);
+            let answer = refuse_to_overwrite(&[at("clips.zip"), at(input)], &outputs[..], "--out");
             let told = answer.map_or_else(|error| error.to_string(), |()| String::new());
             assert!(
                 told.contains(words) && told.is_empty() == words.is_empty(),
@@ -168,7 +168,7 @@ mod tests {
             ("points.ply", "link/cloud.ply", true),
             ("clip/cloud.ply", "link/new", false),
         ] {
-            let answer = refuse_to_overwrite(&[at(input)], &[at(output)]);
+            let answer = refuse_to_overwrite(&[at(input)], &[at(output)], "--out");
             assert_eq!(answer.is_err(), is_refused, "{input} {output}");
         }
     }

@@ -12,6 +12,11 @@ pub(super) fn commit() -> String {
     told.map_or_else(String::new, |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
+/// Returns the words of the command line, the program first. Paths need not be UTF-8.
+pub(super) fn words() -> impl Iterator<Item = String> {
+    std::env::args_os().map(|word| word.to_string_lossy().into_owned())
+}
+
 /// Returns the hash of this program's file, which separates the results of different builds.
 pub(super) fn program() -> Result<String> {
     let path = own_program().context("cannot find this program's own file")?;

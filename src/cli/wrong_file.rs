@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::ContainerError;
 use viola_formats::lidar::{LidarError, LidarMap};
 
 const CLIPS: &str = "A clip is a recording with depth: a folder, zip or tar of a scanner app or a data set, or a single .r3d, \
@@ -53,6 +54,13 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
         (ClipError::UnknownLayout { files }, None) if path.is_dir() => {
             anyhow!("{name} has {files} files, and no clip that is known\n{CLIPS}\n{MORE}")
         }
+        (ClipError::Container(error @ ContainerError::CannotUnpack { .. }), _) => {
+            let folder = std::env::temp_dir();
+            anyhow!(
+                "clip {name}: {error}; it is unpacked in {}: name another folder by TMPDIR",
+                folder.display()
+            )
+        }
         (error, _) => Error::new(error).context(format!("clip {name}")),
     }
 }
@@ -94,6 +102,10 @@ pub fn kind(path: &Path, advice: Advice) -> Option<&'static str> {
         [b'%', b'P', b'D', b'F', ..] => "a PDF",
         [0x7f, b'E', b'L', b'F', ..] | [b'M', b'Z', ..] => "a program",
         [b'P', b'K', ..] | [0x1f, 0x8b, ..] => return None,
+        [b'7', b'z', 0xbc, 0xaf, ..]
+        | [0xfd, b'7', b'z', b'X', b'Z', ..]
+        | [b'B', b'Z', b'h', ..]
+        | [b'R', b'a', b'r', b'!', ..] => "an archive that is not read (make a zip or tar.gz of its content)",
         text if is_text(text) => "a text file",
         _ => "a file of unknown kind",
     })
@@ -123,6 +135,8 @@ mod tests {
             (b"\xff\xd8\xff\xe0", "is a picture"),
             (b"\0\0\0\x18ftypmp42", "is a video without depth"),
             (b"x,y\n1,2\n3,4\n5,6\n", "is a LiDAR map (give it as --lidar)"),
+            (b"\xfd7zXZ\0", "is an archive that is not read (make a zip or tar.gz"),
+            (b"BZh91AY", "is an archive that is not read"),
             (b"\x01\x02\x03\x04", "is a file of unknown kind"),
         ] {
             let path = folder.path().join("file");

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
@@ -264,6 +265,38 @@ fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
     assert_eq!((&map["clips"][0]["clip"], &map["info"]["points"]), (&Value::Null, &json!(0)));
     assert_eq!(read("objects.json")["objects"], json!([]));
     assert!(!read("rooms.json")["rooms"].as_array().unwrap().is_empty());
+}
+
+/// The robots' files have the map as it was given.
+#[cfg(unix)]
+#[test]
+fn a_valetudo_map_cannot_come_from_a_pipe() {
+    let Recorded { broken, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let map = fs::read(lidar).unwrap();
+    let sender = std::thread::spawn(move || writer.write_all(&map));
+    let mut command = viola();
+    command.stdin(reader).arg("map").arg(broken).args(["--lidar", "/dev/stdin", "--out"]).arg(out.path());
+    let output = command.output().unwrap();
+    sender.join().unwrap().unwrap();
+    let told = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && told.contains("can be read only once"), "{told}");
+}
+
+#[test]
+fn clips_in_an_unknown_unit_get_their_scale() {
+    let Recorded { clips, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    let mut command = viola();
+    command.arg("map").arg(&clips[0]).args(["--scale", "unknown", "--lidar"]).arg(lidar);
+    let output = command.arg("--out").arg(out.path()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let map: Value = serde_json::from_slice(&files(out.path())["map.json"]).unwrap();
+    // The clip is in metres.
+    let scale = map["clips"][0]["scale"].as_f64().unwrap();
+    assert!((scale - 1.0).abs() < 0.05, "{scale}");
+    assert_eq!(document("map.json")["clips"][0]["scale"], Value::Null);
 }
 
 #[test]

@@ -225,11 +225,11 @@ fn compressed(recording: &Recording, pack: PackDepth) -> Vec<Message> {
     messages
 }
 
-fn record(opcode: u8, body: &[u8]) -> Vec<u8> {
+pub fn record(opcode: u8, body: &[u8]) -> Vec<u8> {
     [&[opcode][..], &(body.len() as u64).to_le_bytes(), body].concat()
 }
 
-fn text(text: &str) -> Vec<u8> {
+pub fn text(text: &str) -> Vec<u8> {
     [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat()
 }
 

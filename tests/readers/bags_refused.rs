@@ -1,6 +1,6 @@
 //! Bags and databases that cannot be read: the code and the words of the refusal, in little time and memory.
 
-use crate::bags::{Message, PosesBy, mcap, mcap_file, messages};
+use crate::bags::{Message, PosesBy, mcap, mcap_file, messages, record, text};
 use crate::databases::rtabmap;
 use crate::memory::peak_bytes;
 use crate::recording::Recording;
@@ -46,6 +46,21 @@ fn bags_are_refused_by_name() {
     let all = messages(&Recording::small(3), PosesBy::Odometry);
     check(bag(mcap_file(&all, "snappy", <[u8]>::to_vec)), "bad_metadata", "snappy");
     check(bag(mcap_file(&all, "lz4", <[u8]>::to_vec)), "bad_metadata", "not lz4");
+    let mut packed = all;
+    packed.iter_mut().for_each(|(.., cdr)| *cdr = crate::archives::zstd(cdr));
+    check(bag(mcap_file(&packed, "", <[u8]>::to_vec)), "bad_metadata", "compressed one by one; unpack");
+}
+
+/// `mcap convert` keeps the messages of a ROS 1 bag as they are.
+#[test]
+fn recordings_of_ros_1_are_refused_with_the_way_out() {
+    let file = vec![("drive.bag".to_string(), b"#ROSBAG V2.0\n\x45\0\0\0bag".to_vec())];
+    check(file, "bad_metadata", "it is a bag of ROS 1; convert the bag to ROS 2");
+    let schema = [&[1u8, 0][..], &text("sensor_msgs/Image"), &text("ros1msg"), &text("")].concat();
+    let channel = [&[0u8, 0, 1, 0][..], &text("/depth/image_raw"), &text("ros1"), &[0; 4]].concat();
+    let records = [record(3, &schema), record(4, &channel), record(2, &[0; 20])].concat();
+    let magic = b"\x89MCAP0\r\n";
+    check(bag([&magic[..], &records, magic].concat()), "bad_metadata", "its messages are of ROS 1");
 }
 
 #[test]

@@ -128,3 +128,49 @@ fn frames_that_cannot_be_written_are_told() {
         assert!(written.notes.iter().any(|note| note.contains(told)), "{told}: {:?}", written.notes);
     }
 }
+
+/// SLAM programs take recordings without poses.
+#[test]
+fn a_clip_without_poses_is_written_for_tum() {
+    let mut files = crate::writers::scannet("", &[0, 1, 2]);
+    files.retain(|(name, _)| !name.starts_with("pose/"));
+    let folder = as_folder(&files);
+    let clip = Clip::open(folder.path()).unwrap();
+    for (layout, name) in LAYOUTS {
+        let out = tempfile::tempdir().unwrap();
+        let written = write(&clip, layout, &mut FolderSink::new(out.path()), &Silent);
+        if layout == WrittenLayout::TumRgbd {
+            assert_eq!(written.unwrap().frames, 3);
+            let read = Clip::open(out.path()).unwrap();
+            assert_eq!((read.info().frames, read.info().frames_with_pose), (3, 0));
+        } else {
+            let refused = written.unwrap_err().to_string();
+            assert!(refused.contains("no frame has a pose"), "{name}: {refused}");
+        }
+    }
+}
+
+#[test]
+fn intrinsics_of_single_frames_that_are_lost_are_told() {
+    let recording = Recording::small(3);
+    let mut files = crate::export_writers::polycam("", &recording);
+    let told = |files: &crate::writers::Files, layout: WrittenLayout| {
+        let (folder, out) = (as_folder(files), tempfile::tempdir().unwrap());
+        let clip = Clip::open(folder.path()).unwrap();
+        let written = write(&clip, layout, &mut FolderSink::new(out.path()), &Silent).unwrap();
+        written.notes.iter().any(|note| note.starts_with("1 frames have other intrinsics"))
+    };
+    for (layout, name) in LAYOUTS {
+        assert!(!told(&files, layout), "{name}");
+    }
+    // The lens of the last frame has moved.
+    let of_last = files.iter_mut().rfind(|(name, _)| name.contains("/corrected_cameras/")).unwrap();
+    let mut camera: serde_json::Value = serde_json::from_slice(&of_last.1).unwrap();
+    for focal in ["fx", "fy"] {
+        camera[focal] = (1.05 * camera[focal].as_f64().unwrap()).into();
+    }
+    of_last.1 = serde_json::to_vec(&camera).unwrap();
+    for (layout, name) in LAYOUTS {
+        assert!(told(&files, layout), "{name}");
+    }
+}

@@ -98,6 +98,14 @@ fn align_overwrites_none_of_its_inputs() {
 }
 
 #[test]
+fn the_picture_of_a_network_does_not_replace_its_input() {
+    let folder = as_folder(&[("a.png".to_string(), b"mine".to_vec())]);
+    let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
+    let (code, _, stderr) = run(&arguments, folder.path());
+    assert!(code == Some(1) && stderr.contains("choose another --out"), "{stderr}");
+}
+
+#[test]
 fn output_that_nobody_reads_ends_quietly() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [&["models", "list"][..], &["man"], &["completions", "zsh"]] {
@@ -189,4 +197,31 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
         assert!(stdout.contains("database-url = "), "{stdout}");
         assert!(!stdout.contains("secret@") && !stderr.contains("secret@"), "{stdout}{stderr}");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_clip_without_room_to_unpack_names_the_folder() {
+    let folder = as_folder(&crate::bags::mcap("", &crate::recording::Recording::small(3)));
+    let missing = folder.path().join("missing");
+    for arguments in
+        [&["inspect", "bag_0.mcap"][..], &["convert", "bag_0.mcap", "--to", "tum", "--out", "out"]]
+    {
+        let output = viola(arguments, folder.path()).env("TMPDIR", &missing).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        for words in ["no room to unpack the pictures", missing.to_str().unwrap(), "TMPDIR"] {
+            assert!(stderr.contains(words), "{arguments:?}: {words}: {stderr}");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn words_need_not_be_utf_8() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let output = viola(&[], folder.path()).arg(std::ffi::OsStr::from_bytes(b"\xff")).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
 }

@@ -89,3 +89,56 @@ fn convert_writes_what_is_read_back() {
     let again = viola(&["convert", "old.yaml", "--to", "ros", "--out", "old.yaml"], folder.path());
     assert!(again.status.success(), "{}", text_of(&again.stderr));
 }
+
+#[test]
+fn inspect_overwrites_no_input() {
+    let clip = scannet("clip/", &[0, 1, 2]);
+    let yaml =
+        b"image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    let mut files = vec![
+        ("map.rrmap".to_string(), roborock()),
+        ("map.yaml".to_string(), yaml.to_vec()),
+        ("map.png".to_string(), b"mine".to_vec()),
+        ("clip.zip".to_string(), zip_bytes(&clip)),
+    ];
+    files.extend(clip);
+    let folder = as_folder(&files);
+    for (input, picture) in [
+        ("map.rrmap", "./map.rrmap"),
+        ("map.yaml", "map.png"),
+        ("clip.zip", "clip.zip"),
+        ("clip", "clip/frames.png"),
+    ] {
+        let refused = viola(&["inspect", input, "--picture", picture], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains("choose another --picture"), "{input}: {told}");
+    }
+    for (name, bytes) in files {
+        assert_eq!(std::fs::read(folder.path().join(&name)).unwrap(), bytes, "{name}");
+    }
+    assert!(!folder.path().join("clip/frames.png").exists());
+}
+
+#[test]
+fn a_clip_is_converted_to_a_folder_or_a_zip_archive() {
+    let clip = scannet("clip/", &[0, 1, 2]);
+    let folder = as_folder(&clip);
+    let convert = |out| viola(&["convert", "clip", "--to", "tum", "--out", out], folder.path());
+    let done = convert("OUT.ZIP");
+    assert!(done.status.success(), "{}", text_of(&done.stderr));
+    assert!(std::fs::read(folder.path().join("OUT.ZIP")).unwrap().starts_with(b"PK"));
+    std::fs::write(folder.path().join("mine"), "mine").unwrap();
+    let told = text_of(&convert("mine").stderr);
+    assert!(told.contains("mine is a file; name a folder, or a .zip file"), "{told}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_map_is_converted_into_a_pipe() {
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    let done = viola(&["convert", "map.rrmap", "--to", "valetudo", "--out", "/dev/stdout"], folder.path());
+    // Only the map is on standard output.
+    let map = LidarMap::read(&done.stdout).unwrap();
+    assert_eq!(map.info.occupied_points, hits().len());
+    assert!(text_of(&done.stderr).starts_with("wrote:"), "{}", text_of(&done.stderr));
+}

@@ -220,6 +220,8 @@ fn pcd_points_in_each_encoding() {
         assert_eq!(map.occupied_m, hits(), "{data}");
         assert_eq!(map.info.notes, Vec::<String>::new(), "{data}");
     }
+    let commented = String::from_utf8(pcd("ascii")).unwrap().replace("# .PCD v0.7", "# Saved by a node\n#");
+    assert_eq!(LidarMap::read(commented.as_bytes()).unwrap().occupied_m.len(), hits().len());
     let moved = String::from_utf8(pcd("ascii")).unwrap().replace("VIEWPOINT 0", "VIEWPOINT 1");
     assert!(LidarMap::read(moved.as_bytes()).unwrap().info.notes[0].contains("VIEWPOINT"));
     // Comments, COUNT and POINTS are optional.

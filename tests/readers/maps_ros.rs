@@ -59,3 +59,22 @@ fn an_image_whose_name_has_letters_of_another_case_is_read() {
         check_home("map.PGM", &read.unwrap(), [-1.0, 2.0]);
     }
 }
+
+/// map_server reads the image from the place that the yaml file names. An archive of strangers leads nowhere else.
+#[test]
+fn an_image_in_another_folder_of_this_machine_is_read() {
+    let image = ("maps/home.pgm".to_string(), pgm(grey(0, 254, 205)));
+    let folder = as_folder(std::slice::from_ref(&image));
+    let absolute = folder.path().join("maps/home.pgm");
+    std::fs::create_dir(folder.path().join("config")).unwrap();
+    for named in ["../maps/home.pgm", absolute.to_str().unwrap()] {
+        let yaml = String::from_utf8(yaml("")).unwrap().replace("map.pgm", named).into_bytes();
+        let path = folder.path().join("config/home.yaml");
+        std::fs::write(&path, &yaml).unwrap();
+        let read = LidarMap::open(&path).unwrap_or_else(|error| panic!("{named}: {error}"));
+        check_home(named, &read, [-1.0, 2.0]);
+        assert_eq!(read.info.notes, Vec::<String>::new(), "{named}");
+        let files = [("config/home.yaml".to_string(), yaml), image.clone()];
+        assert!(LidarMap::read(&zip_bytes(&files)).is_err(), "{named}");
+    }
+}

@@ -187,7 +187,7 @@ fn a_conversion_of_pictures_that_cannot_be_decoded_names_the_first() {
         let output = command.output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{out}: {stderr}");
-        for words in ["none of 3 frames with a pose can be decoded", "depth/000000.png is L8"] {
+        for words in ["none of 3 frames can be decoded", "depth/000000.png is L8"] {
             assert!(stderr.contains(words), "{out}: {words}: {stderr}");
         }
         assert!(!folder.path().join(out).exists(), "{out}");
@@ -200,4 +200,13 @@ fn a_conversion_of_pictures_that_cannot_be_decoded_names_the_first() {
         }
         error => panic!("{error}"),
     }
+}
+
+/// Clips are given one by one, and not as the folder of their archives.
+#[test]
+fn a_folder_of_archives_is_told_from_a_clip() {
+    let clip = crate::writers::zip_bytes(&scannet("", &[0, 1]));
+    let files = ["a.zip", "b.zip", "notes.txt"].map(|name| (name.to_string(), clip.clone()));
+    let refused = Clip::open(as_folder(&files).path()).err().unwrap();
+    check_error(refused, "not_an_archive", "a.zip is an archive inside of the archive or folder");
 }

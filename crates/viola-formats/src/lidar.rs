@@ -134,7 +134,8 @@ impl LidarMap {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let bytes = read_file(path, &name)?;
         if ros::is_yaml(&name) {
-            return ros::read(&bytes, &name, None, |image| read_image(&path.with_file_name(image), image));
+            let read = |image: &str| read_image(&path.with_file_name(image), image);
+            return ros::read(&bytes, &name, ros::Images::Anywhere, read);
         }
         LidarMap::read(&bytes)
     }

@@ -2,7 +2,7 @@
 
 use super::wrong_arguments;
 use crate::cli::wrong_file::{self, Advice};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -92,9 +92,18 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
 }
 
 /// Returns the JSON of the levels whose maps are Valetudo's.
-pub fn valetudo_files(arguments: &[LevelArgument]) -> Result<BTreeMap<LevelName, Vec<u8>>> {
+pub fn valetudo_files(
+    arguments: &[LevelArgument],
+    maps: &[(LevelName, LidarMap)],
+) -> Result<BTreeMap<LevelName, Vec<u8>>> {
     let mut files = BTreeMap::new();
-    for LevelArgument { level, path } in arguments {
+    let is_valetudo = |argument: &&LevelArgument| {
+        maps.iter().any(|(level, map)| *level == argument.level && map.info.format == "valetudo")
+    };
+    for LevelArgument { level, path } in arguments.iter().filter(is_valetudo) {
+        if !path.is_file() {
+            bail!("LiDAR map {}: a pipe can be read only once; save the map to a file", path.display());
+        }
         let mut bytes = Vec::new();
         File::open(path)
             .and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes))

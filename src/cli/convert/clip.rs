@@ -1,5 +1,6 @@
 //! Conversion of clips.
 
+use super::is_zip;
 use crate::cli::output;
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
@@ -50,7 +51,7 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
     }
     let progress = TerminalProgress::new();
     progress.enter(Stage::Decode);
-    let written = if out.extension().is_some_and(|ending| ending == "zip") {
+    let written = if is_zip(out) {
         // The clip may be this very file.
         output::write_whole(out, |to| {
             let mut sink = ZipSink::new(to);
@@ -59,7 +60,10 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             Ok(written)
         })?
     } else {
-        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()])?;
+        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
+        if out.is_file() {
+            bail!("{} is a file; name a folder, or a .zip file", out.display());
+        }
         // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("{} is not empty; name a folder that is, or a .zip file", out.display());

@@ -1,6 +1,6 @@
 //! Conversion of maps.
 
-use super::write;
+use super::{is_zip, write};
 use crate::cli::args::levels;
 use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
@@ -29,7 +29,7 @@ pub(super) fn valetudo(file: &Path, out: &Path) -> Result<Vec<String>> {
 pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
     // Points have no rooms and no free space.
-    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()])?;
+    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()], "--out")?;
     let written = map.to_ply();
     write(out, &written.bytes)?;
     Ok(all_notes(&map, written.notes))
@@ -38,7 +38,7 @@ pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
 /// Writes the YAML file and its image beside it, or a zip archive of both if the name ends with .zip.
 pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
-    if out.extension().is_some_and(|ending| ending == "zip") {
+    if is_zip(out) {
         let files = map.to_ros("map.pgm")?;
         let mut sink = ZipSink::new(Cursor::new(Vec::new()));
         sink.put("map.yaml", &files.yaml)?;
@@ -54,7 +54,7 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     // With --out as the input, the map is replaced as asked for, with its image.
     let is_in_place = out.exists() && out.canonicalize()? == file.canonicalize()?;
     if !is_in_place {
-        output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image))?;
+        output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image), "--out")?;
     }
     let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let files = map.to_ros(&name)?;

@@ -1,7 +1,7 @@
 //! The files of an evaluation of poses, and the lines of its progress.
 
 use super::{EvaluateArguments, save};
-use crate::cli::provenance::commit;
+use crate::cli::provenance::{commit, words};
 use anyhow::Result;
 use serde_json::{Value, json};
 use viola_lab::evaluate::{self, ClipResult, plot};
@@ -83,7 +83,7 @@ pub(super) fn write_all(
 
 /// Returns the arguments that decide the results. The program's own path is left out.
 fn described(arguments: &EvaluateArguments) -> Value {
-    let typed = std::env::args().skip(1);
+    let typed = words().skip(1);
     let command: Vec<String> = std::iter::once("viola".to_owned()).chain(typed).collect();
     json!({
         "version": env!("CARGO_PKG_VERSION"),

@@ -85,6 +85,7 @@ impl Aligner<'_> {
         progress: &dyn Progress,
     ) -> Result<(Option<Timestamp>, Finished), AlignJobError> {
         let clip = Clip::open_with(path, &self.params.video)?;
+        let clip = if self.params.unknown_scale { clip.with_unknown_scale() } else { clip };
         let finished = align_opened(&clip, self.levels, &self.params.align, progress)?;
         Ok((recorded_at_of_file(clip.info()), finished))
     }

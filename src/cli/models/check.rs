@@ -7,6 +7,7 @@ mod times;
 
 use super::{Folder, find};
 use crate::cli::args::RuntimeArguments;
+use crate::cli::output;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use image::DynamicImage;
@@ -37,6 +38,8 @@ pub struct CheckArguments {
 }
 
 pub(super) fn run(arguments: &CheckArguments) -> Result<()> {
+    let inputs: Vec<PathBuf> = [&arguments.picture].into_iter().chain(&arguments.mask).cloned().collect();
+    output::refuse_to_overwrite(&inputs, std::slice::from_ref(&arguments.out), "--out")?;
     let models = &arguments.folder.models;
     let manifest = arguments.folder.manifest()?;
     let entry = entry(&manifest, models, &arguments.network)?;

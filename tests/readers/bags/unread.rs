@@ -136,3 +136,44 @@ fn colour_that_cannot_be_read_is_replaced_by_another_topic_of_its_frame() {
         check_error(open(&without).err().unwrap(), "bad_metadata", &naming);
     }
 }
+
+/// A RealSense publishes depth of a wider view than colour, unless it is aligned to colour.
+#[test]
+fn colour_of_another_view_than_depth_is_not_used() {
+    let recording = Recording::small(4);
+    let mut wide = messages(&recording, PosesBy::Odometry);
+    let start_s = recording.frames[0].time_s;
+    let [fx, fy, cx, cy] = recording.depth_k;
+    let (frame, k) = ("camera_depth_optical_frame", [0.6 * fx, 0.6 * fy, cx, cy]);
+    for (_, topic, _, cdr) in &mut wide {
+        if *topic == "/camera/depth/camera_info" {
+            *cdr = camera_info(start_s, frame, recording.depth_size, k);
+        }
+    }
+    let clip = open(&wide).unwrap();
+    assert_eq!((clip.info().frames, clip.info().color_width), (4, 0));
+    let told = format!("{COLOR} has another view than the depth");
+    assert!(has_note(&clip, &told, "aligned_depth_to_color"), "{:?}", clip.info().notes);
+    check_poses(&clip, &recording, "another view");
+    wide.retain(|(_, topic, ..)| *topic != "/odom");
+    for naming in [told.as_str(), "needs poses"] {
+        check_error(open(&wide).err().unwrap(), "bad_metadata", naming);
+    }
+}
+
+#[test]
+fn colour_from_beside_the_depth_is_noted() {
+    let recording = Recording::small(4);
+    let mut messages = messages(&recording, PosesBy::Odometry);
+    messages.retain(|(_, topic, ..)| *topic != COLOR);
+    messages.extend(jpegs(&recording, "camera_color_optical_frame"));
+    let link_from_color =
+        Matrix4::new_translation(&nalgebra::Vector3::new(0.0, 0.05, 0.0)) * link_from_optical();
+    let start_s = recording.frames[0].time_s;
+    let of_color = transform(start_s, "camera_link", "camera_color_optical_frame", &link_from_color);
+    messages.push((start_s, "/tf_static", TRANSFORMS, of_color));
+    let clip = open(&messages).unwrap();
+    assert_eq!((clip.info().frames, clip.info().color_width), (4, recording.color_size.0));
+    let told = "the camera of /other/rgb/compressed is 0.050 m beside that of the depth";
+    assert!(has_note(&clip, told, "not undone"), "{:?}", clip.info().notes);
+}

@@ -10,10 +10,6 @@ use viola_geometry::{Pinhole, Pose3};
 /// Maximum distance of the principal point from the picture's middle, as a fraction of the picture's side.
 /// Cropped pictures stay below 0.2; intrinsics of a picture of twice the size are at 0.5.
 const MAX_OFF_CENTRE: f64 = 0.25;
-/// Maximum ratio of the views of colour and depth along a side: the cameras of one device see the same scene.
-const MAX_VIEW_RATIO: f64 = 1.3;
-/// Maximum ratio of two aspect ratios.
-const MAX_ASPECT_RATIO: f64 = 1.1;
 /// Minimum number of poses that are judged as placeholders.
 const MIN_PLACEHOLDERS: usize = 3;
 /// Maximum difference of a placeholder's numbers from the identity's: rounding. A device at rest moves more.
@@ -255,7 +251,7 @@ impl Sizes {
         let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
         let of = numbers.size(self.color, self.depth);
         for picture in self.color.into_iter().chain([self.depth]) {
-            if differs(aspect(picture), aspect(of), MAX_ASPECT_RATIO) {
+            if layout::differs(aspect(picture), aspect(of), layout::MAX_ASPECT_RATIO) {
                 let color = self.color.map_or(String::new(), |(w, h)| format!("colour is {w}x{h}, "));
                 let reason = format!(
                     "{color}depth is {}x{}, and the one set of intrinsics is for {}x{}",
@@ -292,21 +288,12 @@ impl Sizes {
     }
 }
 
-/// Returns whether one of two positive numbers is more than `ratio` times the other.
-fn differs(a: f64, b: f64, ratio: f64) -> bool {
-    a > b * ratio || b > a * ratio
-}
-
 /// Refuses colour and depth cameras with different views.
 fn check_views(color: &Pinhole, depth: &Pinhole) -> Result<(), ClipError> {
     // Width and height of the view at a distance of one metre.
     let view_m = |c: &Pinhole| (f64::from(c.width) / c.fx, f64::from(c.height) / c.fy);
-    let ((color_x, color_y), (depth_x, depth_y)) = (view_m(color), view_m(depth));
-    let aspect_differs = differs(color_x / color_y, depth_x / depth_y, MAX_ASPECT_RATIO);
-    if aspect_differs
-        || differs(color_x, depth_x, MAX_VIEW_RATIO)
-        || differs(color_y, depth_y, MAX_VIEW_RATIO)
-    {
+    if layout::views_differ(view_m(color), view_m(depth)) {
+        let ((color_x, color_y), (depth_x, depth_y)) = (view_m(color), view_m(depth));
         let reason = format!(
             "at one metre, colour ({}x{}) sees {color_x:.2} x {color_y:.2} m and depth ({}x{}) {depth_x:.2} x {depth_y:.2} m",
             color.width, color.height, depth.width, depth.height

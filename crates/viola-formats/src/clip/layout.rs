@@ -35,6 +35,10 @@ use viola_geometry::{Pose3, Vector3};
 pub(super) const OPENCV: &str = "camera-to-world, OpenCV (x right, y down, z forward)";
 pub(super) const OPENGL: &str = "camera-to-world, OpenGL (x right, y up, z backward)";
 pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
+/// Maximum ratio of the views of colour and depth along a side: the cameras of one device see the same scene.
+const MAX_VIEW_RATIO: f64 = 1.3;
+/// Maximum ratio of two aspect ratios.
+pub(super) const MAX_ASPECT_RATIO: f64 = 1.1;
 /// Maximum size of the only file of a container.
 const MAX_NESTED_BYTES: u64 = 64 << 30;
 /// ARKit's worlds are aligned to gravity, y up.
@@ -193,17 +197,18 @@ pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
     Err(ClipError::UnknownLayout { files: container.names().len() })
 }
 
-/// Refuses a zip archive that is the only file of a container.
+/// Refuses a container without a clip, of whose files half or more are zip archives: each may be a clip.
 fn check_nested(container: &dyn Container) -> Result<(), ClipError> {
     // Only likely names: a compressed file is unpacked for its first bytes.
     let is_zip = |name: &String| [".zip", ".r3d"].iter().any(|ending| name.to_lowercase().ends_with(ending));
-    if let [name] = container.names()
-        && is_zip(name)
+    let zips: Vec<&String> = container.names().iter().filter(|name| is_zip(name)).collect();
+    if let Some(name) = zips.first()
+        && 2 * zips.len() >= container.names().len()
         && let Ok(region) = container.region(name, MAX_NESTED_BYTES)
     {
         let mut head = [0; 4];
         if region.read_exact_at(0, &mut head).is_ok() && head == *b"PK\x03\x04" {
-            return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
+            return Err(ContainerError::ArchiveInside { name: name.to_string() }.into());
         }
     }
     Ok(())
@@ -231,6 +236,19 @@ fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<It
 fn incomplete(color: usize, depth: usize, frames: usize) -> usize {
     // Frames of depth alone beside others with colour have one picture.
     (color + depth).saturating_sub(if color == 0 { frames } else { 2 * frames })
+}
+
+/// Returns whether one of two positive numbers is more than `ratio` times the other.
+pub(super) fn differs(a: f64, b: f64, ratio: f64) -> bool {
+    a > b * ratio || b > a * ratio
+}
+
+/// Returns whether the views of two cameras differ by more than those of one device: the width and the height of what a
+/// camera sees at a distance of one metre.
+pub(super) fn views_differ((a_x, a_y): (f64, f64), (b_x, b_y): (f64, f64)) -> bool {
+    differs(a_x / a_y, b_x / b_y, MAX_ASPECT_RATIO)
+        || differs(a_x, b_x, MAX_VIEW_RATIO)
+        || differs(a_y, b_y, MAX_VIEW_RATIO)
 }
 
 /// Converts a camera pose from OpenGL's to OpenCV's axes: half a turn about x.

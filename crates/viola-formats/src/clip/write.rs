@@ -12,13 +12,13 @@ use super::{Clip, ClipError, Frame};
 use nalgebra::{Translation3, UnitQuaternion};
 use rayon::prelude::*;
 use viola_geometry::progress::{Cancelled, Progress};
-use viola_geometry::{Pose3, Vector3};
+use viola_geometry::{Pinhole, Pose3, Vector3};
 
 /// Frames decoded and encoded at a time; they are written in order.
 const BATCH: usize = 8;
 /// Seconds from one frame to the next for clips without times.
 const STEP_S: f64 = 1.0 / 30.0;
-/// A note is added if the views of colour and depth differ by more than this ratio.
+/// A note is added if the views of two cameras differ by more than this ratio.
 const MAX_VIEW_RATIO: f64 = 1.01;
 
 /// A layout that clips are written in.
@@ -38,9 +38,9 @@ pub enum WriteError {
     Picture(#[from] image::ImageError),
     #[error("cannot write {name}: {source}")]
     Write { name: String, source: std::io::Error },
-    #[error("no frame has a pose, and this layout needs them")]
+    #[error("no frame has a pose, and this layout needs them; TUM RGB-D does not")]
     NoPose,
-    #[error("none of {frames} frames with a pose can be decoded; the first one: {source}")]
+    #[error("none of {frames} frames can be decoded; the first one: {source}")]
     NotDecoded { frames: usize, source: ClipError },
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -63,37 +63,35 @@ trait Writer: Sync {
     fn close(&mut self) -> Vec<(String, Vec<u8>)>;
 }
 
-/// Writes the frames that have a pose and can be decoded.
+/// Writes the frames that can be decoded and have a pose; TUM RGB-D takes those without one, too.
 pub fn write(
     clip: &Clip,
     layout: WrittenLayout,
     sink: &mut dyn Sink,
     progress: &dyn Progress,
 ) -> Result<WrittenClip, WriteError> {
-    let posed: Vec<usize> =
-        (0..clip.frames().len()).filter(|&i| clip.frames()[i].world_from_camera.is_some()).collect();
+    let is_taken =
+        |i: &usize| layout == WrittenLayout::TumRgbd || clip.frames()[*i].world_from_camera.is_some();
+    let taken: Vec<usize> = (0..clip.frames().len()).filter(is_taken).collect();
     let mut notes = Vec::new();
-    let without = clip.frames().len() - posed.len();
+    let without = clip.frames().len() - taken.len();
     if without > 0 {
         notes.push(format!("{without} frames without a pose were left out"));
     }
-    let times_s: Vec<Option<f64>> = posed.iter().map(|&index| clip.frames()[index].time_s).collect();
+    let times_s: Vec<Option<f64>> = taken.iter().map(|&index| clip.frames()[index].time_s).collect();
     let has_times = increase(&times_s);
     if !has_times && layout != WrittenLayout::Scannet {
         let times = if times_s.contains(&None) { "has no times" } else { "has times that do not increase" };
         notes.push(format!("the clip {times}: 30 frames a second were assumed"));
     }
     let turn = upright(clip, layout, &mut notes);
-    let mut writer: Box<dyn Writer> = match layout {
-        WrittenLayout::StrayScanner => Box::new(stray::Stray::default()),
-        WrittenLayout::TumRgbd => Box::new(tum::Tum::default()),
-        WrittenLayout::Scannet => Box::new(scannet::Scannet::default()),
-    };
+    let mut writer = writer(layout);
     let (mut written, mut broken, mut first_error) = (0, 0, None);
-    let mut frames = clip.stream(posed.clone());
-    for done in (0..posed.len()).step_by(BATCH) {
+    let (mut first_camera, mut other_cameras) = (None, 0);
+    let mut frames = clip.stream(taken.clone());
+    for done in (0..taken.len()).step_by(BATCH) {
         viola_geometry::progress::check(progress)?;
-        progress.advance(done as f64 / posed.len() as f64);
+        progress.advance(done as f64 / taken.len() as f64);
         let mut batch = Vec::new();
         for frame in frames.next_batch(BATCH) {
             match frame {
@@ -120,11 +118,13 @@ pub fn write(
                 sink.put(&name, &bytes)?;
             }
             writer.record(*place, frame);
+            let first = first_camera.get_or_insert(frame.depth_camera);
+            other_cameras += usize::from(!is_same_view(first, &frame.depth_camera));
         }
         written += batch.len();
     }
     if written == 0 {
-        let frames = posed.len();
+        let frames = taken.len();
         return Err(
             first_error.map_or(WriteError::NoPose, |source| WriteError::NotDecoded { frames, source })
         );
@@ -132,10 +132,23 @@ pub fn write(
     if broken > 0 {
         notes.push(format!("{broken} frames could not be decoded and were left out"));
     }
+    if other_cameras > 0 {
+        notes.push(format!(
+            "{other_cameras} frames have other intrinsics than the first one, and one set was written for all"
+        ));
+    }
     for (name, bytes) in writer.close() {
         sink.put(&name, &bytes)?;
     }
     Ok(WrittenClip { frames: written, notes })
+}
+
+fn writer(layout: WrittenLayout) -> Box<dyn Writer> {
+    match layout {
+        WrittenLayout::StrayScanner => Box::new(stray::Stray::default()),
+        WrittenLayout::TumRgbd => Box::new(tum::Tum::default()),
+        WrittenLayout::Scannet => Box::new(scannet::Scannet::default()),
+    }
 }
 
 /// Returns whether all times are known and increase by at least their last written digit: files are named by them.
@@ -173,17 +186,20 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
 
 /// Returns a note if the views of the two cameras differ: these layouts have one set of intrinsics.
 fn one_camera(frame: &Frame) -> Option<String> {
-    let depth = &frame.depth_camera;
-    let color = frame.color_camera.resized(depth.width, depth.height);
-    let near = |a: f64, b: f64| a < b * MAX_VIEW_RATIO && b < a * MAX_VIEW_RATIO;
-    let is_same = near(color.fx, depth.fx)
-        && near(color.fy, depth.fy)
-        && (color.cx - depth.cx).abs() < 2.0
-        && (color.cy - depth.cy).abs() < 2.0;
-    (!is_same).then(|| {
+    (!is_same_view(&frame.color_camera, &frame.depth_camera)).then(|| {
         "colour and depth see differently, and the layout has one set of intrinsics: the depth's was written"
             .to_string()
     })
+}
+
+/// Returns whether two cameras have the same view, in pictures of their own sizes.
+fn is_same_view(camera: &Pinhole, other: &Pinhole) -> bool {
+    let camera = camera.resized(other.width, other.height);
+    let near = |a: f64, b: f64| a < b * MAX_VIEW_RATIO && b < a * MAX_VIEW_RATIO;
+    near(camera.fx, other.fx)
+        && near(camera.fy, other.fy)
+        && (camera.cx - other.cx).abs() < 2.0
+        && (camera.cy - other.cy).abs() < 2.0
 }
 
 /// Returns a note if colour has other pixels than depth: tools of the benchmark take one set of intrinsics for both.

@@ -24,7 +24,7 @@ pub enum ContainerError {
         "the {packing} file holds no tar archive; send a tar.gz, a tar.zst or a zip of the recording's folder"
     )]
     NoTarInside { packing: &'static str },
-    #[error("{name} is an archive inside of the archive; send it by itself")]
+    #[error("{name} is an archive inside of the archive or folder; send it by itself")]
     ArchiveInside { name: String },
     #[error("the zip archive ends too early: its directory is missing; send the whole file again")]
     ZipTruncated,

@@ -49,7 +49,7 @@ pub struct Spool {
 }
 
 /// Name of the copy in messages.
-const COPY: &str = "the unpacked recording";
+const COPY: &str = "the pictures of the recording";
 
 impl Spool {
     /// Begins a file of at most `max_bytes`.
@@ -64,7 +64,7 @@ impl Spool {
         let at = self.bytes;
         self.bytes = at.saturating_add(part.len() as u64);
         if self.bytes > self.max_bytes {
-            return Err(ContainerError::FileTooLarge { name: COPY.to_owned(), max_bytes: self.max_bytes });
+            return Err(ContainerError::UnpacksTooLarge { max_bytes: self.max_bytes });
         }
         self.reservation.grow(part.len() as u64, COPY)?;
         self.file.write_all(part).map_err(Spool::no_room)?;
@@ -79,5 +79,18 @@ impl Spool {
 
     fn no_room(source: io::Error) -> ContainerError {
         ContainerError::CannotUnpack { name: COPY.to_owned(), source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_the_bound_is_refused_with_advice() {
+        let mut spool = Spool::new(&Scratch::default(), 3).unwrap();
+        assert_eq!(spool.append(b"ab").unwrap(), 0);
+        let refused = spool.append(b"cd").unwrap_err().to_string();
+        assert!(refused.contains("split the recording into several clips"), "{refused}");
     }
 }

@@ -115,7 +115,7 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let files = zip.names().iter().filter_map(|path| path.strip_prefix(folder.as_str()));
     let mut images = files.filter(|file| is_image(file) && !(has_masks && Mask::of(file) > Mask::of(name)));
     let only_image = images.next().filter(|_| images.next().is_none());
-    let mut map = read(&zip.read(name, MAX_YAML_BYTES)?, name, only_image, |image| {
+    let mut map = read(&zip.read(name, MAX_YAML_BYTES)?, name, Images::Beside(only_image), |image| {
         let path = format!("{folder}{image}");
         let in_any_case = || zip.names().iter().find(|name| name.eq_ignore_ascii_case(&path));
         let place = zip.names().iter().find(|name| **name == path).or_else(in_any_case);
@@ -134,11 +134,19 @@ fn is_image(name: &str) -> bool {
     !name.contains('/') && [".pgm", ".png", ".bmp"].iter().any(|ending| lower.ends_with(ending))
 }
 
-/// Reads a yaml file, and its image with `read_image`. `only_image` is the only image beside it, if there is one.
+/// The images that a yaml file may name.
+pub(super) enum Images<'a> {
+    /// Those of any folder, as map_server reads them: the file is of this machine's owner.
+    Anywhere,
+    /// Those beside the file or in a folder beside it. The value is the only one beside it, if there is one.
+    Beside(Option<&'a str>),
+}
+
+/// Reads a yaml file, and its image with `read_image`.
 pub(super) fn read(
     yaml: &[u8],
     name: &str,
-    only_image: Option<&str>,
+    images: Images,
     read_image: impl Fn(&str) -> Result<Vec<u8>, LidarError>,
 ) -> Result<LidarMap, LidarError> {
     let bad = |reason: String| LidarError::BadYaml { name: name.to_string(), reason };
@@ -147,7 +155,14 @@ pub(super) fn read(
     }
     let mut description = Description::parse(yaml).map_err(bad)?;
     let mut notes = Vec::new();
-    let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
+    let (found, only_image) = match images {
+        Images::Anywhere => (read_image(&description.image).ok(), None),
+        Images::Beside(only_image) => (None, only_image),
+    };
+    let image_name = match &found {
+        Some(_) => description.image.clone(),
+        None => image_beside(&description.image, &mut notes).map_err(bad)?,
+    };
     let origin = description.origin().map_err(bad)?;
     if description.resolution > COARSE_CELL_M {
         notes.push(format!(
@@ -155,7 +170,10 @@ pub(super) fn read(
             description.resolution
         ));
     }
-    let (bytes, image_name) = find_image(&image_name, only_image, read_image, &mut notes)?;
+    let (bytes, image_name) = match found {
+        Some(bytes) => (bytes, image_name.as_str()),
+        None => find_image(&image_name, only_image, read_image, &mut notes)?,
+    };
     let image = raster::decode(&bytes, image_name)?;
     if raster::is_saved_with_wide_threshold(&image, &description) {
         notes.push(format!(
@@ -257,7 +275,8 @@ mod tests {
             let yaml = format!(
                 "image: a.pgm\nresolution: {resolution}\norigin: [0, 0, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
             );
-            let map = read(yaml.as_bytes(), "a.yaml", None, |_| Ok(b"P2 2 1 255\n0 254\n".to_vec())).unwrap();
+            let image = |_: &str| Ok(b"P2 2 1 255\n0 254\n".to_vec());
+            let map = read(yaml.as_bytes(), "a.yaml", Images::Beside(None), image).unwrap();
             let coarse = format!("cells of {resolution} m are coarse");
             let notes = &map.info.notes;
             assert_eq!(notes.iter().any(|note| note.starts_with(&coarse)), is_noted, "{notes:?}");

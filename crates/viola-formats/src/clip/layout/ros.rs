@@ -12,7 +12,9 @@ mod path;
 
 use super::associate::associate;
 use super::trajectory::times;
-use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete};
+use super::{
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, views_differ,
+};
 use crate::clip::files::{Part, has_ending};
 use crate::container::Container;
 use bag::{Bag, Images, Unread};
@@ -22,6 +24,8 @@ use viola_geometry::Vector3;
 
 /// Maximum time between the pictures of a frame.
 const MAX_GAP_S: f64 = 0.02;
+/// Minimum distance of two cameras that is noted.
+const MIN_BESIDE_M: f64 = 1e-3;
 /// Maximum number of files of one bag, which the recorder splits by size.
 const MAX_FILES: usize = 1000;
 
@@ -60,8 +64,9 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
         let unread = unread_topic(bag, |_| true).map_or(String::new(), |words| format!("; {words}"));
         return Err(bad(format!("{wanted}{unread}")));
     };
-    let Color { best, chosen, passed_over } = color(bag, depth_topic, depth);
-    let (cameras, is_distorted) = cameras(bag, depth_topic, depth, chosen.or(best))?;
+    let Color { best, chosen, other_view, passed_over } = color(bag, depth_topic, depth);
+    let of_color = chosen.or(best.filter(|_| other_view.is_none()));
+    let (cameras, is_distorted) = cameras(bag, depth_topic, depth, of_color)?;
     let depth_times_s = times(&depth.pictures);
     let color_times_s = chosen.map_or(Vec::new(), |(_, color)| times(&color.pictures));
     let pairs: Vec<(Option<usize>, usize)> = if chosen.is_some() {
@@ -76,6 +81,7 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
     if is_distorted {
         notes.push("the lens distortion in camera_info was not applied".to_string());
     }
+    notes.extend(chosen.and_then(|(topic, color)| beside(bag, topic, depth, color)));
     let mut unread = 0;
     for (topic, images) in [Some((depth_topic, depth)), chosen].into_iter().flatten() {
         let Some(lost) = lost(bag, topic, images) else { continue };
@@ -96,6 +102,9 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
             return Err(bad(format!("{words}: without colour a clip needs poses, and this one has none")));
         }
         notes.push(words);
+    }
+    if let (None, Some(topic)) = (chosen, other_view) {
+        notes.push(without_color_of(topic, path.count() > 0).map_err(bad)?);
     }
     for Lost { words, reason, .. } in passed_over {
         if chosen.is_none() && path.count() == 0 {
@@ -125,6 +134,25 @@ fn layout(bag: &Bag, name: &str) -> Result<Layout, ClipError> {
         notes,
         ..Layout::new("ros2_bag", cameras, sources)
     })
+}
+
+/// Returns a note about colour that is taken from another place than depth; `None` if it is not, or the tree does not tell.
+fn beside(bag: &Bag, topic: &str, depth: &Images, color: &Images) -> Option<String> {
+    let time_s = depth.pictures.first()?.time_s;
+    let distance_m = bag.frames.pose(&depth.frame, &color.frame, time_s)?.translation.vector.norm();
+    (distance_m > MIN_BESIDE_M).then(|| {
+        format!("the camera of {topic} is {distance_m:.3} m beside that of the depth, which was not undone")
+    })
+}
+
+/// Returns a note about a topic with colour of another view than the depth's, or the reason why the clip needs colour.
+fn without_color_of(topic: &str, has_poses: bool) -> Result<String, String> {
+    let words = format!("{topic} has another view than the depth, and was not used");
+    let advice = "record depth that is aligned to colour (`aligned_depth_to_color`)";
+    if has_poses {
+        return Ok(format!("{words}; {advice}"));
+    }
+    Err(format!("{words}; {advice}: without colour a clip needs poses, and this one has none"))
 }
 
 /// Pictures of a topic that cannot be read.
@@ -229,6 +257,8 @@ struct Color<'a> {
     best: Option<(&'a String, &'a Images)>,
     /// The one that is used.
     chosen: Option<(&'a String, &'a Images)>,
+    /// One that would be used if its view were that of the depth.
+    other_view: Option<&'a String>,
     /// Those that would be preferred to the one that is used, if most of their pictures could be read.
     passed_over: Vec<Lost<'a>>,
 }
@@ -249,6 +279,9 @@ fn color<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Color<'a> {
     for (topic, images) in topics.into_iter().filter(|(_, images)| images.frame == best.1.frame) {
         match lost(bag, topic, images).filter(|lost| lost.is_most) {
             Some(lost) => color.passed_over.push(lost),
+            None if is_other_view(bag, (depth_topic, depth), (topic.as_str(), images)) => {
+                color.other_view.get_or_insert(topic);
+            }
             None => {
                 color.chosen = Some((topic, images));
                 break;
@@ -256,6 +289,17 @@ fn color<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Color<'a> {
         }
     }
     color
+}
+
+/// Returns whether two topics with intrinsics of their own have different views.
+fn is_other_view(bag: &Bag, depth: (&str, &Images), color: (&str, &Images)) -> bool {
+    let view_m = |(topic, images)| {
+        let (Intrinsics { numbers, .. }, _) = camera(bag, topic, images)?;
+        let Numbers { fx, fy, of: Of::Size(width, height), .. } = numbers else { return None };
+        // Focal lengths that are none are refused later.
+        (fx > 0.0 && fy > 0.0).then(|| (f64::from(width) / fx, f64::from(height) / fy))
+    };
+    view_m(depth).zip(view_m(color)).is_some_and(|(depth, color)| views_differ(color, depth))
 }
 
 /// Returns the intrinsics of both cameras, and whether their lenses distort.

@@ -39,7 +39,10 @@ fn bad(reason: impl Into<String>) -> LidarError {
 
 /// Returns whether a text begins like a PCD file.
 pub(in super::super) fn is_pcd(text: &[u8]) -> bool {
-    text.starts_with(b"# .PCD") || text.starts_with(b"VERSION ") || text.starts_with(b"FIELDS ")
+    // Comments may stand in front.
+    let mut lines = text.split(|byte| *byte == b'\n').skip_while(|line| line.starts_with(b"#"));
+    let is_header = |line: &[u8]| line.starts_with(b"VERSION ") || line.starts_with(b"FIELDS ");
+    text.starts_with(b"# .PCD") || lines.next().is_some_and(is_header)
 }
 
 /// Reads the points' x and y, in metres. Other fields are ignored.

@@ -1,7 +1,7 @@
 //! The files of a bag, and what their messages hold: places of pictures, intrinsics and poses.
 
 use super::frames::Frames;
-use super::message::{self, CameraInfo, Image, Kind, MAX_TOPICS, Transform, Visit};
+use super::message::{self, CameraInfo, Image, Kind, MAX_TOPICS, ROS_1_ADVICE, Transform, Visit};
 use super::{db3, mcap};
 use crate::clip::files::Part;
 use crate::clip::layout::trajectory::Timed;
@@ -14,6 +14,10 @@ use viola_geometry::Pose3;
 const MAX_FILE_BYTES: u64 = 64 << 30;
 /// Maximum size of the pictures of a bag after chunks are unpacked.
 const MAX_PICTURES_BYTES: u64 = 16 << 30;
+/// The first bytes of a bag of ROS 1 (wiki.ros.org/Bags/Format/2.0).
+const ROS_1: &[u8; 8] = b"#ROSBAG ";
+/// Begins a message that is packed by itself (`ros2 bag record --compression-mode message`); CDR begins with 0.
+const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Pictures of a few cameras.
 const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
@@ -78,6 +82,10 @@ impl Bag {
             let region = container.region(name, MAX_FILE_BYTES)?;
             let mut head = [0; 8];
             let is_mcap = region.read_exact_at(0, &mut head).is_ok() && &head == mcap::MAGIC;
+            if &head == ROS_1 {
+                let reason = format!("it is a bag of ROS 1; {ROS_1_ADVICE}");
+                return Err(ClipError::BadMetadata { name: name.to_string(), reason });
+            }
             let visit: Visit = &mut |topic, kind, message| bag.add(name, topic, kind, message);
             if is_mcap {
                 mcap::read(&region, name, visit)?;
@@ -106,6 +114,10 @@ impl Bag {
     fn add(&mut self, name: &str, topic: &str, kind: Kind, message: &[u8]) -> Result<(), ClipError> {
         let bad = |reason: String| ClipError::BadMetadata { name: name.to_string(), reason };
         let damaged = || bad(format!("a message of {topic} is damaged"));
+        if message.starts_with(ZSTD) {
+            let advice = "unpack the bag with `rosbags-convert --src FOLDER --dst OTHER_FOLDER`";
+            return Err(bad(format!("its messages are compressed one by one; {advice}")));
+        }
         let topics = self.images.len() + self.unread.len() + self.cameras.len();
         if topics + self.odometry.len() + self.poses.len() > MAX_TOPICS {
             return Err(bad(format!("there are more than {MAX_TOPICS} topics")));

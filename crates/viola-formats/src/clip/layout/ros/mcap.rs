@@ -1,7 +1,7 @@
 //! MCAP files: records of a length, in chunks that may be compressed (mcap.dev/spec).
 
 use super::lz4;
-use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
+use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, ROS_1_ADVICE, Visit};
 use crate::clip::ClipError;
 use crate::container::{ContainerError, Region, is_machine_fault, unzstd};
 use std::collections::BTreeMap;
@@ -89,7 +89,11 @@ impl File<'_> {
     fn channel(&mut self, body: &mut dyn Read) -> io::Result<()> {
         let (id, schema) = (u16_of(body)?, u16_of(body)?);
         let (topic, encoding) = (text_of(body)?, text_of(body)?);
-        let kind = self.schemas.get(&schema).filter(|_| encoding == "cdr");
+        let kind = self.schemas.get(&schema);
+        if kind.is_some() && encoding == "ros1" {
+            return Err(refused(format!("its messages are of ROS 1; {ROS_1_ADVICE}")));
+        }
+        let kind = kind.filter(|_| encoding == "cdr");
         self.channels.extend(kind.map(|kind| (id, (topic, *kind))));
         if self.channels.len() > MAX_TOPICS {
             return Err(refused(format!("it has more than {MAX_TOPICS} topics")));
@@ -127,10 +131,9 @@ impl File<'_> {
         if compression.is_empty() {
             return self.records(&mut packed, true);
         }
-        self.left = self
-            .left
-            .checked_sub(unpacked_bytes)
-            .ok_or_else(|| refused("its chunks unpack to more than a recording's"))?;
+        self.left = self.left.checked_sub(unpacked_bytes).ok_or_else(|| {
+            refused("its chunks unpack to more than a recording's; split it into several clips")
+        })?;
         match compression.as_str() {
             "zstd" => {
                 let mut records = unzstd(BufReader::new(packed)).take(unpacked_bytes);

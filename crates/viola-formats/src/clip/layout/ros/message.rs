@@ -20,6 +20,10 @@ const MAX_TRANSFORMS: u32 = 10_000;
 /// compression_common.hpp).
 const DEPTH_HEADER_BYTES: usize = 12;
 
+/// Advice for recordings of ROS 1.
+pub(super) const ROS_1_ADVICE: &str =
+    "convert the bag to ROS 2 (`pip install rosbags`, then `rosbags-convert --src FILE.bag --dst FOLDER`)";
+
 /// The function that is called with each message: topic, kind, bytes.
 pub(super) type Visit<'a> = &'a mut dyn FnMut(&str, Kind, &[u8]) -> Result<(), ClipError>;
 
