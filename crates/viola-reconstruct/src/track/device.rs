@@ -65,7 +65,7 @@ impl Tracker {
         let is_near = expected.translation.vector.norm() < KEY_MOTION * self.keys[key].median_depth_m
             && expected.rotation.angle() < KEY_TURN_RAD;
         if is_near || Lost::of(&pyramid).is_some() {
-            return Followed { key, camera_from_key: expected, uncertainty_m: 0.0 };
+            return Followed { key, camera_from_key: expected };
         }
         self.edges.extend(self.device_edge(key, expected));
         let pose = self.keys[key].world_from_key * expected.inverse();
