@@ -270,6 +270,25 @@ fn the_poses_of_a_device_are_refined() {
     assert!((first.inverse() * given[0].unwrap()).translation.vector.norm() < 1e-9);
 }
 
+/// The next pictures are compared with the last right one, so they correct the device's poses.
+#[test]
+fn a_picture_that_contradicts_the_device_is_no_key_frame() {
+    let turned = Pose3::new(Vector3::zeros(), Vector3::new(0.0, 11f64.to_radians(), 0.0));
+    let mut tracker = Tracker::refining(&TrackParams::default());
+    for index in 0..10 {
+        // By all other pictures the camera rests; the device is wrong from the contradiction on.
+        let mut frame = in_a_box(&if index == 4 { turned } else { Pose3::identity() }, false);
+        let off_m = if index > 4 { 0.015 } else { 0.0 };
+        frame.header.world_from_camera = Some(Pose3::translation(off_m, 0.0, 0.0));
+        tracker.add(&frame);
+    }
+    let track = tracker.finish();
+    for (index, pose) in track.poses.iter().enumerate() {
+        let (_, pose) = pose.expect("the device has all poses");
+        assert!(pose.translation.vector.norm() < 0.005 && pose.rotation.angle() < 0.005, "{index}: {pose:?}");
+    }
+}
+
 /// Drift of poses is detected in the clip itself, and reported.
 #[test]
 fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {

@@ -172,7 +172,7 @@ impl Tracker {
         let moved = Lost::of(&pyramid)
             .map_or_else(|| self.odometry.follow(pyramid.clone(), rolling, expected.as_ref()), Err);
         match moved {
-            Ok(moved) if !self.contradicts(expected.as_ref(), &moved.step.camera_from_key) => {
+            Ok(moved) => {
                 if let Some(first) = &moved.first {
                     let KeyFrame { frame, segment, world_from_key, .. } = self.keys[key];
                     self.keys[key] = KeyFrame::new(frame, segment, world_from_key, first, &self.describer);
@@ -192,11 +192,10 @@ impl Tracker {
                 }
                 Some(followed)
             }
-            moved => {
+            Err(why) => {
                 if let Some(expected) = expected {
                     return Some(self.carry(pyramid, expected));
                 }
-                let why = moved.err().unwrap_or(Lost::Jump);
                 if let Some(ended) = self.ended.last_mut() {
                     *ended = Some(why);
                 }
