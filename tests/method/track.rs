@@ -128,6 +128,19 @@ fn a_jump_cut_ends_a_segment() {
     check_no_segment_is_bent(&track, &truth);
 }
 
+/// The recording returns to the first room, and ends in the dark.
+#[test]
+fn a_segment_that_goes_on_later_has_its_own_end() {
+    let ((mut frames, _), (others, _)) = (walk(1002, 40), walk(1001, 40));
+    let again = frames[..20].to_vec();
+    let mut dark = again[19].clone();
+    darken(&mut dark);
+    frames.extend(others.into_iter().chain(again).chain([dark]));
+    let track = follow(&frames);
+    let ended: Vec<_> = track.segments.iter().map(|segment| segment.ended.clone()).collect();
+    assert_eq!(ended, [Some(Lost::Dark), Some(Lost::Jump)], "{:?}", track.segments);
+}
+
 /// A person walks through from left to right, a quarter of the picture wide, with a texture that moves along.
 #[test]
 fn a_person_walking_through_is_not_followed() {

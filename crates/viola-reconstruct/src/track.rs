@@ -196,9 +196,8 @@ impl Tracker {
                 if let Some(expected) = expected {
                     return Some(self.carry(pyramid, expected));
                 }
-                if let Some(ended) = self.ended.last_mut() {
-                    *ended = Some(why);
-                }
+                // After a return to a known place it may not be the last segment.
+                self.ended[self.keys[key].segment] = Some(why);
                 self.is_lost = true;
                 self.begin(pyramid)
             }
