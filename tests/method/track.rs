@@ -332,6 +332,25 @@ fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
     }
 }
 
+/// Nearly all of them are outliers, and the rest alone would not tell why.
+#[test]
+fn poses_in_millimetres_are_told_though_they_are_dropped() {
+    let home = Home::generate(&HomeParams::new(Set::Normal, 1002));
+    let params = ClipParams { frames: 20, color_width: 256, ..ClipParams::default() };
+    let recorded = home.clip(&home.survey(), 0, &params).into_clip();
+    let mut headers = recorded.frames().to_vec();
+    let poses = headers.iter_mut().filter_map(|header| header.world_from_camera.as_mut());
+    poses.for_each(|pose| pose.translation.vector *= 1000.0);
+    let frames = recorded.clone();
+    let load = move |index: usize| frames.load(index).unwrap();
+    let clip = Clip::from_frames(recorded.info().clone(), headers, Some(Vector3::z()), load);
+    let seen = align::observe(&clip, None, &AlignParams::default(), &Silent).unwrap();
+    let is_told =
+        |code: &str, text: &str| seen.reasons.iter().any(|one| one.code == code && one.detail.contains(text));
+    assert!(is_told("poses_dropped", ""), "{:?}", seen.reasons);
+    assert!(is_told("poses_disagree", "in millimetres"), "{:?}", seen.reasons);
+}
+
 /// Handheld recordings, by the thresholds for them.
 #[test]
 fn real_recordings_are_followed_as_well_as_asked_for() {

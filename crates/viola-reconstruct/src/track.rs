@@ -27,7 +27,7 @@ mod shutter;
 mod step;
 
 pub use clip::{TrackedClip, refine, track};
-pub use conventions::other_convention;
+pub use conventions::{convention_of_dropped, other_convention};
 pub use lost::Lost;
 
 use corners::Describer;
