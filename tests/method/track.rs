@@ -128,6 +128,19 @@ fn a_jump_cut_ends_a_segment() {
     check_no_segment_is_bent(&track, &truth);
 }
 
+/// The recording returns to the first room, and ends in the dark.
+#[test]
+fn a_segment_that_goes_on_later_has_its_own_end() {
+    let ((mut frames, _), (others, _)) = (walk(1002, 40), walk(1001, 40));
+    let again = frames[..20].to_vec();
+    let mut dark = again[19].clone();
+    darken(&mut dark);
+    frames.extend(others.into_iter().chain(again).chain([dark]));
+    let track = follow(&frames);
+    let ended: Vec<_> = track.segments.iter().map(|segment| segment.ended.clone()).collect();
+    assert_eq!(ended, [Some(Lost::Dark), Some(Lost::Jump)], "{:?}", track.segments);
+}
+
 /// A person walks through from left to right, a quarter of the picture wide, with a texture that moves along.
 #[test]
 fn a_person_walking_through_is_not_followed() {
@@ -270,6 +283,25 @@ fn the_poses_of_a_device_are_refined() {
     assert!((first.inverse() * given[0].unwrap()).translation.vector.norm() < 1e-9);
 }
 
+/// The next pictures are compared with the last right one, so they correct the device's poses.
+#[test]
+fn a_picture_that_contradicts_the_device_is_no_key_frame() {
+    let turned = Pose3::new(Vector3::zeros(), Vector3::new(0.0, 11f64.to_radians(), 0.0));
+    let mut tracker = Tracker::refining(&TrackParams::default());
+    for index in 0..10 {
+        // By all other pictures the camera rests; the device is wrong from the contradiction on.
+        let mut frame = in_a_box(&if index == 4 { turned } else { Pose3::identity() }, false);
+        let off_m = if index > 4 { 0.015 } else { 0.0 };
+        frame.header.world_from_camera = Some(Pose3::translation(off_m, 0.0, 0.0));
+        tracker.add(&frame);
+    }
+    let track = tracker.finish();
+    for (index, pose) in track.poses.iter().enumerate() {
+        let (_, pose) = pose.expect("the device has all poses");
+        assert!(pose.translation.vector.norm() < 0.005 && pose.rotation.angle() < 0.005, "{index}: {pose:?}");
+    }
+}
+
 /// Drift of poses is detected in the clip itself, and reported.
 #[test]
 fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
@@ -298,6 +330,25 @@ fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
             assert_eq!(seen.scan, as_it_was.scan);
         }
     }
+}
+
+/// Nearly all of them are outliers, and the rest alone would not tell why.
+#[test]
+fn poses_in_millimetres_are_told_though_they_are_dropped() {
+    let home = Home::generate(&HomeParams::new(Set::Normal, 1002));
+    let params = ClipParams { frames: 20, color_width: 256, ..ClipParams::default() };
+    let recorded = home.clip(&home.survey(), 0, &params).into_clip();
+    let mut headers = recorded.frames().to_vec();
+    let poses = headers.iter_mut().filter_map(|header| header.world_from_camera.as_mut());
+    poses.for_each(|pose| pose.translation.vector *= 1000.0);
+    let frames = recorded.clone();
+    let load = move |index: usize| frames.load(index).unwrap();
+    let clip = Clip::from_frames(recorded.info().clone(), headers, Some(Vector3::z()), load);
+    let seen = align::observe(&clip, None, &AlignParams::default(), &Silent).unwrap();
+    let is_told =
+        |code: &str, text: &str| seen.reasons.iter().any(|one| one.code == code && one.detail.contains(text));
+    assert!(is_told("poses_dropped", ""), "{:?}", seen.reasons);
+    assert!(is_told("poses_disagree", "in millimetres"), "{:?}", seen.reasons);
 }
 
 /// Handheld recordings, by the thresholds for them.

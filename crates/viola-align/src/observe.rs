@@ -155,7 +155,9 @@ pub(super) fn fuse(
     };
     reasons.extend(fused.remarks());
     if tracked.is_none() {
-        reasons.extend(track::other_convention(&fused.key_frames));
+        let dropped =
+            by_device.as_ref().map(|kept| track::convention_of_dropped(clip, frames.as_ref(), kept));
+        reasons.extend(dropped.transpose()?.flatten().or_else(|| track::other_convention(&fused.key_frames)));
     }
     let up = up_in_world(clip, tracked.as_ref(), by_device.as_ref());
     let sparse_track = tracked.as_ref().is_some_and(|tracked| tracked.is_sparse);

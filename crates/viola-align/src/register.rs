@@ -240,12 +240,12 @@ impl<'a> Registration<'a> {
         answer.inliers = Some(best.alternative.inliers);
         answer.covariance = Some(best.covariance.into());
         answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
-        score::set_probabilities(&mut answer, caps);
+        let mut uncapped = score::set_probabilities(&mut answer, caps);
         if let Some(target) = target.filter(|_| answer.scale.is_none() && score::is_sure(&answer)) {
             let on_level = answer.alternatives.iter().filter(|other| other.level == level);
             let poses: Vec<Pose2> = on_level.map(|other| other.map_from_clip).collect();
             answer.better_scale = score::better_scale(&poses, hits, target, &self.params.score);
-            score::set_probabilities(&mut answer, caps);
+            uncapped = score::set_probabilities(&mut answer, caps);
         }
         if let Some(found) = cut_short {
             let detail = format!(
@@ -254,7 +254,7 @@ impl<'a> Registration<'a> {
             );
             answer.reasons.push(Reason::new("search_incomplete", detail));
         }
-        score::set_state(&mut answer);
+        score::set_state(&mut answer, uncapped);
         if answer.state != AlignmentState::Failed {
             answer.map_from_clip = Some(pose);
         } else {

@@ -73,8 +73,8 @@ pub enum NoFloor {
     /// Gravity is unknown and the cameras' upward axes contradict each other.
     UpUnknown,
     /// No level plane under the cameras has enough area and nothing below it. The fields are the best
-    /// plane's area and the fraction of the cloud below it.
-    NoPlane { best_area_m2: f64, below_fraction: f64 },
+    /// plane's area and the fraction of the cloud below it, and whether gravity is known.
+    NoPlane { best_area_m2: f64, below_fraction: f64, is_up_known: bool },
 }
 
 impl NoFloor {
@@ -88,13 +88,20 @@ impl NoFloor {
                 "up_unknown",
                 "the capture has no gravity and its cameras point every way, so the floor cannot be told from a wall",
             ),
-            NoFloor::NoPlane { best_area_m2, below_fraction } => Reason::new(
-                "no_floor",
-                format!(
-                    "no floor in sight: the best flat surface below the camera shows {best_area_m2:.2} square metres and {:.0} % of the clip lies under it; include some floor in the recording",
-                    below_fraction * 100.0
-                ),
-            ),
+            NoFloor::NoPlane { best_area_m2, below_fraction, is_up_known } => {
+                let upright = if *is_up_known {
+                    ""
+                } else {
+                    ", and set its pictures upright: it has no gravity, so their upper side counts as up"
+                };
+                Reason::new(
+                    "no_floor",
+                    format!(
+                        "no floor in sight: the best flat surface below the camera shows {best_area_m2:.2} square metres and {:.0} % of the clip lies under it; include some floor in the recording{upright}",
+                        below_fraction * 100.0
+                    ),
+                )
+            }
         }
     }
 }
@@ -190,7 +197,7 @@ impl<'a> Planes<'a> {
             .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
             .collect();
         if flat.is_empty() {
-            return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
+            return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { no_plane_at_all(up_in_world) });
         }
         let cameras = key_frames.iter().map(position).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -212,11 +219,12 @@ impl<'a> Planes<'a> {
 
     /// Returns the best plane, if it is large enough and little lies below it.
     fn best(&self) -> Result<Floor, NoFloor> {
-        let best = self.candidates.first().ok_or(NO_PLANE_AT_ALL)?;
+        let best = self.candidates.first().ok_or_else(|| no_plane_at_all(self.up_in_world))?;
         let best_area_m2 = self.area_m2(best);
         let below_fraction = best.below as f64 / self.scored.len() as f64;
         if best_area_m2 < MIN_AREA_M2 || below_fraction > MAX_BELOW_FRACTION {
-            return Err(NoFloor::NoPlane { best_area_m2, below_fraction });
+            let is_up_known = self.up_in_world.is_some();
+            return Err(NoFloor::NoPlane { best_area_m2, below_fraction, is_up_known });
         }
         Ok(self.floor(best))
     }
@@ -316,7 +324,9 @@ fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
         .collect()
 }
 
-const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_fraction: 0.0 };
+fn no_plane_at_all(up_in_world: Option<&Up>) -> NoFloor {
+    NoFloor::NoPlane { best_area_m2: 0.0, below_fraction: 0.0, is_up_known: up_in_world.is_some() }
+}
 
 /// Returns the clip frame: z up, origin on the floor below the first camera, x along its heading.
 fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {

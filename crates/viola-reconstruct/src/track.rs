@@ -27,7 +27,7 @@ mod shutter;
 mod step;
 
 pub use clip::{TrackedClip, refine, track};
-pub use conventions::other_convention;
+pub use conventions::{convention_of_dropped, other_convention};
 pub use lost::Lost;
 
 use corners::Describer;
@@ -78,14 +78,11 @@ pub struct Segment {
 pub struct Track {
     /// For each frame, its segment and its pose in the segment's world, whose origin is its first camera.
     pub poses: Vec<Option<(usize, Pose3)>>,
-    /// Standard deviation of each frame's position against its key frame, in the worst direction.
-    pub uncertainty_m: Vec<Option<f64>>,
     /// In the order of their first frames.
     pub segments: Vec<Segment>,
     pub key_frames: usize,
-    /// Number of accepted loops, and of loops that were found and rejected.
+    /// Number of accepted loops.
     pub loops: usize,
-    pub false_loops: usize,
     /// Memory of the key frames.
     pub key_bytes: usize,
 }
@@ -116,7 +113,6 @@ impl Track {
 struct Followed {
     key: usize,
     camera_from_key: Pose3,
-    uncertainty_m: f64,
 }
 
 /// Tracks the camera through frames in the order of their recording.
@@ -176,16 +172,12 @@ impl Tracker {
         let moved = Lost::of(&pyramid)
             .map_or_else(|| self.odometry.follow(pyramid.clone(), rolling, expected.as_ref()), Err);
         match moved {
-            Ok(moved) if !self.contradicts(expected.as_ref(), &moved.step.camera_from_key) => {
+            Ok(moved) => {
                 if let Some(first) = &moved.first {
                     let KeyFrame { frame, segment, world_from_key, .. } = self.keys[key];
                     self.keys[key] = KeyFrame::new(frame, segment, world_from_key, first, &self.describer);
                 }
-                let followed = Followed {
-                    key,
-                    camera_from_key: moved.step.camera_from_key,
-                    uncertainty_m: moved.step.worst_m(),
-                };
+                let followed = Followed { key, camera_from_key: moved.step.camera_from_key };
                 if moved.is_key {
                     self.edges.push(Edge {
                         a: key,
@@ -200,14 +192,12 @@ impl Tracker {
                 }
                 Some(followed)
             }
-            moved => {
+            Err(why) => {
                 if let Some(expected) = expected {
                     return Some(self.carry(pyramid, expected));
                 }
-                let why = moved.err().unwrap_or(Lost::Jump);
-                if let Some(ended) = self.ended.last_mut() {
-                    *ended = Some(why);
-                }
+                // After a return to a known place it may not be the last segment.
+                self.ended[self.keys[key].segment] = Some(why);
                 self.is_lost = true;
                 self.begin(pyramid)
             }
@@ -244,7 +234,7 @@ impl Tracker {
         self.keys.push(key);
         self.odometry.begin(pyramid);
         self.is_lost = false;
-        Followed { key: self.keys.len() - 1, camera_from_key: Pose3::identity(), uncertainty_m: 0.0 }
+        Followed { key: self.keys.len() - 1, camera_from_key: Pose3::identity() }
     }
 
     fn keep(&mut self, pyramid: &Pyramid, segment: usize, world_from_key: Pose3) {
@@ -266,40 +256,33 @@ impl Tracker {
 
     /// Closes the loops and returns the poses of all frames.
     pub fn finish(mut self) -> Track {
-        let (mut loops, mut false_loops) = (0, 0);
-        if self.params.close_loops {
-            (loops, false_loops) = self.close_loops();
-        }
-        let uncertainty_m = self.frames.iter().map(|frame| frame.map(|frame| frame.uncertainty_m)).collect();
+        let loops = if self.params.close_loops { self.close_loops() } else { 0 };
         let key_bytes = self.keys.iter().map(KeyFrame::bytes).sum();
         let mut poses: Vec<Option<(usize, Pose3)>> = self
             .frames
             .iter()
             .map(|followed| {
-                followed.map(|Followed { key, camera_from_key, .. }| {
+                followed.map(|Followed { key, camera_from_key }| {
                     let key = &self.keys[key];
                     (key.segment, key.world_from_key * camera_from_key.inverse())
                 })
             })
             .collect();
         let segments = segments(&mut poses, &self.ended, MIN_SEGMENT_FRAMES);
-        Track { poses, uncertainty_m, segments, key_frames: self.keys.len(), loops, false_loops, key_bytes }
+        Track { poses, segments, key_frames: self.keys.len(), loops, key_bytes }
     }
 
-    fn close_loops(&mut self) -> (usize, usize) {
+    /// Returns the number of accepted loops.
+    fn close_loops(&mut self) -> usize {
         let by_look = loops::by_look(&self.keys, self.params.seed);
         self.edges.extend(by_look);
         self.join_segments();
-        let believed = self.settle();
-        let dropped = believed.iter().filter(|believed| !**believed).count();
-        let mut believed = believed.into_iter();
+        let mut believed = self.settle().into_iter();
         self.edges.retain(|_| believed.next().unwrap_or(true));
         let by_pose = loops::by_pose(&self.keys, &self.edges);
         self.edges.extend(by_pose);
         let believed = self.settle();
-        let edges = self.edges.iter().zip(&believed).filter(|(edge, _)| edge.is_loop);
-        let right = edges.clone().filter(|(_, believed)| **believed).count();
-        (right, dropped + edges.count() - right)
+        self.edges.iter().zip(believed).filter(|(edge, believed)| edge.is_loop && *believed).count()
     }
 
     /// Moves segments that edges connect into one world.

@@ -77,9 +77,10 @@ const MAX_AFTER_INCOMPLETE_SEARCH: f64 = 0.5;
 /// second that were reported as aligned, 13 % were wrong (docs/experiments.md).
 const MAX_FOR_SPARSE_TRACK: f64 = 0.85;
 
-/// Sets the probabilities of an answer.
-pub fn set_probabilities(answer: &mut Alignment, caps: ProbabilityCaps) {
+/// Sets the probabilities of an answer; returns that of the best pose before the caps.
+pub fn set_probabilities(answer: &mut Alignment, caps: ProbabilityCaps) -> Option<f64> {
     regress(answer, &MODEL);
+    let uncapped = answer.probability;
     if caps.search_incomplete {
         cap(&mut answer.probability, MAX_AFTER_INCOMPLETE_SEARCH);
         for alternative in &mut answer.alternatives {
@@ -92,6 +93,7 @@ pub fn set_probabilities(answer: &mut Alignment, caps: ProbabilityCaps) {
             cap(&mut first.probability, MAX_FOR_SPARSE_TRACK);
         }
     }
+    uncapped
 }
 
 fn cap(probability: &mut Option<f64>, most: f64) {
@@ -200,9 +202,9 @@ mod tests {
 
     fn check(caps: ProbabilityCaps, most: f64) {
         let mut answer = sure();
-        set_probabilities(&mut answer, caps);
+        let uncapped = set_probabilities(&mut answer, caps);
         let probability = answer.probability.unwrap();
-        assert!(probability <= most, "{caps:?} {probability}");
+        assert!(probability <= most && uncapped.unwrap() > most, "{caps:?} {probability} {uncapped:?}");
         assert_eq!(answer.alternatives[0].probability, answer.probability);
     }
 

@@ -12,7 +12,7 @@ use crate::scan::{Hit, VirtualScan};
 use crate::target::Target;
 use viola_geometry::Pose2;
 
-/// Factors at which the descents from the best pose start, and how far each goes, in the logarithm: together 0.73 to 1.38.
+/// Factors at which the descents from the best pose start, and how far each goes, in the logarithm: together 0.72 to 1.38.
 const STARTS: [f64; 5] = [0.8, 0.89, 1.0, 1.12, 1.25];
 const MAX_LOG: f64 = 0.1;
 /// The same from other poses: with another scale, another one is the best.

@@ -26,8 +26,9 @@ fn disagreement(factor: f64) -> String {
     )
 }
 
-/// Sets the state from inliers and probability, with the reasons for anything but `aligned`.
-pub fn set_state(answer: &mut Alignment) {
+/// Sets the state from inliers and probability, with the reasons for anything but `aligned`. `uncapped` is the probability
+/// before its caps, which have reasons of their own.
+pub fn set_state(answer: &mut Alignment, uncapped: Option<f64>) {
     let inliers = answer.inliers.unwrap_or(0.0);
     let probability = answer.probability.unwrap_or(0.0);
     if inliers < MIN_INLIER_FRACTION {
@@ -43,33 +44,35 @@ pub fn set_state(answer: &mut Alignment) {
         answer.state = AlignmentState::Ambiguous;
         let percent = probability * 100.0;
         let (rivals, scales) = (near_rivals(answer), near_scales(answer));
-        answer.reasons.push(if let Some(better) = answer.better_scale.filter(|better| better.gain_m > MIN_TOLD_GAIN_M) {
-            Reason::new("scale_disagrees", disagreement(better.factor))
+        answer.reasons.extend(if let Some(better) = answer.better_scale.filter(|better| better.gain_m > MIN_TOLD_GAIN_M) {
+            Some(Reason::new("scale_disagrees", disagreement(better.factor)))
         } else if scales > 0 {
             let fit = if scales == 1 {
                 "an explanation at another scale fits".to_owned()
             } else {
                 format!("{scales} explanations at other scales fit")
             };
-            Reason::new(
+            Some(Reason::new(
                 "several_scales",
                 format!("the clip has no metres, and {fit} nearly as well, which leaves the best at {percent:.0} %; film more of the room, or record with a phone that measures depth"),
-            )
+            ))
         } else if rivals > 0 {
             let explain = if rivals == 1 {
                 "another pose explains".to_owned()
             } else {
                 format!("{rivals} other poses explain")
             };
-            Reason::new(
+            Some(Reason::new(
                 "several_modes",
                 format!("{explain} the clip nearly as well, which leaves the best at {percent:.0} %; film more of the room, or choose one"),
-            )
+            ))
+        } else if uncapped.is_some_and(|uncapped| uncapped >= MIN_ALIGNED_PROBABILITY) {
+            None
         } else {
-            Reason::new(
+            Some(Reason::new(
                 "weak_evidence",
                 format!("no other pose explains the clip as well, but what it shows makes this one only {percent:.0} % sure; film more of the room, and its lower half"),
-            )
+            ))
         });
     }
     let listed: f64 = answer.alternatives.iter().filter_map(|one| one.probability).sum();
@@ -107,7 +110,7 @@ mod tests {
             inliers: Some(0.9),
             ..Alignment::failed()
         };
-        set_state(&mut answer);
+        set_state(&mut answer, None);
         answer.reasons.into_iter().map(|reason| reason.code).collect()
     }
 
@@ -119,9 +122,20 @@ mod tests {
             better_scale: Some(BetterScale { factor: 1.1, gain_m: 0.03 }),
             ..Alignment::failed()
         };
-        set_state(&mut answer);
+        set_state(&mut answer, None);
         let told: Vec<_> = answer.reasons.iter().map(|reason| reason.code.as_str()).collect();
         assert_eq!(told, ["scale_disagrees", "not_this_home"]);
+    }
+
+    /// More of the room would not help.
+    #[test]
+    fn only_an_answer_in_doubt_without_its_caps_has_weak_evidence() {
+        let is_weak = |uncapped: f64| {
+            let mut answer = Alignment { probability: Some(0.85), inliers: Some(0.9), ..Alignment::failed() };
+            set_state(&mut answer, Some(uncapped));
+            answer.reasons.iter().any(|reason| reason.code == "weak_evidence")
+        };
+        assert!(is_weak(0.89) && !is_weak(0.9));
     }
 
     #[test]

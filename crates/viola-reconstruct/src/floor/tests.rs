@@ -137,12 +137,27 @@ fn without_a_floor_there_is_a_reason() {
     let (cloud, keys) = room(&[wall(2.4)], &Pose3::identity());
     let none = find_floor(&cloud, &keys, Some(&z_up()), &CAMERA_HEIGHT_M, 5).unwrap_err();
     assert_eq!(none.reason().code, "no_floor");
+    assert!(!none.reason().detail.contains("upright"), "{none:?}");
     let none = find_floor(&PointCloud::default(), &keys, None, &CAMERA_HEIGHT_M, 5).unwrap_err();
     assert_eq!(none.reason().code, "nothing_fused");
     // The wall's foot is 1.4 m below the camera, so lower assumed floors remain.
     let guesses = assume(&cloud, &keys, &z_up());
     assert!(guesses.iter().all(|g| g.assumed && g.first_camera_height_m > 1.39), "{guesses:?}");
     assert!(!guesses.is_empty());
+}
+
+/// A phone that is held sideways has walls above and below its pictures.
+#[test]
+fn without_gravity_a_sideways_recording_is_told() {
+    let (cloud, mut keys) = room(&[level((0.0, 3.0), (0.5, 3.0), 0.0), wall(2.4)], &Pose3::identity());
+    for key in &mut keys {
+        key.world_from_camera.rotation *=
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+    }
+    let find = |up: Option<&Up>| find_floor(&cloud, &keys, up, &CAMERA_HEIGHT_M, 5);
+    let none = find(None).unwrap_err().reason();
+    assert!(none.code == "no_floor" && none.detail.contains("upright"), "{none:?}");
+    assert!(find(Some(&z_up())).is_ok());
 }
 
 /// Checks the heights of the camera above the possible floors, and whether each is assumed.

@@ -30,7 +30,6 @@ pub struct TrackedClip {
     pub is_sparse: bool,
     /// Remarks for the answer.
     pub reasons: Vec<Reason>,
-    pub track: Track,
 }
 
 impl TrackedClip {
@@ -103,7 +102,7 @@ fn follow(
     let number = |place: usize| followed.get(place).map_or(0, |index| clip.frames()[*index].number);
     let reasons = reasons(&track, followed.len(), number);
     let is_sparse = track.longest().is_some_and(|longest| track.wide_turn_rad(longest) > WIDE_TURN_RAD);
-    Ok(TrackedClip { world_from_camera, is_refined: false, is_sparse, reasons, track })
+    Ok(TrackedClip { world_from_camera, is_refined: false, is_sparse, reasons })
 }
 
 /// Refines a device's poses of the key frames by their pictures. Returns `None` if they do not drift, if too

@@ -3,10 +3,14 @@
 //! Neighbouring key frames see mostly the same surface. If their readings lie in the same places only after the poses are
 //! inverted, turned to another frame of the camera or divided, the recording has them so.
 
-use crate::key_frame::KeyFrame;
+use crate::error::ReconstructError;
+use crate::key_frame::{KeyFrame, Readings};
 use crate::reason::Reason;
+use crate::trajectory::Trajectory;
 use nalgebra::UnitQuaternion;
 use std::f64::consts::PI;
+use std::ops::Range;
+use viola_formats::clip::{Clip, ClipError, Frame, FrameHeader};
 use viola_geometry::{Pose3, Vector3};
 
 /// Maximum number of compared pairs, evenly over the clip, and minimum number.
@@ -98,6 +102,39 @@ pub fn other_convention(keys: &[KeyFrame]) -> Option<Reason> {
     })
 }
 
+/// Returns a reason as [`other_convention`] for a clip that lost most of its poses as outliers, by all poses of the frames in
+/// `range`: in another unit a camera moves too fast.
+pub fn convention_of_dropped(
+    clip: &Clip,
+    range: Option<&Range<u32>>,
+    kept: &Trajectory,
+) -> Result<Option<Reason>, ReconstructError> {
+    let wanted = |header: &FrameHeader| range.is_none_or(|range| range.contains(&header.number));
+    let headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header));
+    let posed: Vec<(usize, Pose3)> =
+        headers.filter_map(|(index, header)| Some((index, header.world_from_camera?))).collect();
+    if 2 * kept.posed(clip).count() >= posed.len() {
+        return Ok(None);
+    }
+    let stride = posed.len().div_ceil(PAIRS).max(2);
+    let chosen: Vec<(usize, Pose3)> =
+        posed.chunks_exact(stride).flat_map(|frames| [frames[0], frames[1]]).collect();
+    let mut frames = clip.stream(chosen.iter().map(|(index, _)| *index).collect());
+    let mut keys = Vec::new();
+    for pair in chosen.chunks_exact(2) {
+        let decoded: Result<Vec<Frame>, ClipError> = frames.next_batch(2).into_iter().collect();
+        match decoded {
+            Ok(decoded) => keys.extend(decoded.iter().zip(pair).map(|(frame, (_, world_from_camera))| {
+                KeyFrame::first(*world_from_camera, Readings::thin(&frame.depth, frame.depth_camera))
+            })),
+            Err(error) if error.is_service_fault() => return Err(ReconstructError::Clip(error)),
+            // The fusion counts broken frames.
+            Err(_) => {}
+        }
+    }
+    Ok(other_convention(&keys))
+}
+
 /// Returns the fraction of the readings of `a` that lie where `b` reads a surface.
 fn agreeing(a: &KeyFrame, b: &KeyFrame, mended: &dyn Fn(&Pose3) -> Pose3) -> f64 {
     let b_from_a = mended(&b.world_from_camera).inverse() * mended(&a.world_from_camera);
@@ -115,7 +152,6 @@ fn agreeing(a: &KeyFrame, b: &KeyFrame, mended: &dyn Fn(&Pose3) -> Pose3) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::key_frame::Readings;
     use nalgebra::Translation3;
     use viola_formats::clip::DepthImage;
     use viola_geometry::{Pinhole, Point3};

@@ -15,12 +15,6 @@ const MIN_DEVIATION_RAD: f64 = 0.001;
 /// ... and of its random-walk drift after one metre.
 const DRIFT_M: f64 = 0.01;
 const DRIFT_RAD: f64 = 0.003;
-/// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved
-/// with the camera, or everything looks alike. The shares are fractions of the device's step and turn.
-const MAX_OFF_M: f64 = 0.04;
-const MAX_OFF_FRACTION: f64 = 0.2;
-const MAX_OFF_RAD: f64 = 2f64.to_radians();
-const MAX_OFF_TURN_FRACTION: f64 = 0.1;
 
 /// Returns the edge between two key frames by the device's poses.
 fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
@@ -35,23 +29,12 @@ fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     Edge { a, b, b_from_a, information, is_loop: false }
 }
 
-/// Returns whether a step contradicts the device's poses.
-fn contradicts(expected: &Pose3, found: &Pose3) -> bool {
-    let off = expected.inverse() * found;
-    off.translation.vector.norm() > MAX_OFF_M + MAX_OFF_FRACTION * expected.translation.vector.norm()
-        || off.rotation.angle() > MAX_OFF_RAD + MAX_OFF_TURN_FRACTION * expected.rotation.angle()
-}
-
 impl Tracker {
     /// Returns the frame's pose against a key frame by the device's poses of both.
     pub(super) fn expected(&self, key: usize) -> Option<Pose3> {
         let world_from_camera = (*self.devices.last()?)?;
         let world_from_key = self.devices[self.keys[key].frame]?;
         Some(world_from_camera.inverse() * world_from_key)
-    }
-
-    pub(super) fn contradicts(&self, expected: Option<&Pose3>, found: &Pose3) -> bool {
-        self.has_device && expected.is_some_and(|expected| contradicts(expected, found))
     }
 
     /// Returns the edge from a key frame to the next one by the device's poses.
@@ -65,7 +48,7 @@ impl Tracker {
         let is_near = expected.translation.vector.norm() < KEY_MOTION * self.keys[key].median_depth_m
             && expected.rotation.angle() < KEY_TURN_RAD;
         if is_near || Lost::of(&pyramid).is_some() {
-            return Followed { key, camera_from_key: expected, uncertainty_m: 0.0 };
+            return Followed { key, camera_from_key: expected };
         }
         self.edges.extend(self.device_edge(key, expected));
         let pose = self.keys[key].world_from_key * expected.inverse();

@@ -24,6 +24,12 @@ const LOST_OVERLAP: f64 = 0.3;
 const UNSURE_M: f64 = 0.02;
 /// ... and maximum number of frames in a row with an unknown position.
 const MAX_UNSURE_FRAMES: usize = 12;
+/// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved
+/// with the camera, or everything looks alike. The shares are fractions of the device's step and turn.
+const MAX_OFF_M: f64 = 0.04;
+const MAX_OFF_FRACTION: f64 = 0.2;
+const MAX_OFF_RAD: f64 = 2f64.to_radians();
+const MAX_OFF_TURN_FRACTION: f64 = 0.1;
 
 /// The latest key frame and the motion of the camera.
 pub(super) struct Odometry {
@@ -75,7 +81,8 @@ impl Odometry {
         });
     }
 
-    /// Returns the next frame's step from the key frame. `expected` replaces the start by constant motion.
+    /// Returns the next frame's step from the key frame. `expected` is the step by the device's poses: it replaces the start
+    /// by constant motion, and a step that contradicts it is rejected, so the frame is no key frame.
     pub fn follow(
         &mut self,
         raw: Pyramid,
@@ -95,6 +102,9 @@ impl Odometry {
             step = key.step(guess.as_ref().unwrap_or(&raw), expected).ok_or(Lost::Jump)?;
         }
         if step.overlap < LOST_OVERLAP || step.score() < LOST_SCORE {
+            return Err(Lost::Jump);
+        }
+        if expected.is_some_and(|expected| contradicts(expected, &step.camera_from_key)) {
             return Err(Lost::Jump);
         }
         let worst_m = step.worst_m();
@@ -162,6 +172,13 @@ impl Key {
         }
         best
     }
+}
+
+/// Returns whether a step contradicts the device's poses.
+fn contradicts(expected: &Pose3, found: &Pose3) -> bool {
+    let off = expected.inverse() * found;
+    off.translation.vector.norm() > MAX_OFF_M + MAX_OFF_FRACTION * expected.translation.vector.norm()
+        || off.rotation.angle() > MAX_OFF_RAD + MAX_OFF_TURN_FRACTION * expected.rotation.angle()
 }
 
 /// Finest layer of a wide search.

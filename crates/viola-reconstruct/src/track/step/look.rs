@@ -47,7 +47,6 @@ struct Found {
     seen: Lanes,
     has_grey: Lanes,
     has_depth: Lanes,
-    has_reading: Lanes,
 }
 
 impl<'a> Look<'a> {
@@ -91,7 +90,6 @@ impl<'a> Look<'a> {
             seen: [0.0; LANES],
             has_grey: [0.0; LANES],
             has_depth: [0.0; LANES],
-            has_reading: [0.0; LANES],
         };
         for l in 0..LANES {
             let is_inside = z[l] > 0.1
@@ -111,7 +109,6 @@ impl<'a> Look<'a> {
             let gap_m = depth_m - z[l];
             let is_near = gap_m.abs() < self.gate * z[l];
             if depth_m > 0.0 {
-                found.has_reading[l] = 1.0;
                 if !is_near {
                     continue;
                 }
@@ -139,7 +136,7 @@ impl<'a> Look<'a> {
     fn sum(&self, groups: &[Group]) -> Sums {
         let mut squares = [[0f32; LANES]; 36];
         let mut gradient = [[0f32; LANES]; 8];
-        let mut counts = [[0f32; LANES]; 7];
+        let mut counts = [[0f32; LANES]; 6];
         for group in groups {
             let errors = self.errors(group, &mut counts);
             errors.add_to(group, &mut squares, &mut gradient);
@@ -149,16 +146,15 @@ impl<'a> Look<'a> {
             squares: std::array::from_fn(|k| total(&squares[k])),
             gradient: std::array::from_fn(|k| total(&gradient[k])),
             seen: total(&counts[0]),
-            read: total(&counts[1]),
-            agree: total(&counts[2]),
-            grey: [total(&counts[3]), total(&counts[4])],
-            depth: [total(&counts[5]), total(&counts[6])],
+            agree: total(&counts[1]),
+            grey: [total(&counts[2]), total(&counts[3])],
+            depth: [total(&counts[4]), total(&counts[5])],
         }
     }
 
     /// Returns the errors of eight points, with their weights and slopes, and adds to `counts`.
     #[inline]
-    fn errors(&self, group: &Group, counts: &mut [Lanes; 7]) -> Errors {
+    fn errors(&self, group: &Group, counts: &mut [Lanes; 6]) -> Errors {
         let [[a, b, c], [d, e, f], [g, h, i]] = self.turn;
         let mut errors = Errors::default();
         let found = self.find(group);
@@ -194,12 +190,11 @@ impl<'a> Look<'a> {
             by_grey[4][l] = (z * sx - x * sz) * self.gain;
             by_grey[5][l] = (x * sy - y * sx) * self.gain;
             counts[0][l] += found.seen[l];
-            counts[1][l] += found.has_reading[l];
-            counts[2][l] += if in_sigmas < 9.0 { found.has_depth[l] } else { 0.0 };
-            counts[3][l] += grey_robust * grey_error[l] * grey_error[l];
-            counts[4][l] += found.has_grey[l];
-            counts[5][l] += robust * depth_error[l] * depth_error[l];
-            counts[6][l] += is_sharp;
+            counts[1][l] += if in_sigmas < 9.0 { found.has_depth[l] } else { 0.0 };
+            counts[2][l] += grey_robust * grey_error[l] * grey_error[l];
+            counts[3][l] += found.has_grey[l];
+            counts[4][l] += robust * depth_error[l] * depth_error[l];
+            counts[5][l] += is_sharp;
         }
         errors
     }

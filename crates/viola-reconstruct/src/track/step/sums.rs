@@ -8,7 +8,6 @@ pub(super) struct Sums {
     pub squares: [f64; 36],
     pub gradient: [f64; 8],
     pub seen: f64,
-    pub read: f64,
     pub agree: f64,
     pub grey: [f64; 2],
     pub depth: [f64; 2],
@@ -19,7 +18,6 @@ impl Sums {
         squares: [0.0; 36],
         gradient: [0.0; 8],
         seen: 0.0,
-        read: 0.0,
         agree: 0.0,
         grey: [0.0; 2],
         depth: [0.0; 2],
@@ -29,7 +27,6 @@ impl Sums {
         self.squares.iter_mut().zip(other.squares).for_each(|(a, b)| *a += b);
         self.gradient.iter_mut().zip(other.gradient).for_each(|(a, b)| *a += b);
         self.seen += other.seen;
-        self.read += other.read;
         self.agree += other.agree;
         for k in 0..2 {
             self.grey[k] += other.grey[k];
