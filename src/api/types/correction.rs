@@ -158,7 +158,7 @@ pub(in crate::api) enum GoneReason {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum LostReason {
-    /// None of the clips that saw it is in the map any more, so nothing is known of the object.
+    /// None of the clips that saw it is on its level of the map any more, so nothing is known of the object.
     ClipsRemoved,
     /// The clips that saw it are still in the map, but the object is not found in it. It may be another object's
     /// part now, or be recognised again with its id.
