@@ -146,6 +146,10 @@ fn the_values_of_states_are_explained() {
         "Attention",
         "JobEventName",
         "HomeEventName",
+        "ChangeKind",
+        "PlacedBy",
+        "GoneReason",
+        "LostReason",
     ];
     for name in states {
         let schema = &document["components"]["schemas"][name];
@@ -153,6 +157,25 @@ fn the_values_of_states_are_explained() {
         for value in schema["enum"].as_array().unwrap() {
             let item = format!("- `{}`: ", value.as_str().unwrap());
             assert!(description.contains(&item), "{name} {value}: {description}");
+        }
+    }
+}
+
+/// A mock of the service answers with the examples.
+#[test]
+fn examples_of_places_have_as_many_numbers_as_answers() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for (name, members) in [
+        ("MapObject", ["centre_m", "size_m"]),
+        ("ObjectCorrection", ["centre_m", "size_m"]),
+        ("HomeMapInfo", ["min_m", "max_m"]),
+    ] {
+        let schema = &document["components"]["schemas"][name];
+        for member in members {
+            let place = &schema["properties"][member];
+            assert!(place["minItems"] == 3 && place["maxItems"] == 3, "{name}.{member}: {place}");
+            let example = schema["examples"][0][member].as_array().unwrap();
+            assert_eq!(example.len(), 3, "{name}.{member}");
         }
     }
 }
