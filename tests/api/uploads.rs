@@ -119,9 +119,14 @@ async fn creation_is_refused_for_a_reason() {
             vec![("Upload-Length", "1001".into()), ("Upload-Metadata", good.clone())],
             413,
             "body-too-large",
-            "",
+            "Upload-Length",
         ),
-        (vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())], 422, "body-empty", ""),
+        (
+            vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())],
+            422,
+            "body-empty",
+            "Upload-Length",
+        ),
         (
             vec![("Upload-Length", "5".into()), ("Upload-Defer-Length", "1".into())],
             400,
