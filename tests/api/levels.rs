@@ -248,6 +248,11 @@ async fn the_objects_of_a_removed_level_are_lost() {
         is_later && list["rooms"].as_array().unwrap().iter().all(|room| room["level"] == "main")
     };
     let after = corrections::list(&server, &home, "rooms", is_without).await;
+    // The earlier revision is kept, and the LiDAR map of which robots' files are made is not.
+    let earlier = format!("level=upper&revision={}", before["revision"]);
+    assert_eq!(server.get(&format!("{home}/map/plan?{earlier}")).await.status, 200);
+    let robot = server.get(&format!("{home}/map/robot?format=nav2&{earlier}")).await;
+    robot.problem(404, "lidar-map-not-found");
     let changes = format!("{home}/map/changes?from={}&to={}", before["revision"], after["revision"]);
     let lost = server.get(&changes).await.ok(200)["lost"].clone();
     let lost: Vec<&Value> = lost.as_array().unwrap().iter().map(|lost| &lost["object"]).collect();
