@@ -395,6 +395,17 @@ async fn sums_are_checked() {
 }
 
 #[tokio::test]
+async fn every_refusal_names_the_version() {
+    let server = Server::without_workers().await;
+    let begin = |path: &str| server.tus(Method::POST, path);
+    check_refused(begin("/v1/uploads?x=1"), 400, "invalid-query", "x").await;
+    let packed = begin(UPLOADS).header("Content-Encoding", "gzip").body("x");
+    check_refused(packed, 415, "unsupported-media-type", "Content-Encoding").await;
+    server.key("acme", Role::Admin, None).await;
+    check_refused(begin(UPLOADS), 401, "key-missing", "").await;
+}
+
+#[tokio::test]
 async fn an_upload_is_given_up() {
     let server = Server::without_workers().await;
     server.make_home("h").await;
