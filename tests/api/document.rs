@@ -200,11 +200,17 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
         let answers = &operation["responses"];
         assert_eq!(has_header("If-None-Match"), has_tag, "{path}");
         assert_eq!(answers["200"]["headers"]["ETag"].is_object(), has_tag, "{path}");
-        for name in ["Range", "If-Range"] {
+        for name in ["Range", "If-Range", "If-Match"] {
             assert_eq!(has_header(name), has_parts, "{path} {name}");
         }
-        for status in ["206", "416"] {
+        for status in ["206", "412", "416"] {
             assert_eq!(answers[status].is_object(), has_parts, "{path} {status}");
+        }
+    }
+    for operations in document["paths"].as_object().unwrap().values() {
+        for operation in operations.as_object().unwrap().values() {
+            let refusal = resolved(&document, &operation["responses"]["429"]);
+            assert!(refusal.is_null() || refusal["headers"]["Retry-After"].is_object(), "{refusal}");
         }
     }
     let png = &document["paths"]["/v1/homes/{home}/map/plan"]["get"]["responses"]["206"]["content"];
