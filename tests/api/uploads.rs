@@ -600,6 +600,26 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
 }
 
 /// An app that lost the answer to its POST sends it again, whatever has arrived meanwhile.
+/// A phone repeats a request that it believes lost while the service still works on it.
+#[tokio::test]
+async fn equal_beginnings_at_once_have_one_upload() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let sum = sha256(&small_clip());
+    for named in [("sha256", sum.as_str()), ("idempotency_key", "k")] {
+        let told = metadata(&[("home", "h"), named]);
+        let begin = || {
+            let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", small_clip().len());
+            server.send(request.header("Upload-Metadata", &told))
+        };
+        let answers = futures::future::join_all((0..16).map(|_| begin())).await;
+        let paths: Vec<&str> = answers.iter().map(|answer| answer.header("location")).collect();
+        assert!(paths.iter().all(|path| !path.is_empty() && *path == paths[0]), "{named:?}: {paths:?}");
+        assert_eq!(server.get("/v1/usage").await.ok(200)["uploads"], 1, "{named:?}");
+        server.send(server.tus(Method::DELETE, paths[0])).await.ok(204);
+    }
+}
+
 #[tokio::test]
 async fn the_same_file_has_one_upload_by_its_sha256() {
     let server = Server::without_workers().await;
