@@ -130,6 +130,9 @@ fn messages_and_events_are_described() {
     }
     assert_eq!(schemas["JobEventName"]["enum"], serde_json::json!(["job", "end"]));
     assert_eq!(schemas["HomeEventName"]["enum"], serde_json::json!(["change"]));
+    // A reader that takes it for a number loses its place.
+    let id = schemas["HomeEvent"]["examples"][0]["id"].as_str().unwrap();
+    assert!(id.contains('.') && id.parse::<i64>().is_err(), "{id}");
 }
 
 /// A reader of the document learns the meaning of each state, and what to do.
