@@ -270,6 +270,7 @@ fn router(app: App, has_admin_listener: bool) -> Router {
         .route_layer(check_headers.clone())
         .route_layer(refuse_unknown.clone())
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
+        .route_layer(axum::middleware::from_fn(uploads::name_version))
         .merge(
             open_routes().split_for_parts().0.route_layer(check_headers).route_layer(refuse_unknown.clone()),
         )

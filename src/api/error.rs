@@ -248,6 +248,7 @@ impl Error {
             Error::InvalidBody { field, .. } | Error::MalformedJson { field, .. } => field.as_deref(),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
+            Error::UnsupportedMediaType(_) => Some("Content-Type"),
             Error::KeyReused => Some("Idempotency-Key"),
             Error::Exists { .. } => Some("If-None-Match"),
             Error::NoSuchRange { .. } => Some("Range"),

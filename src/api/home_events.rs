@@ -5,11 +5,12 @@ use super::access::{self, Caller};
 use super::error::Error;
 use super::extract::HomePath;
 use super::problems::CommonProblems;
+use super::reply::event_stream;
 use super::types::Change;
 use axum::extract::State;
 use axum::http::HeaderMap;
-use axum::response::sse::{Event, KeepAlive, Sse};
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
+use axum::response::sse::Event;
 use futures::StreamExt;
 
 /// Watch a home by server-sent events
@@ -52,5 +53,5 @@ pub(super) async fn watch_home(
         }
     });
     let events = events.take_until(stop.cancelled_owned()).take_until(access::expiry(app, caller));
-    Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
+    Ok(event_stream(events))
 }

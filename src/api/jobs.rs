@@ -7,11 +7,11 @@ use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
 use super::list::{List, ListPage, ListQuery, states};
 use super::problems::CommonProblems;
-use super::reply::{Document, Resource};
+use super::reply::{Document, Resource, event_stream};
 use super::types::{Job, JobState};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
-use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::sse::Event;
 use axum::response::{IntoResponse, Response};
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
@@ -78,7 +78,7 @@ pub(super) async fn watch_job(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let events = events(app.clone(), id, seen).take_until(access::expiry(app, caller));
-    Ok(Sse::new(events).keep_alive(KeepAlive::default()).into_response())
+    Ok(event_stream(events))
 }
 
 fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axum::Error>> {

@@ -30,7 +30,9 @@ use super::reply::{Document, tag_of};
 use super::types::{self, LeftOut};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 use std::fmt::Display;
+use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_storage::{HomeId, HomeMap, MapFile, MapLevel};
 
@@ -39,7 +41,7 @@ use viola_storage::{HomeId, HomeMap, MapFile, MapLevel};
 pub(super) struct CurrentMap {
     #[serde(flatten)]
     map: types::HomeMap,
-    /// The home's other clips, with the reasons for which they are not in the map.
+    /// The home's other clips that are not in its newest map, with the reasons.
     left_out: Vec<LeftOut>,
     /// State of the home's newest map, also beside an earlier revision.
     state: types::MapState,
@@ -139,7 +141,10 @@ pub(super) async fn get_map(
     let state = app.storage.map_state(&home).await?.into();
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let left_out = app.storage.clips_left_out(&home).await?;
-    let left_out = left_out.into_iter().map(LeftOut::from).collect();
+    // They are not in the newest revision, and an earlier one may have some of them.
+    let inside: HashSet<Uuid> = map.clips.iter().map(|clip| clip.clip).collect();
+    let left_out = left_out.into_iter().filter(|left_out| !inside.contains(&left_out.clip));
+    let left_out = left_out.map(LeftOut::from).collect();
     Ok(Document(CurrentMap { map: map.into(), left_out, state }))
 }
 

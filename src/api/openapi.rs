@@ -29,6 +29,7 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
             demand_values(operation);
             give_pattern(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
+                tell_delay(answer, status);
                 show_answer(answer, status, &examples, &mut shared);
             }
         }
@@ -157,11 +158,17 @@ fn allow_ranges(operation: &mut Value, files: Map<String, Value>) {
     add_header(operation, "Range", &json!({"type": "string", "examples": ["bytes=0-1023"]}), range);
     let unless_changed = "The `ETag` of the file of which the client has a part: another file comes whole";
     add_header(operation, "If-Range", &json!({"type": "string"}), unless_changed);
+    let unless_another = "The `ETag` of the file as it was read: another file gets 412";
+    add_header(operation, "If-Match", &json!({"type": "string"}), unless_another);
     let place = json!({"description": "Place of the bytes, and size of the whole file", "schema": {"type": "string"}});
     operation["responses"]["206"] = json!({
         "description": "The bytes of the range",
         "headers": {"Content-Range": place, "ETag": entity_tag()},
         "content": files,
+    });
+    operation["responses"]["412"] = json!({
+        "description": "The file is another one: `changed-meanwhile`",
+        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
     });
     operation["responses"]["416"] = json!({
         "description": "The range begins behind the end of the file: `range-not-satisfiable`",
@@ -197,6 +204,15 @@ fn demand_values(operation: &mut Value) {
         {
             parameter["schema"]["type"] = kind;
         }
+    }
+}
+
+/// Adds the header of an answer to a request that may succeed later.
+fn tell_delay(answer: &mut Value, status: &str) {
+    if ["429", "503"].contains(&status) && answer["content"].get(PROBLEM).is_some() {
+        let description = "Seconds after which a retry may succeed, if the service knows them";
+        answer["headers"]["Retry-After"] =
+            json!({"description": description, "schema": {"type": "integer", "minimum": 1}});
     }
 }
 

@@ -4,11 +4,12 @@ use super::digits::json;
 use super::error::Error;
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
+use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use futures::stream;
+use futures::{Stream, stream};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::convert::Infallible;
@@ -48,6 +49,14 @@ impl<T: Serialize> IntoResponse for Resource<T> {
 /// Returns the answer with the text of a JSON document.
 pub(super) fn json_response(text: Vec<u8>) -> Response {
     ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response()
+}
+
+/// Returns the answer with an event stream. By default nginx would hold the events back until they fill a buffer.
+pub(super) fn event_stream(
+    events: impl Stream<Item = Result<Event, axum::Error>> + Send + 'static,
+) -> Response {
+    let unbuffered = (HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
+    ([unbuffered], Sse::new(events).keep_alive(KeepAlive::default())).into_response()
 }
 
 /// Returns the entity tag of an answer from everything that it depends on.

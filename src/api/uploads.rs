@@ -83,8 +83,18 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .layer(axum::middleware::from_fn(speak_tus))
 }
 
-/// Adds the version of tus to every answer and refuses requests of another version. OPTIONS is exempt because
-/// it asks for the version, GET because it is not part of tus.
+/// Adds the version of tus to every answer, also to those of the layers that refuse a request before tus is spoken.
+pub(super) async fn name_version(request: Request, next: Next) -> Response {
+    let is_tus = request.uri().path().starts_with("/v1/uploads");
+    let mut response = next.run(request).await;
+    if is_tus {
+        response.headers_mut().insert(headers::RESUMABLE, headers::SERVED);
+    }
+    response
+}
+
+/// Refuses requests of another version of tus. OPTIONS is exempt because it asks for the version, GET because it is not
+/// part of tus.
 async fn speak_tus(request: Request, next: Next) -> Response {
     let asks = [Method::OPTIONS, Method::GET].contains(request.method());
     let version = if asks { Ok(()) } else { headers::check_version(request.headers()) };
@@ -94,7 +104,6 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         Err(error) => error.into_response(),
     };
     let answered = response.headers_mut();
-    answered.insert(headers::RESUMABLE, headers::SERVED);
     answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     if is_refused {
         answered.insert(headers::VERSION, headers::SERVED);

@@ -32,6 +32,8 @@ async fn watched(response: reqwest::Response) -> Vec<Value> {
         (response.status().as_u16(), &response.headers()["content-type"]),
         (200, &"text/event-stream".parse().unwrap())
     );
+    // nginx would collect the events in a buffer.
+    assert_eq!(response.headers()["x-accel-buffering"], "no");
     let text = response.text().await.unwrap();
     let data = text.lines().filter_map(|line| line.strip_prefix("data: "));
     data.map(|data| serde_json::from_str(data).unwrap()).collect()

@@ -1,6 +1,7 @@
 //! A person's choice of a clip's pose.
 
 use crate::clips::small_clip;
+use crate::map::merged;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -86,6 +87,21 @@ async fn a_choice_is_carried_over_to_a_new_lidar_map() {
         (&clip["reasons"][1]["code"], &clip["choice"]),
         (&json!("choice_of_earlier_lidar_map"), &back)
     );
+}
+
+#[tokio::test]
+async fn an_earlier_map_leaves_out_no_clip_that_it_has() {
+    let (server, path) = settled().await;
+    let (home, id) = path.split_once("/clips/").unwrap();
+    let id = json!(id);
+    assert_eq!(merged(&server, home, &[]).await["left_out"][0]["clip"], id);
+    choose(&server, &path, json!({"alternative": 1})).await.ok(200);
+    let with = merged(&server, home, &[&id]).await;
+    assert_eq!(with["left_out"], json!([]));
+    server.delete(&format!("{path}/alignment")).await.ok(200);
+    assert_eq!(merged(&server, home, &[]).await["left_out"][0]["clip"], id);
+    let earlier = server.get(&format!("{home}/map?revision={}", with["revision"])).await.ok(200);
+    assert_eq!((&earlier["clips"], &earlier["left_out"]), (&with["clips"], &json!([])));
 }
 
 #[tokio::test]

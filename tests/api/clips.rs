@@ -105,6 +105,13 @@ async fn a_failed_clip_shows_its_frames_and_says_why() {
     assert_eq!((frames.status, frames.header("content-type")), (200, "image/jpeg"));
     let picture = image::load_from_memory_with_format(&frames.bytes, image::ImageFormat::Jpeg).unwrap();
     assert!(picture.width() > 2 * picture.height(), "{} x {}", picture.width(), picture.height());
+    // The export has them, too.
+    let export = server.get(&format!("{home}/export")).await;
+    let mut zip = zip::ZipArchive::new(std::io::Cursor::new(&export.bytes)).unwrap();
+    let mut exported = Vec::new();
+    let name = format!("clips/{}/frames.jpg", clip["id"].as_str().unwrap());
+    std::io::Read::read_to_end(&mut zip.by_name(&name).unwrap(), &mut exported).unwrap();
+    assert!(exported == frames.bytes);
 }
 
 /// Checks a pose against the bounds for real clips: 3 degrees and 0.1 m.

@@ -130,6 +130,9 @@ fn messages_and_events_are_described() {
     }
     assert_eq!(schemas["JobEventName"]["enum"], serde_json::json!(["job", "end"]));
     assert_eq!(schemas["HomeEventName"]["enum"], serde_json::json!(["change"]));
+    // A reader that takes it for a number loses its place.
+    let id = schemas["HomeEvent"]["examples"][0]["id"].as_str().unwrap();
+    assert!(id.contains('.') && id.parse::<i64>().is_err(), "{id}");
 }
 
 /// A reader of the document learns the meaning of each state, and what to do.
@@ -146,6 +149,10 @@ fn the_values_of_states_are_explained() {
         "Attention",
         "JobEventName",
         "HomeEventName",
+        "ChangeKind",
+        "PlacedBy",
+        "GoneReason",
+        "LostReason",
     ];
     for name in states {
         let schema = &document["components"]["schemas"][name];
@@ -153,6 +160,25 @@ fn the_values_of_states_are_explained() {
         for value in schema["enum"].as_array().unwrap() {
             let item = format!("- `{}`: ", value.as_str().unwrap());
             assert!(description.contains(&item), "{name} {value}: {description}");
+        }
+    }
+}
+
+/// A mock of the service answers with the examples.
+#[test]
+fn examples_of_places_have_as_many_numbers_as_answers() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for (name, members) in [
+        ("MapObject", ["centre_m", "size_m"]),
+        ("ObjectCorrection", ["centre_m", "size_m"]),
+        ("HomeMapInfo", ["min_m", "max_m"]),
+    ] {
+        let schema = &document["components"]["schemas"][name];
+        for member in members {
+            let place = &schema["properties"][member];
+            assert!(place["minItems"] == 3 && place["maxItems"] == 3, "{name}.{member}: {place}");
+            let example = schema["examples"][0][member].as_array().unwrap();
+            assert_eq!(example.len(), 3, "{name}.{member}");
         }
     }
 }
@@ -177,11 +203,17 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
         let answers = &operation["responses"];
         assert_eq!(has_header("If-None-Match"), has_tag, "{path}");
         assert_eq!(answers["200"]["headers"]["ETag"].is_object(), has_tag, "{path}");
-        for name in ["Range", "If-Range"] {
+        for name in ["Range", "If-Range", "If-Match"] {
             assert_eq!(has_header(name), has_parts, "{path} {name}");
         }
-        for status in ["206", "416"] {
+        for status in ["206", "412", "416"] {
             assert_eq!(answers[status].is_object(), has_parts, "{path} {status}");
+        }
+    }
+    for operations in document["paths"].as_object().unwrap().values() {
+        for operation in operations.as_object().unwrap().values() {
+            let refusal = resolved(&document, &operation["responses"]["429"]);
+            assert!(refusal.is_null() || refusal["headers"]["Retry-After"].is_object(), "{refusal}");
         }
     }
     let png = &document["paths"]["/v1/homes/{home}/map/plan"]["get"]["responses"]["206"]["content"];

@@ -22,6 +22,7 @@ async fn events(client: &Client, path: &str, last_event_id: Option<&str>) -> Vec
     }
     let answer = Client::read(request.send().await.unwrap()).await;
     assert_eq!((answer.status, answer.header("content-type")), (200, "text/event-stream"));
+    assert_eq!(answer.header("x-accel-buffering"), "no");
     let text = String::from_utf8(answer.bytes).unwrap();
     let field = |event: &str, name: &str| {
         event.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_default().trim().to_owned()

@@ -1,5 +1,6 @@
 //! Homes with a LiDAR map for each storey.
 
+use crate::corrections;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -229,4 +230,31 @@ async fn a_person_chooses_a_level() {
         let problem = choose(body).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], field);
     }
+}
+
+#[tokio::test]
+async fn the_objects_of_a_removed_level_are_lost() {
+    let server = corrections::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), small_room_csv()).await.ok(201);
+    let upper = format!("{home}/lidar-maps/upper");
+    server.put(&upper, room::lidar_csv()).await.ok(201);
+    corrections::add(&server, &home, 24).await;
+    let is_furnished = |list: &Value| list["objects"][0]["level"] == "upper";
+    let before = corrections::list(&server, &home, "objects", is_furnished).await;
+    server.delete(&upper).await.ok(204);
+    let is_without = |list: &Value| {
+        let is_later = list["revision"].as_i64() > before["revision"].as_i64();
+        is_later && list["rooms"].as_array().unwrap().iter().all(|room| room["level"] == "main")
+    };
+    let after = corrections::list(&server, &home, "rooms", is_without).await;
+    // The earlier revision is kept, and the LiDAR map of which robots' files are made is not.
+    let earlier = format!("level=upper&revision={}", before["revision"]);
+    assert_eq!(server.get(&format!("{home}/map/plan?{earlier}")).await.status, 200);
+    let robot = server.get(&format!("{home}/map/robot?format=nav2&{earlier}")).await;
+    robot.problem(404, "lidar-map-not-found");
+    let changes = format!("{home}/map/changes?from={}&to={}", before["revision"], after["revision"]);
+    let lost = server.get(&changes).await.ok(200)["lost"].clone();
+    let lost: Vec<&Value> = lost.as_array().unwrap().iter().map(|lost| &lost["object"]).collect();
+    assert_eq!(lost, before["objects"].as_array().unwrap().iter().collect::<Vec<_>>());
 }

@@ -119,9 +119,14 @@ async fn creation_is_refused_for_a_reason() {
             vec![("Upload-Length", "1001".into()), ("Upload-Metadata", good.clone())],
             413,
             "body-too-large",
-            "",
+            "Upload-Length",
         ),
-        (vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())], 422, "body-empty", ""),
+        (
+            vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())],
+            422,
+            "body-empty",
+            "Upload-Length",
+        ),
         (
             vec![("Upload-Length", "5".into()), ("Upload-Defer-Length", "1".into())],
             400,
@@ -390,6 +395,17 @@ async fn sums_are_checked() {
 }
 
 #[tokio::test]
+async fn every_refusal_names_the_version() {
+    let server = Server::without_workers().await;
+    let begin = |path: &str| server.tus(Method::POST, path);
+    check_refused(begin("/v1/uploads?x=1"), 400, "invalid-query", "x").await;
+    let packed = begin(UPLOADS).header("Content-Encoding", "gzip").body("x");
+    check_refused(packed, 415, "unsupported-media-type", "Content-Encoding").await;
+    server.key("acme", Role::Admin, None).await;
+    check_refused(begin(UPLOADS), 401, "key-missing", "").await;
+}
+
+#[tokio::test]
 async fn an_upload_is_given_up() {
     let server = Server::without_workers().await;
     server.make_home("h").await;
@@ -584,6 +600,26 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
 }
 
 /// An app that lost the answer to its POST sends it again, whatever has arrived meanwhile.
+/// A phone repeats a request that it believes lost while the service still works on it.
+#[tokio::test]
+async fn equal_beginnings_at_once_have_one_upload() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let sum = sha256(&small_clip());
+    for named in [("sha256", sum.as_str()), ("idempotency_key", "k")] {
+        let told = metadata(&[("home", "h"), named]);
+        let begin = || {
+            let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", small_clip().len());
+            server.send(request.header("Upload-Metadata", &told))
+        };
+        let answers = futures::future::join_all((0..16).map(|_| begin())).await;
+        let paths: Vec<&str> = answers.iter().map(|answer| answer.header("location")).collect();
+        assert!(paths.iter().all(|path| !path.is_empty() && *path == paths[0]), "{named:?}: {paths:?}");
+        assert_eq!(server.get("/v1/usage").await.ok(200)["uploads"], 1, "{named:?}");
+        server.send(server.tus(Method::DELETE, paths[0])).await.ok(204);
+    }
+}
+
 #[tokio::test]
 async fn the_same_file_has_one_upload_by_its_sha256() {
     let server = Server::without_workers().await;

@@ -111,6 +111,7 @@ def in_order(value, count):
 def correct_conditions(case):
     """An entity tag is true, or it is not sent. `tests/api/conditions.rs` has those of an old state."""
     if case.method.upper() == "GET":
+        case.headers.pop("If-Match", None)
         return
     changed = case.formatted_path.removesuffix("/alignment").split("/revisions/")[0]
     for name in ("If-Match", "If-None-Match"):

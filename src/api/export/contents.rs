@@ -125,6 +125,7 @@ impl Contents {
             result_file::SCAN,
             result_file::CLOUD,
             result_file::THUMBNAIL,
+            result_file::FRAMES,
         ];
         for name in names {
             if let Some(blob) = storage.clip_result(clip, name).await? {

@@ -111,6 +111,14 @@ fn changes(
         let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level == level.level).collect();
         add_changes(&mut all, before, scene, &clips);
     }
+    let before = earlier.map_or(&[][..], |earlier| &earlier.levels);
+    for (_, scene) in before.iter().filter(|(level, _)| later.level(level.level).is_none()) {
+        // A level that was removed has no clips any more.
+        all.lost.extend(scene.objects.iter().map(|object| LostObject {
+            reason: LostReason::ClipsRemoved,
+            object: MapObject::from(object.clone()),
+        }));
+    }
     all
 }
 

@@ -19,14 +19,20 @@ pub(super) fn named<F: Copy>(formats: &[Format<F>], name: &str) -> Result<Format
     })
 }
 
-/// Returns the name of the first format in `Accept`.
+/// Returns the name of the format with the highest weight in `Accept`; of equal ones, of the first (RFC 9110, section 12.5.1).
 pub(super) fn accepted<F>(formats: &[Format<F>], headers: &HeaderMap) -> Option<&'static str> {
     let accept = headers.get(header::ACCEPT)?.to_str().ok()?;
-    let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
-    kinds.find_map(|kind| {
-        let found = formats.iter().find(|(_, _, media_type)| *media_type == kind);
-        found.map(|(_, name, _)| *name)
-    })
+    let (mut best, mut highest) = (None, 0.0);
+    for kind in accept.split(',') {
+        let mut parts = kind.split(';').map(str::trim);
+        let sent = parts.next().unwrap_or_default();
+        let weight = parts.find_map(|part| part.strip_prefix("q=")?.parse::<f32>().ok()).unwrap_or(1.0);
+        let found = formats.iter().find(|(_, _, media_type)| media_type.eq_ignore_ascii_case(sent));
+        if let Some((_, name, _)) = found.filter(|_| weight > highest) {
+            (best, highest) = (Some(*name), weight);
+        }
+    }
+    best
 }
 
 #[cfg(test)]
@@ -38,12 +44,15 @@ mod tests {
         [(1, "ply", "model/ply"), (2, "glb", "model/gltf-binary"), (3, "laz", "application/vnd.laszip")];
 
     #[test]
-    fn the_first_known_media_type_is_accepted() {
+    fn the_known_media_type_with_the_highest_weight_is_accepted() {
         assert_eq!(accepted(&FORMATS, &HeaderMap::new()), None);
         for (accept, expected) in [
             ("", None),
             ("text/html", None),
-            ("text/html, model/gltf-binary;q=0.5,application/vnd.laszip", Some("glb")),
+            ("text/html, model/gltf-binary;q=0.5,application/vnd.laszip", Some("laz")),
+            ("Model/PLY;q=0.5, model/gltf-binary; q=0.5, */*;q=0.9", Some("ply")),
+            ("model/ply;q=0, model/gltf-binary;level=1;q=0.001", Some("glb")),
+            ("model/ply;q=0", None),
         ] {
             let headers = HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(accept))]);
             assert_eq!(accepted(&FORMATS, &headers), expected, "{accept}");

@@ -127,7 +127,8 @@ impl Source {
     ) -> Result<Source, Error> {
         let storage = &app.storage;
         let found = storage.lidar_map_revision(home, level.level, level.lidar_map_revision).await?;
-        let file = storage.lidar_map_file(found.ok_or(Error::NoSuchMap)?.id()).await?;
+        let found = found.ok_or(Error::NoSuchLidarRevision(level.lidar_map_revision))?;
+        let file = storage.lidar_map_file(found.id()).await?;
         let read = apart(move || {
             let lidar = LidarMap::read(&file).map_err(|error| damaged("lidar map", &error.to_string()))?;
             let valetudo = valetudo_json(&file).filter(|_| format == RobotFormat::Valetudo);

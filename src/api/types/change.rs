@@ -7,17 +7,17 @@ use jiff::Timestamp;
 use uuid::Uuid;
 
 answer! {
-    /// Kind of a change.
+    /// Kind of a change:
+    /// - `home`: the home was made, renamed, or removed with everything in it.
+    /// - `lidar_map`: the home's LiDAR map has a new revision, or a level was removed.
+    /// - `clip`: the clip is new, or its state, placement, choice or title changed, or it was removed.
+    /// - `map`: the home's fused map has a new revision.
+    /// - `objects`: objects of the home's fused map were added, moved or are gone; `GET .../map/changes` tells which.
     enum ChangeKind from viola_storage::ChangeKind {
-        /// The home was made, renamed, or removed with everything in it.
         Home,
-        /// The home's LiDAR map has a new revision, or a level was removed.
         LidarMap,
-        /// The clip is new, or its state, placement, choice or title changed, or it was removed.
         Clip,
-        /// The home's fused map has a new revision.
         Map,
-        /// Objects of the home's fused map were added, moved or are gone; `GET .../map/changes` tells which.
         Objects,
     }
 }

@@ -46,13 +46,13 @@ answer! {
 }
 
 answer! {
-    /// Source of a clip's pose.
+    /// Source of a clip's pose:
+    /// - `alignment`: the clip's own alignment to the LiDAR map.
+    /// - `neighbours`: the clips around it, which decided between its alternatives.
+    /// - `person`: a person's choice.
     enum PlacedBy from viola_home::PlacedBy {
-        /// The clip's own alignment to the LiDAR map.
         Alignment,
-        /// The clips around it, which decided between its alternatives.
         Neighbours,
-        /// A person's choice.
         Person,
     }
 }

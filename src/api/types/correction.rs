@@ -37,7 +37,9 @@ pub(in crate::api) struct ObjectCorrection {
     #[schema(example = "bed")]
     class: Option<String>,
     name: Option<String>,
+    #[schema(min_items = 3, max_items = 3, example = json!([2.1, 3.4, 0.4]))]
     centre_m: Option<[f64; 3]>,
+    #[schema(min_items = 3, max_items = 3)]
     size_m: Option<[f64; 3]>,
     yaw_rad: Option<f64>,
     pinned: bool,
@@ -144,24 +146,24 @@ impl From<viola_storage::Corrections> for Corrections {
     }
 }
 
-/// The reason for which an object is not in the map any more.
+/// The reason for which an object is not in the map any more:
+/// - `seen_again`: a clip that was recorded after the object was last seen looked through its place.
+/// - `hidden`: a person hid it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum GoneReason {
-    /// A clip that was recorded after the object was last seen looked through its place.
     SeenAgain,
-    /// A person hid it.
     Hidden,
 }
 
-/// The reason for which an object is not in the map any more, although no clip shows that it is gone.
+/// The reason for which an object is not in the map any more, although no clip shows that it is gone:
+/// - `clips_removed`: none of the clips that saw it is on its level of the map any more, so nothing is known of the object.
+/// - `not_found`: the clips that saw it are still in the map, but the object is not found in it. It may be another object's
+///   part now, or be recognised again with its id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum LostReason {
-    /// None of the clips that saw it is in the map any more, so nothing is known of the object.
     ClipsRemoved,
-    /// The clips that saw it are still in the map, but the object is not found in it. It may be another object's
-    /// part now, or be recognised again with its id.
     NotFound,
 }
 

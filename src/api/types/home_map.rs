@@ -38,7 +38,9 @@ answer! {
         points: usize,
         voxel_m: f64,
         /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty or has several levels.
+        #[schema(min_items = 3, max_items = 3, example = json!([0.2, 0.1, 0.0]))]
         min_m: Option<[f32; 3]>,
+        #[schema(min_items = 3, max_items = 3, example = json!([9.8, 7.1, 2.5]))]
         max_m: Option<[f32; 3]>,
         /// Points by class, the largest first.
         classes: Vec<ClassCount>,
@@ -190,8 +192,10 @@ answer! {
         class: String,
         /// 0..1, from the share of its points' evidence for this class and from the fit of its size.
         confidence: f64,
+        #[schema(min_items = 3, max_items = 3, example = json!([2.1, 3.4, 0.4]))]
         centre_m: [f64; 3],
         /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+        #[schema(min_items = 3, max_items = 3)]
         size_m: [f64; 3],
         /// Direction of its own x axis, in [0, pi).
         yaw_rad: f64,

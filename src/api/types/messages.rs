@@ -32,8 +32,8 @@ pub(in crate::api) enum JobEventName {
 #[expect(dead_code, reason = "it only describes the events")]
 pub(in crate::api) struct HomeEvent {
     event: HomeEventName,
-    /// Place in the feed, which a client that reconnects sends as `Last-Event-ID`.
-    #[schema(example = "4711")]
+    /// Place in the feed, which a client that reconnects sends as `Last-Event-ID`: a text, and not a number.
+    #[schema(example = "4711.01a1f7667a9777479dbb391e0eeccb64")]
     id: String,
     data: Change,
 }

@@ -9,8 +9,9 @@ use crate::api::access::Caller;
 use crate::api::bodies::content_length;
 use crate::api::error::Error;
 use axum::http::HeaderMap;
+use jiff::Timestamp;
 use uuid::Uuid;
-use viola_storage::{Joining, NewUpload, UploadError, UploadKind};
+use viola_storage::{Joining, NewUpload, StorageError, UploadError, UploadKind};
 
 /// Creates an upload; returns its id, and a description of the body if there is one.
 pub(super) async fn begin(
@@ -47,18 +48,33 @@ pub(super) async fn begin(
         content_key: metadata.content_key().filter(|_| !is_partial),
     };
     let (checksum, now) = (checksum::asked_for(sent)?, app.storage.now());
+    let has_only_key = metadata.idempotency_key.is_some() && !has_body;
     // A client whose answer was lost repeats the request. The bytes that come with it are those that the upload has, or gets
     // from its offset on.
-    if let Some(begun) = app.storage.same_upload(&new, now).await? {
+    if let Some(begun) = begun_before(app, &new, has_only_key, now).await? {
         return Ok((begun, None));
     }
-    if metadata.idempotency_key.is_some()
-        && !has_body
-        && let Some(begun) = app.storage.begun_upload(&new, now).await?
-    {
-        return Ok((begun, None));
+    let (limits, max_bytes) = (&app.uploads.limits, app.limits.storage_bytes);
+    let id = app.storage.create_upload(new.clone(), limits, max_bytes, now).await?.id;
+    // Of equal requests at the same time, each creates an upload, and all continue with the oldest.
+    if let Some(oldest) = begun_before(app, &new, has_only_key, now).await?.filter(|oldest| *oldest != id) {
+        app.storage.delete_upload(id, now).await?;
+        return Ok((oldest, None));
     }
-    let id = app.storage.create_upload(new, &app.uploads.limits, app.limits.storage_bytes, now).await?.id;
     let body_bytes = content_length(sent);
     Ok((id, has_body.then_some(Append { id, offset: 0, length_bytes: None, body_bytes, checksum })))
+}
+
+/// Returns the oldest upload that an equal request began: one of the same file or, for a request with a key and without bytes,
+/// one without bytes.
+async fn begun_before(
+    app: &App,
+    new: &NewUpload,
+    has_only_key: bool,
+    now: Timestamp,
+) -> Result<Option<Uuid>, StorageError> {
+    match app.storage.same_upload(new, now).await? {
+        None if has_only_key => app.storage.begun_upload(new, now).await,
+        same => Ok(same),
+    }
 }

@@ -102,8 +102,10 @@ pub(super) fn no_length() -> Error {
 
 pub(super) fn check_length(length: Length, max_bytes: u64) -> Result<(), Error> {
     match length {
-        Length::Known(0) => Err(Error::BodyEmpty),
-        Length::Known(bytes) if bytes > max_bytes => Err(Error::BodyTooLarge { limit: max_bytes }),
+        Length::Known(0) => Err(UploadRefusal::EmptyFile.into()),
+        Length::Known(length) if length > max_bytes => {
+            Err(UploadRefusal::FileTooLarge { length, limit: max_bytes }.into())
+        }
         _ => Ok(()),
     }
 }

@@ -13,6 +13,14 @@ pub(in crate::api) enum UploadRefusal {
     OtherVersion,
     #[error("the body is sent as Content-Type: {expected}")]
     MediaType { expected: &'static str },
+    #[error(
+        "Upload-Length is 0, and an empty file is no clip; begin the upload when the recording is written"
+    )]
+    EmptyFile,
+    #[error(
+        "Upload-Length is {length}, and a file has at most {limit} bytes; split the recording into several clips"
+    )]
+    FileTooLarge { length: u64, limit: u64 },
     #[error("Upload-Checksum names an algorithm that is not served; OPTIONS lists those that are")]
     OtherChecksum,
     #[error("the body does not have its checksum; it was not kept, send it again")]
@@ -55,6 +63,10 @@ impl UploadRefusal {
             }
             UploadRefusal::MediaType { .. } => {
                 (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
+            }
+            UploadRefusal::EmptyFile => (S::UNPROCESSABLE_ENTITY, "body_empty", "The body is empty"),
+            UploadRefusal::FileTooLarge { .. } => {
+                (S::PAYLOAD_TOO_LARGE, "body_too_large", "The body is too large")
             }
             UploadRefusal::OtherChecksum => {
                 (S::BAD_REQUEST, "unknown_checksum_algorithm", "The checksum's algorithm is not known")
@@ -119,7 +131,9 @@ impl UploadRefusal {
 
     pub fn field(&self) -> Option<&'static str> {
         match self {
-            UploadRefusal::State(UploadError::LengthTold | UploadError::LengthTooSmall { .. }) => {
+            UploadRefusal::EmptyFile
+            | UploadRefusal::FileTooLarge { .. }
+            | UploadRefusal::State(UploadError::LengthTold | UploadError::LengthTooSmall { .. }) => {
                 Some("Upload-Length")
             }
             UploadRefusal::State(
