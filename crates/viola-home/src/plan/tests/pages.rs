@@ -169,3 +169,29 @@ fn a_drawing_tells_its_unit_and_its_frame() {
         assert!(dxf.contains(&format!("\n1\n{line}\n")), "{line}");
     }
 }
+
+/// The origin of a robot's map may be far from its home.
+#[test]
+fn a_drawing_opens_on_the_home() {
+    for size_m in [[8.0, 3.0], [3.0, 8.0]] {
+        let mut plan = box_of(size_m);
+        let low = [25.0, 30.0];
+        for corner in plan.masonry.iter_mut().flat_map(|outline| &mut outline.ring_m) {
+            *corner = [corner[0] + low[0], corner[1] + low[1]];
+        }
+        let dxf = plan_dxf(&plan);
+        let (_, view) = dxf.split_once("\nVPORT\n2\n*ACTIVE\n").unwrap();
+        let lines: Vec<&str> = view.lines().collect();
+        let value = |code: &str| -> f64 {
+            lines.chunks(2).find(|pair| pair[0] == code).and_then(|pair| pair[1].parse().ok()).unwrap()
+        };
+        let (height_m, aspect) = (value("40"), value("41"));
+        let half_m = [aspect * height_m / 2.0, height_m / 2.0];
+        for (axis, code) in ["12", "22"].into_iter().enumerate() {
+            let middle = value(code);
+            assert!(middle - half_m[axis] < low[axis], "{size_m:?}");
+            assert!(middle + half_m[axis] > low[axis] + size_m[axis], "{size_m:?}");
+        }
+        assert!(height_m < 1.5 * 8.0, "{height_m}");
+    }
+}
