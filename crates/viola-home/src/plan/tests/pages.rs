@@ -139,6 +139,23 @@ fn a_bold_name_fits_into_its_room() {
 }
 
 #[test]
+fn a_name_is_beside_the_swing_of_a_door() {
+    let plan = Plan { furniture: Vec::new(), ..plan_of("Kitchen") };
+    let [x, y] = plan.rooms[0].label_at_m;
+    // A swing of 1 m around the place of the name.
+    let [hinge_m, open_m, closed_m] = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5]].map(|[u, v]| [x + u, y + v]);
+    let mut swung = plan.clone();
+    swung.openings[0].swing = Some(Swing { hinge_m, open_m, closed_m });
+    let places = [&plan, &swung].map(|plan| {
+        let svg = plan_svg(plan);
+        ["x", "y"].map(|axis| of_text(&svg, axis, "Kitchen"))
+    });
+    let moved_mm = (places[0][0] - places[1][0]).hypot(places[0][1] - places[1][1]);
+    // The swing is 20 mm wide and high on the page.
+    assert!(moved_mm > 10.0, "{places:?}");
+}
+
+#[test]
 fn a_picture_has_its_resolution() {
     let plan = box_of([4.0, 3.0]);
     let png = plan_png(&plan);
