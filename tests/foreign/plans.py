@@ -25,6 +25,7 @@ def dxf(truth):
     assert not problems.errors, problems.errors
     assert drawing.dxfversion == "AC1009"
     space = drawing.modelspace()
+    opens_on_the_rooms(drawing)
     layers = {entity.dxf.layer for entity in space}
     assert {"WALLS", "WALL_LINES", "ROOMS"} <= layers, layers
     if truth.room:
@@ -59,6 +60,15 @@ def dxf(truth):
     furniture = space.query('*[layer=="FURNITURE"]')
     assert bool(truth.plan["furniture"]) == (len(furniture) > 0)
     return f"{len(space)} entities on {len(layers)} layers"
+
+
+def opens_on_the_rooms(drawing):
+    """Without a view of its own, a program shows the surroundings of the origin."""
+    [view] = drawing.viewports.get_config("*ACTIVE")
+    half = np.array([view.dxf.height * view.dxf.aspect_ratio, view.dxf.height]) / 2
+    low, high = np.array(view.dxf.center)[:2] - half, np.array(view.dxf.center)[:2] + half
+    box = bbox.extents(drawing.modelspace().query('*[layer=="ROOMS"]'))
+    assert (low < np.array(box.extmin)[:2]).all() and (high > np.array(box.extmax)[:2]).all(), (low, high, box)
 
 
 def turned(corner, yaw):

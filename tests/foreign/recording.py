@@ -9,6 +9,8 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from truth import same_points
 
+# The colour of points that no picture showed; in PLY they are black.
+GREY = 150
 KINDS = {1: "u1", 3: "<u2", 7: "<f4"}
 
 # Half of the last decimal of a document's numbers (src/api/digits.rs).
@@ -77,8 +79,10 @@ def points(truth, messages):
     clouds = [packed(messages[topic], messages[topic].point_stride) for topic in parts]
     cloud = np.concatenate(clouds)
     assert all(messages[topic].frame_id == "map" for topic in parts)
-    for name in ["x", "y", "z", "red", "green", "blue", "label", "probability", "clip"]:
+    for name in ["x", "y", "z", "label", "probability", "clip"]:
         assert (cloud[name] == truth.vertices[name]).all(), name
+    colors, own = (np.stack([points[name] for name in ["red", "green", "blue"]], axis=1) for points in (cloud, truth.vertices))
+    assert (colors == np.where(own.any(axis=1, keepdims=True), own, GREY)).all()
     truth.is_the_room(truth.positions(cloud))
 
 

@@ -1,4 +1,14 @@
-//! Colours as linear light, for file formats that hold light and not sRGB values.
+//! Colours as linear light, for file formats that hold light and not sRGB values, and the colour of what no picture showed.
+
+use viola_reconstruct::NO_COLOR;
+
+/// The colour of a surface that no picture showed.
+pub const GREY: [u8; 3] = [150; 3];
+
+/// Returns the colour in which a point is shown. Black points without light are invisible on a dark background.
+pub fn shown(color: [u8; 3]) -> [u8; 3] {
+    if color == NO_COLOR { GREY } else { color }
+}
 
 /// Returns an sRGB value as linear light, 0 to 1 (IEC 61966-2-1).
 pub fn linear(value: u8) -> f64 {

@@ -8,6 +8,7 @@ mod mcap;
 mod messages;
 mod schema;
 
+use crate::light::shown;
 use crate::{MapPoint, UprightBox};
 use mcap::Mcap;
 use messages::{
@@ -240,7 +241,7 @@ fn point_bytes(MapPoint { point, clip }: &MapPoint) -> [u8; POINT_BYTES] {
     for (axis, c) in point.position_m.iter().enumerate() {
         bytes[axis * 4..axis * 4 + 4].copy_from_slice(&c.to_le_bytes());
     }
-    bytes[12..15].copy_from_slice(&point.color);
+    bytes[12..15].copy_from_slice(&shown(point.color));
     bytes[15] = 255;
     bytes[16..20].copy_from_slice(&point.label.probability().to_le_bytes());
     bytes[20..22].copy_from_slice(&clip.to_le_bytes());

@@ -2,13 +2,11 @@
 
 use super::Vertex;
 use super::field::dot;
+use crate::light::GREY;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::{CloudPoint, NO_COLOR};
-
-/// The colour of a surface that no picture showed.
-const GREY: [u8; 3] = [150; 3];
 
 /// Returns the vertices at `positions_m`; points within two steps are near.
 pub fn dressed(positions_m: &[[f32; 3]], points: &[&CloudPoint], step_m: f32) -> Vec<Vertex> {

@@ -21,6 +21,13 @@ const LAYERS: [(&str, u8); 10] = [
 ];
 /// Height of letters.
 const TEXT_M: f64 = 0.18;
+/// Distance between lines of notes.
+const LINE_M: f64 = 1.6 * TEXT_M;
+/// Number of lines below the drawing: an empty one and the notes.
+const LINES_BELOW: f64 = 4.0;
+/// Width of the view on opening as a multiple of its height, and its size as a multiple of the drawing's.
+const VIEW_ASPECT: f64 = 1.5;
+const VIEW_MARGIN: f64 = 1.1;
 /// Maximum letters of a name.
 const LONGEST: usize = 60;
 /// Longest text of R12, in characters, and those of one escaped letter.
@@ -50,6 +57,7 @@ pub fn plan_dxf(plan: &Plan) -> String {
     }
     out.pair(0, "ENDSEC");
     out.section("TABLES");
+    view(low, high, &mut out);
     out.pair(0, "TABLE");
     out.pair(2, "LAYER");
     out.pair(70, LAYERS.len());
@@ -70,6 +78,39 @@ pub fn plan_dxf(plan: &Plan) -> String {
     out.0
 }
 
+/// Writes the view on opening: the drawing and the notes below it. Without it, programs show the surroundings of the origin, and
+/// a home may lie tens of metres from that of its robot's map.
+fn view(low: [f64; 2], high: [f64; 2], out: &mut Dxf) {
+    let low = [low[0], low[1] - LINES_BELOW * LINE_M];
+    let [width_m, height_m] = [0, 1].map(|axis| high[axis] - low[axis]);
+    out.pair(0, "TABLE");
+    out.pair(2, "VPORT");
+    out.pair(70, 1);
+    out.pair(0, "VPORT");
+    out.pair(2, "*ACTIVE");
+    out.pair(70, 0);
+    let middle = [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0);
+    // Corners on the screen, middle, origin and steps of the snap and of the grid.
+    let points = [[0.0; 2], [1.0; 2], middle, [0.0; 2], [0.5; 2], [0.5; 2]];
+    for (code, [x, y]) in (10..).zip(points) {
+        out.pair(code, round(x));
+        out.pair(code + 10, round(y));
+    }
+    // Seen from above, at the origin.
+    for (code, z) in [(16, 1), (17, 0)] {
+        out.pair(code, 0);
+        out.pair(code + 10, 0);
+        out.pair(code + 20, z);
+    }
+    out.pair(40, round(VIEW_MARGIN * height_m.max(width_m / VIEW_ASPECT)));
+    out.pair(41, VIEW_ASPECT);
+    // The usual values of lens, clipping, turns and modes.
+    let usual = [50, 0, 0, 0, 0, 0, 1000, 1, 3, 0, 0, 0, 0];
+    let codes = [42, 43, 44, 50, 51, 71, 72, 73, 74, 75, 76, 77, 78];
+    codes.into_iter().zip(usual).for_each(|(code, value)| out.pair(code, value));
+    out.pair(0, "ENDTAB");
+}
+
 fn entities(plan: &Plan, out: &mut Dxf) {
     out.outlines("WALLS", &masonry::without(&plan.masonry, &plan.unfilmed_masonry));
     out.outlines("WALLS_UNFILMED", &plan.unfilmed_masonry);
@@ -83,7 +124,7 @@ fn entities(plan: &Plan, out: &mut Dxf) {
         out.outlines("ROOMS", std::slice::from_ref(&room.outline));
         let [x, y] = room.label_at_m;
         out.text("ROOM_NAMES", [x, y], &room.title());
-        out.text("ROOM_NAMES", [x, y - 1.6 * TEXT_M], &format!("{:.1} m2", room.area_m2));
+        out.text("ROOM_NAMES", [x, y - LINE_M], &format!("{:.1} m2", room.area_m2));
     }
     for stroke in plan.furniture.iter().flat_map(strokes) {
         out.polyline("FURNITURE", &stroke.points_m, stroke.is_closed);
@@ -101,7 +142,7 @@ fn notes(plan: &Plan, [left, bottom]: [f64; 2], out: &mut Dxf) {
     ];
     for (number, line) in (2..).zip(&lines) {
         out.entity("TEXT", "NOTES");
-        out.point([left, bottom - 1.6 * TEXT_M * f64::from(number)]);
+        out.point([left, bottom - LINE_M * f64::from(number)]);
         out.pair(40, TEXT_M);
         out.pair(1, encoded(line));
     }

@@ -5,7 +5,7 @@
 //! of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
 
 use crate::assemble::POINT_BYTES;
-use crate::light::linear_u16;
+use crate::light::{linear_u16, shown};
 use serde_json::{Value, json};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
@@ -57,7 +57,8 @@ impl Glb {
             let Some(out) = by_class.get_mut(usize::from(point[27])) else { continue };
             position(point).iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
             position(&point[12..]).iter().for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
-            point[24..27].iter().for_each(|value| out.extend_from_slice(&light[usize::from(*value)]));
+            let color = shown([point[24], point[25], point[26]]);
+            color.iter().for_each(|value| out.extend_from_slice(&light[usize::from(*value)]));
             out.extend_from_slice(&u16::MAX.to_le_bytes());
             out.extend_from_slice(&point[28..32]);
             out.extend_from_slice(&[point[34], point[35], 0, 0]);
@@ -180,5 +181,15 @@ mod tests {
         let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
         // IEC 61966-2-1: 128 is light of 0.2159.
         assert_eq!(light, [14_146, 0, u16::MAX, u16::MAX]);
+    }
+
+    #[test]
+    fn a_point_that_no_picture_showed_is_grey() {
+        let mut point = points(1).remove(0);
+        point.point.color = viola_reconstruct::NO_COLOR;
+        let vertex = Glb::tile(&point_bytes(&point));
+        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+        // IEC 61966-2-1: 150 is light of 0.3050.
+        assert_eq!(light, [19_987, 19_987, 19_987, u16::MAX]);
     }
 }

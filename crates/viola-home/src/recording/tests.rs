@@ -72,6 +72,14 @@ fn points_are_written_in_parts_without_a_loss() {
 }
 
 #[test]
+fn a_point_that_no_picture_showed_is_grey() {
+    let mut points = points(2);
+    points[1].point.color = viola_reconstruct::NO_COLOR;
+    let cloud: PointCloud = message(&written(&[], None, &points), "/map/points");
+    assert_eq!((&cloud.data[12..15], &cloud.data[36..39]), (&points[0].point.color[..], &[150; 3][..]));
+}
+
+#[test]
 fn a_map_without_points_has_an_empty_cloud() {
     let cloud: PointCloud = message(&written(&[], None, &[]), "/map/points");
     assert!(cloud.data.is_empty() && cloud.fields.len() == 10);

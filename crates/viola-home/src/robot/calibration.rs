@@ -10,6 +10,7 @@ use super::{RobotLevel, round};
 use crate::plan::PlanImage;
 use crate::rooms::{Room, rooms};
 use serde::Serialize;
+use serde_json::Value;
 use viola_formats::lidar::RobotFrame;
 use viola_geometry::taxonomy::Class;
 
@@ -64,9 +65,9 @@ pub struct MapMode {
 /// A selection of the card, in the robot's coordinates.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Selection {
-    /// Id of the robot's segment.
+    /// Id of the robot's segment: a text for Valetudo, else a number.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub id: Option<String>,
+    pub id: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outline: Option<Vec<[f64; 2]>>,
     /// Rectangles: x and y of the lower corner, then of the upper one.
@@ -104,7 +105,7 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
     let titles = Titles::of(level).segments(level, &segments);
     let named =
         segments.iter().zip(&titles).filter_map(|(segment, title)| Some((segment, title.as_deref()?)));
-    let rooms = named.filter_map(|(segment, title)| room(frame, segment, title, &own)).collect();
+    let rooms = named.filter_map(|(segment, title)| room(level, segment, title, &own)).collect();
     let shown = || places.iter().filter(|place| !place.is_hung);
     let zones = shown().filter_map(|place| zone(frame, place)).collect();
     let positions = shown().filter_map(|place| position(frame, place)).collect();
@@ -154,14 +155,24 @@ fn xy([x, y]: [f64; 2]) -> Xy {
 
 /// Returns the selection of a segment: the outline of its own cells with its title, which is that of its room. `own` are
 /// the segments as rooms.
-fn room(frame: &RobotFrame, segment: &Segment, title: &str, own: &[Room]) -> Option<Selection> {
+fn room(level: &RobotLevel, segment: &Segment, title: &str, own: &[Room]) -> Option<Selection> {
+    let frame = &level.lidar.frames.own;
     let own = own.iter().find(|room| room.id == segment.id)?;
     let at = frame.rounded(own.label_at_m);
     Some(Selection {
-        id: Some(segment.id.to_owned()),
+        id: Some(segment_id(&level.lidar.info.format, segment.id)),
         outline: Some(own.polygon_m.iter().map(|corner| frame.rounded(*corner)).collect()),
         ..selection(title, None, at)
     })
+}
+
+/// Returns the id of a segment as its robot takes it. The card sends it as it is: Valetudo takes texts, and robots of
+/// Roborock refuse them ("data for segment is not a number").
+fn segment_id(format: &str, id: &str) -> Value {
+    match id.parse::<u32>() {
+        Ok(number) if format != "valetudo" => Value::from(number),
+        _ => Value::from(id),
+    }
 }
 
 fn zone(frame: &RobotFrame, place: &Place) -> Option<Selection> {

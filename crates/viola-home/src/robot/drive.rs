@@ -26,7 +26,7 @@ const DOCK_REACH_M: f64 = 1.0;
 /// niche in which the dock stands, that obstacles of the map separate from the rooms.
 const MIN_DOCK_FRACTION: f64 = 0.25;
 
-/// Cells at which the robot's centre can be, connected with each other.
+/// Cells at which goals can be, connected with each other by passages.
 pub struct Drive {
     reachable: Grid<bool>,
     pub area: GoalArea,
@@ -39,7 +39,7 @@ pub struct GoalArea {
     pub is_at_dock: bool,
     /// Why it is not that at the dock; null if it is.
     pub reason: Option<NotAtDock>,
-    /// Area of the places where the robot's centre can be, in square metres.
+    /// Area of the places where a goal can be, in square metres.
     pub area_m2: f64,
 }
 
@@ -72,12 +72,17 @@ impl Drive {
         for zone in forbidden(level) {
             for_cells(&frame, &zone.rings(), |index| blocked.cells[index] = true);
         }
-        // The field counts from centre to centre, and an obstacle may reach to its cell's corner.
-        let least_m = (RADIUS_M + frame.cell_m * std::f64::consts::FRAC_1_SQRT_2) as f32;
+        // The field counts from centre to centre.
         let field = DistanceField::new(&blocked);
-        let clear = Grid { frame, cells: field.grid().cells.iter().map(|m| *m >= least_m).collect() };
+        let apart = |least_m: f64| {
+            let cells = field.grid().cells.iter().map(|m| *m >= least_m as f32);
+            Grid { frame, cells: cells.collect() }
+        };
+        // An obstacle may reach to its cell's corner, but a robot has passed gaps that look too narrow for this reason.
+        let clear = apart(RADIUS_M + frame.cell_m * std::f64::consts::FRAC_1_SQRT_2);
+        let passable = apart(RADIUS_M);
         let dock = level.lidar.charger.map(|dock| Point2::new(dock.x_m, dock.y_m));
-        let (reachable, area) = connected(&clear, dock);
+        let (reachable, area) = connected(&passable, &clear, dock);
         Drive { reachable, area }
     }
 
@@ -158,10 +163,11 @@ fn cells_around(
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
 }
 
-/// Returns the cells of the goals: the largest piece of the clear cells in reach of the dock, or the largest of all if
-/// there is none or it is smaller than [`MIN_DOCK_FRACTION`] of that.
-fn connected(clear: &Grid<bool>, dock: Option<Point2>) -> (Grid<bool>, GoalArea) {
-    let (piece, count) = pieces(clear);
+/// Returns the cells of the goals: clear cells that passable ones connect, the largest piece in reach of the dock, or the largest
+/// of all if there is none or it is smaller than [`MIN_DOCK_FRACTION`] of that.
+fn connected(passable: &Grid<bool>, clear: &Grid<bool>, dock: Option<Point2>) -> (Grid<bool>, GoalArea) {
+    let (mut piece, count) = pieces(passable);
+    piece.iter_mut().zip(&clear.cells).filter(|(_, is_clear)| !**is_clear).for_each(|(piece, _)| *piece = 0);
     let mut sizes = vec![0usize; count + 1];
     piece.iter().for_each(|piece| sizes[*piece as usize] += 1);
     // Of equal sizes the first piece is taken.
@@ -222,7 +228,7 @@ mod tests {
             (Some([1.0, 0.25]), 16, Some(NoFreeSpace)),
             (None, 16, Some(NoDock)),
         ] {
-            let (kept, area) = connected(&rooms, dock.map(Point2::from));
+            let (kept, area) = connected(&rooms, &rooms, dock.map(Point2::from));
             let found = kept.cells.iter().filter(|cell| **cell).count();
             assert_eq!((found, area.reason), (cells, reason), "{dock:?}");
             assert_eq!((area.is_at_dock, area.area_m2), (reason.is_none(), 0.25 * cells as f64), "{dock:?}");
@@ -231,7 +237,8 @@ mod tests {
 
     #[test]
     fn a_map_without_free_space_has_no_goals() {
-        let (kept, area) = connected(&drawn(&["##", "##"]), Some(Point2::new(0.5, 0.5)));
+        let full = drawn(&["##", "##"]);
+        let (kept, area) = connected(&full, &full, Some(Point2::new(0.5, 0.5)));
         assert!(kept.cells.iter().all(|cell| !cell));
         assert_eq!((area.reason, area.area_m2), (Some(NotAtDock::NoFreeSpace), 0.0));
     }

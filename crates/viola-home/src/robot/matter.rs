@@ -3,6 +3,7 @@
 
 mod tags;
 
+use super::places::is_hung;
 use super::titles::{Titles, cut};
 use super::{RobotLevel, RobotObject};
 use crate::rooms::Room;
@@ -114,7 +115,10 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
         }
     }
     for ((level, titles), map_id) in levels.iter().zip(&titles).zip(&map_ids) {
-        let mut objects: Vec<(&RobotObject, &String)> = level.objects.iter().zip(&titles.objects).collect();
+        // Nobody cleans beside a ceiling lamp.
+        let titled = level.objects.iter().zip(&titles.objects);
+        let mut objects: Vec<(&RobotObject, &String)> =
+            titled.filter(|(object, _)| !is_hung(object)).collect();
         objects.sort_by(|a, b| b.0.confidence.total_cmp(&a.0.confidence));
         for (object, title) in objects {
             let room = object.room.as_deref();

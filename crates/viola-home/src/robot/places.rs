@@ -91,7 +91,8 @@ fn of_object(level: &RobotLevel, object: &RobotObject, title: String, drive: &Dr
     }
 }
 
-fn is_hung(object: &RobotObject) -> bool {
+/// Returns whether an object is on a wall or above the robot.
+pub fn is_hung(object: &RobotObject) -> bool {
     matches!(object.class, Class::Window | Class::Curtain | Class::Mirror | Class::Picture)
         || object.bounds.bottom_m() >= REACH_M
 }

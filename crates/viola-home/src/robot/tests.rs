@@ -187,6 +187,23 @@ fn goals_are_in_free_space_beside_the_object_and_face_it() {
     assert!(sofa.y_m < 3.1 - RADIUS_M && (6.5 + RADIUS_M..6.9).contains(&sofa.x_m), "{sofa:?}");
 }
 
+/// Robots' maps enlarge obstacles to whole cells, so doors look narrower than they are.
+#[test]
+fn goals_are_on_both_sides_of_a_door_that_looks_just_too_narrow() {
+    let mut lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let cells = lidar.cells.as_mut().unwrap();
+    // Of the door from 2 to 3 m, 0.4 m remain.
+    for row in (0..20).filter(|row| !(6..14).contains(row)) {
+        for x_m in [5.025, 5.075] {
+            let (x, y) = cells.frame.cell(&Point2::new(x_m, 2.025 + 0.05 * f64::from(row))).unwrap();
+            cells.set(x, y, Cell::Occupied);
+        }
+    }
+    let found = places(&level(&lidar));
+    assert!(found.goal_area.is_at_dock, "{:?}", found.goal_area);
+    assert!(found.all.iter().all(|place| place.goal.is_some()), "{:?}", found.all);
+}
+
 #[test]
 fn no_goal_is_where_the_robot_may_not_go() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();

@@ -79,10 +79,11 @@ impl Names {
     }
 }
 
-/// Returns a name with its number, at most [`MAX_TITLE`] long; the first one has no number.
+/// Returns a name with its number, at most [`MAX_TITLE`] long; the first one has no number. Some robots' maps have names with
+/// blanks at their ends.
 fn numbered(name: &str, number: usize) -> String {
     let ending = if number == 1 { String::new() } else { format!(" {number}") };
-    cut(name, MAX_TITLE - ending.len()) + &ending
+    cut(name.trim(), MAX_TITLE - ending.len()) + &ending
 }
 
 /// Returns the longest beginning of a text that has at most `max` bytes.

@@ -1,4 +1,4 @@
-//! Names, areas and sizes of rooms, where they cover as little furniture as possible.
+//! Names, areas and sizes of rooms, where they cover as little furniture and swings of doors as possible.
 
 use super::{INK, Page, QUIET, metres, point, shortened, text_width_mm};
 use crate::plan::model::{Plan, PlanRoom};
@@ -98,7 +98,14 @@ fn placed(room: &PlanRoom, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
     last
 }
 
-/// Returns the place of a box within a room where it covers least furniture, near the room's middle.
+/// Returns corners of the furniture and of the swings of doors.
+fn drawn(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
+    let furniture = plan.furniture.iter().map(|piece| piece.corners_m().to_vec());
+    let swings = plan.openings.iter().filter_map(|opening| opening.swing);
+    furniture.chain(swings.map(|swing| vec![swing.hinge_m, swing.open_m, swing.closed_m])).collect()
+}
+
+/// Returns the place of a box within a room where it covers least furniture and swings of doors, near the room's middle.
 fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]> {
     let ring = &room.outline.ring_m;
     let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
@@ -115,13 +122,13 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
             })
         })
     };
+    let drawn = drawn(plan);
     let covered = |p: [f64; 2]| {
-        let covered_m2 = plan.furniture.iter().map(|piece| {
-            let corners = piece.corners_m();
+        let covered_m2 = drawn.iter().map(|corners| {
             let overlap = |axis: usize| {
-                let along = corners.map(|corner| corner[axis]);
-                let low = along.into_iter().fold(f64::INFINITY, f64::min).max(p[axis] - half_m[axis]);
-                let high = along.into_iter().fold(f64::NEG_INFINITY, f64::max).min(p[axis] + half_m[axis]);
+                let along = || corners.iter().map(|corner| corner[axis]);
+                let low = along().fold(f64::INFINITY, f64::min).max(p[axis] - half_m[axis]);
+                let high = along().fold(f64::NEG_INFINITY, f64::max).min(p[axis] + half_m[axis]);
                 (high - low).max(0.0)
             };
             overlap(0) * overlap(1)

@@ -139,6 +139,23 @@ fn a_bold_name_fits_into_its_room() {
 }
 
 #[test]
+fn a_name_is_beside_the_swing_of_a_door() {
+    let plan = Plan { furniture: Vec::new(), ..plan_of("Kitchen") };
+    let [x, y] = plan.rooms[0].label_at_m;
+    // A swing of 1 m around the place of the name.
+    let [hinge_m, open_m, closed_m] = [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5]].map(|[u, v]| [x + u, y + v]);
+    let mut swung = plan.clone();
+    swung.openings[0].swing = Some(Swing { hinge_m, open_m, closed_m });
+    let places = [&plan, &swung].map(|plan| {
+        let svg = plan_svg(plan);
+        ["x", "y"].map(|axis| of_text(&svg, axis, "Kitchen"))
+    });
+    let moved_mm = (places[0][0] - places[1][0]).hypot(places[0][1] - places[1][1]);
+    // The swing is 20 mm wide and high on the page.
+    assert!(moved_mm > 10.0, "{places:?}");
+}
+
+#[test]
 fn a_picture_has_its_resolution() {
     let plan = box_of([4.0, 3.0]);
     let png = plan_png(&plan);
@@ -167,5 +184,31 @@ fn a_drawing_tells_its_unit_and_its_frame() {
         "Turn by 37.200 degrees about 0,0 for the LiDAR map's frame",
     ] {
         assert!(dxf.contains(&format!("\n1\n{line}\n")), "{line}");
+    }
+}
+
+/// The origin of a robot's map may be far from its home.
+#[test]
+fn a_drawing_opens_on_the_home() {
+    for size_m in [[8.0, 3.0], [3.0, 8.0]] {
+        let mut plan = box_of(size_m);
+        let low = [25.0, 30.0];
+        for corner in plan.masonry.iter_mut().flat_map(|outline| &mut outline.ring_m) {
+            *corner = [corner[0] + low[0], corner[1] + low[1]];
+        }
+        let dxf = plan_dxf(&plan);
+        let (_, view) = dxf.split_once("\nVPORT\n2\n*ACTIVE\n").unwrap();
+        let lines: Vec<&str> = view.lines().collect();
+        let value = |code: &str| -> f64 {
+            lines.chunks(2).find(|pair| pair[0] == code).and_then(|pair| pair[1].parse().ok()).unwrap()
+        };
+        let (height_m, aspect) = (value("40"), value("41"));
+        let half_m = [aspect * height_m / 2.0, height_m / 2.0];
+        for (axis, code) in ["12", "22"].into_iter().enumerate() {
+            let middle = value(code);
+            assert!(middle - half_m[axis] < low[axis], "{size_m:?}");
+            assert!(middle + half_m[axis] > low[axis] + size_m[axis], "{size_m:?}");
+        }
+        assert!(height_m < 1.5 * 8.0, "{height_m}");
     }
 }

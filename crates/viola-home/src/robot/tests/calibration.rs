@@ -72,6 +72,23 @@ fn segments_keep_their_cells_when_people_merge_and_split_rooms() {
     }
 }
 
+/// The card's own examples (`docs/templates`) have these types.
+#[test]
+fn segments_have_numbers_as_ids_except_for_valetudo() {
+    let mut lidar = LidarMap::read(&valetudo_map()).unwrap();
+    for (format, ids) in [
+        ("valetudo", [json!("16"), json!("17")]),
+        ("roborock", [json!(16), json!(17)]),
+        ("dreame", [json!(16), json!(17)]),
+        ("viomi", [json!(16), json!(17)]),
+    ] {
+        lidar.info.format = format.to_owned();
+        let modes = modes(&level(&lidar));
+        let selections = modes[0]["predefined_selections"].as_array().unwrap();
+        assert_eq!(selections.iter().map(|one| one["id"].clone()).collect::<Vec<_>>(), ids, "{format}");
+    }
+}
+
 #[test]
 fn rooms_without_a_name_are_called_by_their_number_in_their_level() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();

@@ -71,6 +71,19 @@ fn the_type_of_an_area_follows_from_its_name_or_its_furniture() {
 }
 
 #[test]
+fn objects_above_the_robot_are_no_areas() {
+    let lidar = LidarMap::read(&valetudo_map()).unwrap();
+    let mut level = level(&lidar);
+    for (id, x_m) in [("lamp-1", 2.0), ("lamp-2", 4.0)] {
+        level.objects.push(object(id, Class::Lamp, [x_m, 1.5], [0.4, 0.4, 0.3], "16"));
+    }
+    level.objects[2].bounds.centre_m[2] = 2.2;
+    let objects: Vec<String> =
+        matter(&[level]).sources.into_iter().filter_map(|source| source.object).collect();
+    assert_eq!(objects, ["table-1", "sofa-1", "lamp-2"]);
+}
+
+#[test]
 fn matter_s_lists_are_bounded() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();
     let mut level = level(&lidar);

@@ -107,6 +107,7 @@ fn no_number_takes_the_name_of_another_room() {
         (&["A", "A", "A 2", "A 2", "A 3"], &["A", "A 4", "A 2", "A 2 2", "A 3"]),
         (&["A", "A", "A"], &["A", "A 2", "A 3"]),
         (&["A", "B", "C"], &["A", "B", "C"]),
+        (&["Flur ", "Flur", " Flur "], &["Flur", "Flur 2", "Flur 3"]),
     ] {
         let room = |(number, name): (usize, &&str)| Room {
             name: Some((*name).to_owned()),
