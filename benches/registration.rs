@@ -12,7 +12,6 @@ use viola_align::complete::{self, Imagination, View, ViewStrategy};
 use viola_align::{Activation, AlignParams, CompleteParams, register_completing};
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, Unit, excerpts};
-use viola_lab::simulate::Set;
 
 fn main() {
     let with_paper = std::env::args().any(|argument| argument == "--paper");
@@ -20,17 +19,7 @@ fn main() {
     methods.extend(with_paper.then(|| Method::named("paper", 0, None).expect("paper is a method")));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
     pool.install(|| {
-        let homes = HomeClips::new(HomesParams {
-            sets: vec![Set::Normal],
-            seeds: 1000..1010,
-            clips_per_home: 1,
-            frames: vec![60],
-            picture_labels: None,
-            foreign: false,
-            withhold_poses: false,
-            drift: 0.005,
-            unit: Unit::Metres,
-        });
+        let homes = HomeClips::new(HomesParams { seeds: 1000..1010, ..HomesParams::default() });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {
             Some(root) => {

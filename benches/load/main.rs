@@ -4,9 +4,7 @@
 //!   of another process starts a new job.
 //! - `reads BASE RATE SECONDS PATH...`: sends RATE requests per second at fixed times (open loop), and
 //!   measures from each due time to the last byte.
-//! - `phones BASE COUNT SECONDS HOME`: COUNT concurrent uploads of SECONDS each that are not valid clips.
 
-mod phones;
 mod queue;
 mod reads;
 
@@ -36,9 +34,7 @@ impl std::fmt::Display for Times {
 }
 
 fn usage() -> ! {
-    eprintln!(
-        "load queue POSTGRES_URL | load reads BASE RATE SECONDS PATH... | load phones BASE COUNT SECONDS HOME"
-    );
+    eprintln!("load queue POSTGRES_URL | load reads BASE RATE SECONDS PATH...");
     std::process::exit(2);
 }
 
@@ -55,9 +51,6 @@ async fn main() -> anyhow::Result<()> {
         ["queue", url] => queue::run(url).await,
         ["reads", base, rate, seconds, paths @ ..] if !paths.is_empty() => {
             reads::run(base, number(rate), number(seconds), paths).await
-        }
-        ["phones", base, count, seconds, home] => {
-            phones::run(base, number(count), number(seconds), home).await
         }
         _ => usage(),
     }

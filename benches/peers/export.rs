@@ -8,8 +8,7 @@ use viola_align as align;
 use viola_align::AlignParams;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Silent;
-use viola_lab::evaluate::{HomeClips, HomesParams, Suite, Unit};
-use viola_lab::simulate::Set;
+use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
 
 const STARTS: usize = 100;
 /// Runs; the fastest counts, because other processes disturb the rest.
@@ -17,18 +16,7 @@ const RUNS: usize = 5;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: peers OUT.json")?;
-    let homes = HomesParams {
-        sets: vec![Set::Normal],
-        seeds: 1000..1001,
-        clips_per_home: 1,
-        frames: vec![60],
-        picture_labels: None,
-        foreign: false,
-        withhold_poses: false,
-        drift: 0.005,
-        unit: Unit::Metres,
-    };
-    let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
+    let sample = HomeClips::new(HomesParams::default()).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;
     let target = sample.target.ok_or("the map is empty")?;
     let (hits, truth) =

@@ -1,4 +1,4 @@
-//! The suites of `tests/run`: they contain the tests of all crates.
+//! The suites of `tests/run`: they contain the tests of all crates. The bars of the method: CONTRIBUTING.md lists them.
 
 use super::{check, root};
 use std::fs;
@@ -21,4 +21,15 @@ fn every_test_of_the_crates_is_run() {
         }
     }
     check(broken);
+}
+
+#[test]
+fn every_bar_has_a_row_in_the_page() {
+    let read = |path: &str| fs::read_to_string(root().join(path)).unwrap();
+    let (page, bars) = (read("CONTRIBUTING.md"), read("tests/method/bars.rs"));
+    let rows = page.split("`method bars::").skip(1).filter_map(|rest| rest.split('`').next());
+    let rows: Vec<&str> = rows.collect();
+    let tests = bars.split("#[test]\nfn ").skip(1).filter_map(|rest| rest.split('(').next());
+    let absent = tests.filter(|test| !rows.iter().any(|row| test.starts_with(*row)));
+    check(absent.map(|test| format!("CONTRIBUTING.md has no row for the bar {test}")).collect());
 }

@@ -49,17 +49,7 @@ fn count(results: &[ClipResult]) -> (usize, usize, usize) {
 }
 
 fn homes(sets: &[Set], seeds: std::ops::Range<u64>, frames: usize) -> HomesParams {
-    HomesParams {
-        sets: sets.to_vec(),
-        seeds,
-        clips_per_home: 1,
-        frames: vec![frames],
-        picture_labels: None,
-        foreign: false,
-        withhold_poses: false,
-        drift: 0.005,
-        unit: Unit::Metres,
-    }
+    HomesParams { sets: sets.to_vec(), seeds, frames: vec![frames], ..HomesParams::default() }
 }
 
 #[test]

@@ -36,6 +36,22 @@ pub struct HomesParams {
     pub unit: Unit,
 }
 
+impl Default for HomesParams {
+    fn default() -> Self {
+        HomesParams {
+            sets: vec![Set::Normal],
+            seeds: 1000..1001,
+            clips_per_home: 1,
+            frames: vec![60],
+            picture_labels: None,
+            foreign: false,
+            withhold_poses: false,
+            drift: ClipParams::default().drift,
+            unit: Unit::Metres,
+        }
+    }
+}
+
 /// Factor of the frame rate without device poses: 10 Hz instead of 2.5 Hz. At 2.5 Hz half of the picture is
 /// new in every frame, and nobody records like that for tracking.
 pub const DENSER: usize = 4;
@@ -212,13 +228,10 @@ mod tests {
             let suite = HomeClips::new(HomesParams {
                 sets: vec![set],
                 seeds: 6..7,
-                clips_per_home: 1,
                 frames: vec![4],
-                picture_labels: None,
                 foreign: true,
-                withhold_poses: false,
                 drift: 0.0,
-                unit: Unit::Metres,
+                ..HomesParams::default()
             });
             let sample = |index| suite.sample(index, &AlignParams::default(), &Silent).unwrap().unwrap();
             let (own, foreign) = (sample(0), sample(1));

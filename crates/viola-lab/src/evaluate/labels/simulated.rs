@@ -84,23 +84,11 @@ fn count(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Unit;
-    use crate::simulate::Set;
     use std::cell::RefCell;
 
     #[test]
     fn shapes_tell_structure_of_simulated_clips() {
-        let homes = HomesParams {
-            sets: vec![Set::Normal],
-            seeds: 6..7,
-            clips_per_home: 1,
-            frames: vec![8],
-            picture_labels: None,
-            foreign: false,
-            withhold_poses: false,
-            drift: 0.0,
-            unit: Unit::Metres,
-        };
+        let homes = HomesParams { seeds: 6..7, frames: vec![8], drift: 0.0, ..HomesParams::default() };
         let names = RefCell::new(Vec::new());
         let advance = |clip: &str| names.borrow_mut().push(clip.to_owned());
         let rows = simulated(&homes, &AlignParams::default(), &advance).unwrap();
