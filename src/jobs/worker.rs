@@ -7,6 +7,7 @@ use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::mesh::make_meshes;
 use super::outcome::detail;
+use super::pace::Pace;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
@@ -56,15 +57,16 @@ impl Default for WorkerParams {
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
-    let mut worker = Worker { queue, params, stop, merged: String::new() };
+    let mut worker = Worker { queue, params, stop, merged: String::new(), merge_pace: Pace::default() };
     while !worker.stop.is_cancelled() {
         worker.queue_lost().await;
         // Jobs and merges take turns, so that neither waits until the other queue is empty. A home with queued clips is
         // not due, so it is merged once.
         let worked = worker.work().await;
-        let merged = !worker.stop.is_cancelled() && worker.merge().await;
+        let pause = worker.merge_pace.pause(Instant::now());
+        let merged = pause.is_none() && !worker.stop.is_cancelled() && worker.merge().await;
         if !worked && !merged {
-            worker.rest().await;
+            worker.rest(pause.unwrap_or(POLL).min(POLL)).await;
         }
     }
 }
@@ -75,6 +77,7 @@ struct Worker {
     stop: CancellationToken,
     /// Tenant of the last merge.
     merged: String,
+    merge_pace: Pace,
 }
 
 impl Worker {
@@ -119,10 +122,14 @@ impl Worker {
 
     /// Merges a home; returns false if none is due.
     async fn merge(&mut self) -> bool {
-        let Worker { queue, params, stop, merged } = self;
+        let Worker { queue, params, stop, merged, merge_pace } = self;
+        let begun = Instant::now();
         let claim = match queue.storage.claim_merge(merged, params.lease, queue.storage.now()).await {
             Ok(Some(claim)) => claim,
-            Ok(None) => return false,
+            Ok(None) => {
+                merge_pace.found_none(begun, Instant::now());
+                return false;
+            }
             Err(error) => {
                 error!(%error, "no map could be claimed");
                 return false;
@@ -143,12 +150,12 @@ impl Worker {
         }
     }
 
-    /// Waits until something may be due.
-    async fn rest(&self) {
+    /// Waits until something may be due, at most `longest`.
+    async fn rest(&self, longest: Duration) {
         tokio::select! {
             () = self.stop.cancelled() => {}
             () = self.queue.due.notified() => {}
-            () = tokio::time::sleep(POLL) => {}
+            () = tokio::time::sleep(longest) => {}
         }
     }
 }
