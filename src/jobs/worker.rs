@@ -344,18 +344,24 @@ impl Attempt<'_> {
         recorded: JobProgress,
         work: impl Future<Output = T>,
     ) -> Result<T, Lost> {
-        let mut work = pin!(work);
-        let mut tick = tokio::time::interval(TICK);
-        let mut last = LastHeartbeat { progress: recorded, at: Instant::now() };
-        loop {
-            tokio::select! {
-                result = &mut work => return Ok(result),
-                _ = tick.tick() => match self.heartbeat(progress.current(), &mut last).await {
+        let heartbeats = async {
+            let mut tick = tokio::time::interval(TICK);
+            let mut last = LastHeartbeat { progress: recorded, at: Instant::now() };
+            loop {
+                tick.tick().await;
+                match self.heartbeat(progress.current(), &mut last).await {
                     Ok(true) => {}
-                    Ok(false) => return Err(Lost),
-                    Err(error) => warn!(job = %self.claim.job.id, %error, "a heartbeat could not be recorded"),
-                },
+                    Ok(false) => return Lost,
+                    Err(error) => {
+                        warn!(job = %self.claim.job.id, %error, "a heartbeat could not be recorded")
+                    }
+                }
             }
+        };
+        // The work goes on while a heartbeat waits for the database: it may hold the connection for which the heartbeat waits.
+        tokio::select! {
+            result = work => Ok(result),
+            lost = heartbeats => Err(lost),
         }
     }
 

@@ -165,6 +165,44 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     LET_GO.store(true, Ordering::SeqCst);
 }
 
+/// A heartbeat may wait for ten seconds.
+#[tokio::test]
+async fn a_heartbeat_that_waits_for_the_database_does_not_hold_up_the_job() {
+    static RUNS: AtomicBool = AtomicBool::new(false);
+    static IS_LOCKED: AtomicBool = AtomicBool::new(false);
+    static HEARD: AtomicBool = AtomicBool::new(false);
+    fn hears(
+        _: &Path,
+        _: &[LevelFile],
+        _: &JobParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, AlignJobError> {
+        RUNS.store(true, Ordering::SeqCst);
+        while !IS_LOCKED.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // A new stage is worth a heartbeat.
+        progress.enter(Stage::Label);
+        while check(progress).is_ok() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        HEARD.store(true, Ordering::SeqCst);
+        Err(AlignJobError::Cancelled)
+    }
+    let server = server(hears, Duration::from_secs(30)).await;
+    upload(&server).await;
+    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    let lock = server.lock_jobs().await;
+    IS_LOCKED.store(true, Ordering::SeqCst);
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let begun = Instant::now();
+    let stopped = tokio::spawn(server.stop());
+    eventually("the method is asked to stop", || async { HEARD.load(Ordering::SeqCst).then_some(()) }).await;
+    assert!(begun.elapsed() < Duration::from_secs(5));
+    drop(lock);
+    stopped.await.unwrap();
+}
+
 #[tokio::test]
 async fn an_early_pose_is_shown_while_the_job_runs() {
     static LET_GO: AtomicBool = AtomicBool::new(false);
