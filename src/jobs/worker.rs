@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
-use viola_storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
+use viola_storage::{AttemptEnd, Claim, Fault, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
 
 /// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);
@@ -113,10 +113,15 @@ impl Worker {
         let job = &claim.job;
         let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
         let home = job.home.clone();
-        Attempt { queue: &self.queue, params: &self.params, claim }.run(&self.stop).instrument(span).await;
+        let attempt = Attempt { queue: &self.queue, params: &self.params, claim };
+        let has_fault = attempt.run(&self.stop).instrument(span).await;
         self.queue.wake();
         // A job without a result makes no merge due, but the meshes may have waited for its end.
         self.begin_meshes(home);
+        if has_fault {
+            // With a full disk it would take job after job, faster than the others do them, and each job would pause.
+            let _ = tokio::time::timeout(self.params.retry.first_delay, self.stop.cancelled()).await;
+        }
         true
     }
 
@@ -168,7 +173,8 @@ struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
-    async fn run(&self, stop: &CancellationToken) {
+    /// Returns whether a fault of this machine ended the attempt.
+    async fn run(&self, stop: &CancellationToken) -> bool {
         let job = &self.claim.job;
         let begun = Instant::now();
         // The due time of a further attempt is unknown.
@@ -199,6 +205,7 @@ impl Attempt<'_> {
             // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
+        matches!(ending, Some(AttemptEnd::Fault(Fault::System)))
     }
 
     /// Returns the code of the end of a job that was taken from this worker; `lost` if it runs on elsewhere, or is removed.

@@ -3,6 +3,7 @@
 use crate::server::Server;
 use serde_json::{Value, json};
 use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, align_clip};
@@ -90,6 +91,32 @@ async fn a_machine_without_descriptors_costs_no_attempt() {
     let clip = upload(&server).await;
     assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
     assert_eq!(CALLS.load(Ordering::SeqCst), 7);
+}
+
+/// Otherwise a machine with a full disk takes all jobs, faster than those that could do them.
+#[tokio::test]
+async fn a_worker_rests_after_a_fault() {
+    const REST: Duration = Duration::from_secs(2);
+    static CALLS: Mutex<Vec<Instant>> = Mutex::new(Vec::new());
+    fn never(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
+        CALLS.lock().unwrap().push(Instant::now());
+        let source = rustix::io::Errno::NOSPC.into();
+        Err(ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into())
+    }
+    let server = Server::with(|params| {
+        params.worker.method = never;
+        params.worker.retry = RetryPolicy { first_delay: REST, ..RetryPolicy::default() };
+    })
+    .await;
+    for _ in 0..2 {
+        upload(&server).await;
+    }
+    let calls = eventually("two jobs were tried", || async {
+        let calls = CALLS.lock().unwrap().clone();
+        (calls.len() > 1).then_some(calls)
+    })
+    .await;
+    assert!(calls[1].duration_since(calls[0]) >= REST);
 }
 
 #[tokio::test]
