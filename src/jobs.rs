@@ -8,6 +8,7 @@ mod merge;
 mod mesh;
 mod metrics;
 mod outcome;
+mod pace;
 mod priority;
 mod run;
 mod shared_progress;

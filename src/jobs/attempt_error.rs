@@ -76,9 +76,10 @@ impl From<StorageError> for AttemptError {
     fn from(error: StorageError) -> AttemptError {
         let cause = error.to_string();
         match error {
+            // A file of this machine, such as its copy of the clip.
+            StorageError::File { .. } => AttemptError::system(cause),
             // This includes a missing blob: its disk may be unavailable for a while.
-            StorageError::File { .. }
-            | StorageError::DamagedFile { .. }
+            StorageError::DamagedFile { .. }
             | StorageError::Database(_)
             | StorageError::Blobs(_)
             | StorageError::Randomness(_)
@@ -113,7 +114,8 @@ mod tests {
             assert!(is_fault(AlignJobError::Clip(ClipError::Container(unreadable(number)))), "{number:?}");
             assert!(is_fault(AlignJobError::Lidar(LidarError::Container(unreadable(number)))), "{number:?}");
             let source = number.into();
-            assert!(is_fault(StorageError::File { path: "blobs".into(), source }), "{number:?}");
+            let error = AttemptError::from(StorageError::File { path: "incoming".into(), source });
+            assert!(matches!(error, AttemptError::Fault { fault: Fault::System, .. }), "{number:?}");
         }
         let missing = object_store::Error::NotFound { path: "clip".to_owned(), source: "it is away".into() };
         assert!(is_fault(StorageError::Blobs(missing)));

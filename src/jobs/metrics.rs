@@ -2,7 +2,7 @@
 
 use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
 use std::time::Duration;
-use viola_storage::{AttemptEnd, ClipState};
+use viola_storage::{AttemptEnd, ClipState, Fault};
 
 const ATTEMPTS: &str = "viola_job_attempts_total";
 const ATTEMPT_SECONDS: &str = "viola_job_attempt_seconds";
@@ -25,6 +25,13 @@ pub fn describe_metrics() {
     counter!(LEASES_LOST).increment(0);
     describe_counter!(MERGES, "Merges of homes, by how they ended");
     describe_histogram!(MERGE_SECONDS, Unit::Seconds, "Time of a merge");
+    // An alert on an increase does not see the first count of a series that begins with it.
+    for outcome in [Fault::Storage.code(), Fault::System.code(), "worker_died", "internal_error"] {
+        counter!(ATTEMPTS, "outcome" => outcome).increment(0);
+    }
+    for outcome in ["failed", "lost"] {
+        counter!(MERGES, "outcome" => outcome).increment(0);
+    }
 }
 
 pub(super) fn started(waited: Duration) {

@@ -7,6 +7,7 @@ use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::mesh::make_meshes;
 use super::outcome::detail;
+use super::pace::Pace;
 use super::run::{Inputs, Method, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
@@ -16,7 +17,7 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
-use viola_storage::{AttemptEnd, Claim, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
+use viola_storage::{AttemptEnd, Claim, Fault, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
 
 /// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);
@@ -56,15 +57,16 @@ impl Default for WorkerParams {
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
-    let mut worker = Worker { queue, params, stop, merged: String::new() };
+    let mut worker = Worker { queue, params, stop, merged: String::new(), merge_pace: Pace::default() };
     while !worker.stop.is_cancelled() {
         worker.queue_lost().await;
         // Jobs and merges take turns, so that neither waits until the other queue is empty. A home with queued clips is
         // not due, so it is merged once.
         let worked = worker.work().await;
-        let merged = !worker.stop.is_cancelled() && worker.merge().await;
+        let pause = worker.merge_pace.pause(Instant::now());
+        let merged = pause.is_none() && !worker.stop.is_cancelled() && worker.merge().await;
         if !worked && !merged {
-            worker.rest().await;
+            worker.rest(pause.unwrap_or(POLL).min(POLL)).await;
         }
     }
 }
@@ -75,6 +77,7 @@ struct Worker {
     stop: CancellationToken,
     /// Tenant of the last merge.
     merged: String,
+    merge_pace: Pace,
 }
 
 impl Worker {
@@ -110,19 +113,28 @@ impl Worker {
         let job = &claim.job;
         let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
         let home = job.home.clone();
-        Attempt { queue: &self.queue, params: &self.params, claim }.run(&self.stop).instrument(span).await;
+        let attempt = Attempt { queue: &self.queue, params: &self.params, claim };
+        let has_fault = attempt.run(&self.stop).instrument(span).await;
         self.queue.wake();
         // A job without a result makes no merge due, but the meshes may have waited for its end.
         self.begin_meshes(home);
+        if has_fault {
+            // With a full disk it would take job after job, faster than the others do them, and each job would pause.
+            let _ = tokio::time::timeout(self.params.retry.first_delay, self.stop.cancelled()).await;
+        }
         true
     }
 
     /// Merges a home; returns false if none is due.
     async fn merge(&mut self) -> bool {
-        let Worker { queue, params, stop, merged } = self;
+        let Worker { queue, params, stop, merged, merge_pace } = self;
+        let begun = Instant::now();
         let claim = match queue.storage.claim_merge(merged, params.lease, queue.storage.now()).await {
             Ok(Some(claim)) => claim,
-            Ok(None) => return false,
+            Ok(None) => {
+                merge_pace.found_none(begun, Instant::now());
+                return false;
+            }
             Err(error) => {
                 error!(%error, "no map could be claimed");
                 return false;
@@ -143,12 +155,12 @@ impl Worker {
         }
     }
 
-    /// Waits until something may be due.
-    async fn rest(&self) {
+    /// Waits until something may be due, at most `longest`.
+    async fn rest(&self, longest: Duration) {
         tokio::select! {
             () = self.stop.cancelled() => {}
             () = self.queue.due.notified() => {}
-            () = tokio::time::sleep(POLL) => {}
+            () = tokio::time::sleep(longest) => {}
         }
     }
 }
@@ -161,7 +173,8 @@ struct Attempt<'a> {
 }
 
 impl Attempt<'_> {
-    async fn run(&self, stop: &CancellationToken) {
+    /// Returns whether a fault of this machine ended the attempt.
+    async fn run(&self, stop: &CancellationToken) -> bool {
         let job = &self.claim.job;
         let begun = Instant::now();
         // The due time of a further attempt is unknown.
@@ -192,6 +205,7 @@ impl Attempt<'_> {
             // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
+        matches!(ending, Some(AttemptEnd::Fault(Fault::System)))
     }
 
     /// Returns the code of the end of a job that was taken from this worker; `lost` if it runs on elsewhere, or is removed.
@@ -337,18 +351,24 @@ impl Attempt<'_> {
         recorded: JobProgress,
         work: impl Future<Output = T>,
     ) -> Result<T, Lost> {
-        let mut work = pin!(work);
-        let mut tick = tokio::time::interval(TICK);
-        let mut last = LastHeartbeat { progress: recorded, at: Instant::now() };
-        loop {
-            tokio::select! {
-                result = &mut work => return Ok(result),
-                _ = tick.tick() => match self.heartbeat(progress.current(), &mut last).await {
+        let heartbeats = async {
+            let mut tick = tokio::time::interval(TICK);
+            let mut last = LastHeartbeat { progress: recorded, at: Instant::now() };
+            loop {
+                tick.tick().await;
+                match self.heartbeat(progress.current(), &mut last).await {
                     Ok(true) => {}
-                    Ok(false) => return Err(Lost),
-                    Err(error) => warn!(job = %self.claim.job.id, %error, "a heartbeat could not be recorded"),
-                },
+                    Ok(false) => return Lost,
+                    Err(error) => {
+                        warn!(job = %self.claim.job.id, %error, "a heartbeat could not be recorded")
+                    }
+                }
             }
+        };
+        // The work goes on while a heartbeat waits for the database: it may hold the connection for which the heartbeat waits.
+        tokio::select! {
+            result = work => Ok(result),
+            lost = heartbeats => Err(lost),
         }
     }
 

@@ -38,6 +38,11 @@ async fn the_dashboard_shows_what_is_counted() {
     for state in ["queued", "paused", "running"] {
         assert!(value(&format!("viola_queue_jobs{{state=\"{state}\"}}")) >= 0.0, "{state}");
     }
+    // An alert on their increase needs the series before the first failure.
+    for outcome in ["storage_fault", "system_fault", "worker_died", "internal_error"] {
+        assert!(value(&format!("viola_job_attempts_total{{outcome=\"{outcome}\"}}")) >= 0.0, "{outcome}");
+    }
+    assert!(value("viola_merges_total{outcome=\"failed\"}") >= 0.0);
     let build = text.lines().find(|line| line.starts_with("viola_build_info{")).expect("the build is told");
     assert!(build.contains(concat!("version=\"", env!("CARGO_PKG_VERSION"), "\"")), "{build}");
     if cfg!(target_os = "linux") {

@@ -3,6 +3,7 @@
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
 use sqlx::Connection;
+use std::any::Any;
 use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -211,6 +212,25 @@ impl Server {
                 let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
                 let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
                 sqlx::query(statement).execute(&mut connection).await.unwrap();
+            }
+        }
+    }
+
+    /// Keeps everybody from changing jobs until the returned connection is dropped.
+    pub async fn lock_jobs(&self) -> Box<dyn Any> {
+        match &self.storage.postgres {
+            Some(postgres) => {
+                let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
+                for statement in ["BEGIN", "LOCK TABLE jobs IN EXCLUSIVE MODE"] {
+                    sqlx::query(statement).execute(&mut connection).await.unwrap();
+                }
+                Box::new(connection)
+            }
+            None => {
+                let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
+                let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
+                sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await.unwrap();
+                Box::new(connection)
             }
         }
     }

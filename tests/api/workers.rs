@@ -3,6 +3,7 @@
 use crate::server::Server;
 use serde_json::{Value, json};
 use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, align_clip};
@@ -92,6 +93,32 @@ async fn a_machine_without_descriptors_costs_no_attempt() {
     assert_eq!(CALLS.load(Ordering::SeqCst), 7);
 }
 
+/// Otherwise a machine with a full disk takes all jobs, faster than those that could do them.
+#[tokio::test]
+async fn a_worker_rests_after_a_fault() {
+    const REST: Duration = Duration::from_secs(2);
+    static CALLS: Mutex<Vec<Instant>> = Mutex::new(Vec::new());
+    fn never(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
+        CALLS.lock().unwrap().push(Instant::now());
+        let source = rustix::io::Errno::NOSPC.into();
+        Err(ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into())
+    }
+    let server = Server::with(|params| {
+        params.worker.method = never;
+        params.worker.retry = RetryPolicy { first_delay: REST, ..RetryPolicy::default() };
+    })
+    .await;
+    for _ in 0..2 {
+        upload(&server).await;
+    }
+    let calls = eventually("two jobs were tried", || async {
+        let calls = CALLS.lock().unwrap().clone();
+        (calls.len() > 1).then_some(calls)
+    })
+    .await;
+    assert!(calls[1].duration_since(calls[0]) >= REST);
+}
+
 #[tokio::test]
 async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
     let server = server(align_clip, Duration::from_secs(30)).await;
@@ -163,6 +190,44 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     // Less than the lease, and more than a busy machine needs.
     assert!(begun.elapsed() < Duration::from_secs(20));
     LET_GO.store(true, Ordering::SeqCst);
+}
+
+/// A heartbeat may wait for ten seconds.
+#[tokio::test]
+async fn a_heartbeat_that_waits_for_the_database_does_not_hold_up_the_job() {
+    static RUNS: AtomicBool = AtomicBool::new(false);
+    static IS_LOCKED: AtomicBool = AtomicBool::new(false);
+    static HEARD: AtomicBool = AtomicBool::new(false);
+    fn hears(
+        _: &Path,
+        _: &[LevelFile],
+        _: &JobParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, AlignJobError> {
+        RUNS.store(true, Ordering::SeqCst);
+        while !IS_LOCKED.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // A new stage is worth a heartbeat.
+        progress.enter(Stage::Label);
+        while check(progress).is_ok() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        HEARD.store(true, Ordering::SeqCst);
+        Err(AlignJobError::Cancelled)
+    }
+    let server = server(hears, Duration::from_secs(30)).await;
+    upload(&server).await;
+    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    let lock = server.lock_jobs().await;
+    IS_LOCKED.store(true, Ordering::SeqCst);
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let begun = Instant::now();
+    let stopped = tokio::spawn(server.stop());
+    eventually("the method is asked to stop", || async { HEARD.load(Ordering::SeqCst).then_some(()) }).await;
+    assert!(begun.elapsed() < Duration::from_secs(5));
+    drop(lock);
+    stopped.await.unwrap();
 }
 
 #[tokio::test]

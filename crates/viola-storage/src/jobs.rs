@@ -115,17 +115,18 @@ pub struct QueueState {
     pub merges_due: u64,
 }
 
+/// Selects the load of the queue, in one read of it: probes of all processes ask for it, and it may have millions of jobs.
+pub(super) const QUEUE_STATE: &str = "SELECT COUNT(*) AS queued,
+        COUNT(CASE WHEN run_after > $1 AND run_after <= $2 THEN 1 END) AS paused,
+        MIN(CASE WHEN run_after <= $1 THEN run_after END) AS due_since,
+        (SELECT COUNT(*) FROM jobs WHERE state = 'running') AS running,
+        (SELECT COUNT(*) FROM homes WHERE map_made < map_wanted) AS merges_due
+    FROM jobs WHERE state = 'queued'";
+
 impl Storage {
     /// Returns the load of the queue.
     pub async fn queue_state(&self, now: Timestamp) -> Result<QueueState, StorageError> {
-        let row = query(
-            "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 'queued') AS queued,
-                (SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND run_after > $1 AND run_after <= $2) AS paused,
-                (SELECT COUNT(*) FROM jobs WHERE state = 'running') AS running,
-                (SELECT MIN(run_after) FROM jobs WHERE state = 'queued' AND run_after <= $1) AS due_since,
-                (SELECT COUNT(*) FROM homes WHERE map_made < map_wanted) AS merges_due",
-        );
-        let row = row.bind(now.as_millisecond()).bind(clock::no_pause_after(now));
+        let row = query(QUEUE_STATE).bind(now.as_millisecond()).bind(clock::no_pause_after(now));
         let row = row.fetch_one(&mut self.database.reader().await?).await?;
         let due_since = row.maybe_time("due_since")?;
         Ok(QueueState {

@@ -12,6 +12,44 @@ use jiff::Timestamp;
 /// Homes that are looked up at a time.
 const BATCH: u32 = 100;
 
+/// Lists the tenants of a table as `of_TABLE`, by one read of an index for each tenant: a table may have millions of rows of one.
+macro_rules! tenants_of {
+    ($table:literal) => {
+        concat!(
+            "of_",
+            $table,
+            " (tenant) AS (SELECT MIN(tenant) FROM ",
+            $table,
+            " UNION ALL SELECT (SELECT MIN(tenant) FROM ",
+            $table,
+            " WHERE tenant > last.tenant) FROM of_",
+            $table,
+            " AS last WHERE last.tenant IS NOT NULL)"
+        )
+    };
+}
+
+/// Selects the tenants that have any data.
+pub(super) const TENANTS: &str = concat!(
+    "WITH RECURSIVE ",
+    tenants_of!("homes"),
+    ", ",
+    tenants_of!("api_keys"),
+    ", ",
+    tenants_of!("uploads"),
+    ", ",
+    tenants_of!("webhooks"),
+    ", ",
+    tenants_of!("changes"),
+    ", ",
+    tenants_of!("tenant_limits"),
+    " SELECT tenant FROM (
+        SELECT tenant FROM of_homes UNION SELECT tenant FROM of_api_keys UNION SELECT tenant FROM of_uploads
+        UNION SELECT tenant FROM of_webhooks UNION SELECT tenant FROM of_changes
+        UNION SELECT tenant FROM of_tenant_limits
+    ) AS known WHERE tenant IS NOT NULL ORDER BY tenant"
+);
+
 /// Number of items removed with a tenant.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Removed {
@@ -85,12 +123,7 @@ impl Storage {
 
     /// Returns the tenants that have any data.
     pub async fn tenants(&self) -> Result<Vec<Tenant>, StorageError> {
-        let rows = query(
-            "SELECT tenant FROM homes UNION SELECT tenant FROM api_keys UNION SELECT tenant FROM uploads
-            UNION SELECT tenant FROM webhooks UNION SELECT tenant FROM changes
-            UNION SELECT tenant FROM tenant_limits ORDER BY tenant",
-        );
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        let rows = query(TENANTS).fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| row.tenant("tenant")).collect()
     }
 }

@@ -2,6 +2,8 @@
 
 use super::home_maps::{align, due, revision};
 use super::*;
+use crate::columns::Columns;
+use crate::database::query;
 use viola_home::PlacedBy;
 
 on_every_back_end!(
@@ -96,6 +98,13 @@ async fn old_lidar_maps_go(storage: Storage) {
     assert_eq!(kept.iter().map(|map| map.revision).collect::<Vec<_>>(), (23..=32).rev().collect::<Vec<_>>());
     assert_eq!(storage.lidar_map_revisions(&home, upper, &page).await.unwrap().len(), 1);
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+    // The clip keeps eleven jobs, and these their maps.
+    let rows = query("SELECT COUNT(*) AS n FROM lidar_maps");
+    let rows = rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    assert_eq!(rows.number("n").unwrap(), 1 + 11);
+    // The next revision counts from one that was removed.
+    storage.delete_lidar_map(&home, LevelName::MAIN, |_| true, at(1)).await.unwrap();
+    assert_eq!(put_map(&storage, &home, b"map").await.0.revision, 33);
 }
 
 async fn uploads_are_limited_for_each_tenant(storage: Storage) {

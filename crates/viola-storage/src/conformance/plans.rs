@@ -3,7 +3,7 @@
 use super::*;
 use crate::columns::Columns;
 use crate::database::query;
-use crate::{changes, clips, home_maps, lidar_maps};
+use crate::{changes, clips, home_maps, jobs, lidar_maps, tenants};
 use sqlx::AssertSqlSafe;
 
 /// Returns the reads of a statement, which end with the index and the columns by which SQLite finds the rows.
@@ -49,4 +49,28 @@ async fn statements_read_their_own_rows() {
             assert!(step.starts_with("SEARCH") && step.ends_with(end), "{statement}: {step}");
         }
     }
+}
+
+#[tokio::test]
+async fn the_list_of_tenants_reads_one_row_of_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let found = plan(&storage, tenants::TENANTS).await;
+    // What the statement itself lists is scanned.
+    let is_list =
+        |step: &str| ["SCAN last", "SCAN of_", "SCAN known"].iter().any(|list| step.starts_with(list));
+    let of_tables: Vec<&String> = found.iter().filter(|step| !is_list(step)).collect();
+    let tables = 6;
+    assert_eq!(of_tables.len(), 2 * tables, "{found:?}");
+    assert!(of_tables.iter().all(|step| step.starts_with("SEARCH")), "{of_tables:?}");
+}
+
+#[tokio::test]
+async fn the_load_of_the_queue_is_one_read_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let found = plan(&storage, jobs::QUEUE_STATE).await;
+    // The queued jobs, the running ones, and the homes that are due.
+    assert_eq!(found.len(), 3, "{found:?}");
+    assert!(found.iter().all(|step| step.contains("INDEX")), "{found:?}");
 }

@@ -70,3 +70,21 @@ async fn a_later_process_adds_a_column(storage: Storage) {
         storage.put_home(&id, Some(&name), |_| true, at(1)).await.unwrap();
     }
 }
+
+/// A release is rolled back so.
+#[tokio::test]
+async fn an_earlier_program_starts_on_the_tables_of_a_later_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
+    let mut transaction = storage.database.begin().await.unwrap();
+    let later = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+        SELECT MAX(version) + 1, 'later', success, x'00', execution_time FROM _sqlx_migrations";
+    query(later).execute(&mut transaction).await.unwrap();
+    transaction.commit().await.unwrap();
+    storage.close().await;
+    drop(storage);
+    let storage = in_folder(folder.path()).await;
+    assert_eq!(storage.home(&home("h")).await.unwrap().id, home("h"));
+    storage.close().await;
+}

@@ -10,9 +10,8 @@ use viola_geometry::LevelName;
 
 impl Storage {
     /// Removes the LiDAR maps of a level with all that people chose and corrected on it, and queues every clip
-    /// of the home for the other levels, if the level's current revision is as `expected`. The rows stay, because revisions
-    /// count them and jobs name them. Returns an error if the level is removed but one of its files is not; another call
-    /// retries that.
+    /// of the home for the other levels, if the level's current revision is as `expected`. Returns an error if the level is removed
+    /// but one of its files is not; another call retries that.
     pub async fn delete_lidar_map(
         &self,
         home: &HomeId,
@@ -74,7 +73,20 @@ pub(super) async fn remove_to(
         bytes += row.number("size_bytes")? + row.number("image_bytes")?;
     }
     homes::grow(transaction, home, -bytes).await?;
+    forget_removed(transaction, home).await?;
     Ok(keys)
+}
+
+/// Deletes the rows of removed revisions that no kept job names: a robot's map may change every day. The newest row stays, since
+/// the next revision counts from it.
+async fn forget_removed(transaction: &mut Transaction, home: &HomeId) -> Result<(), StorageError> {
+    let forget = query(
+        "DELETE FROM lidar_maps WHERE home_id = $1 AND removed_at IS NOT NULL
+            AND revision < (SELECT MAX(revision) FROM lidar_maps AS newest WHERE newest.home_id = $1)
+            AND NOT EXISTS (SELECT 1 FROM jobs WHERE jobs.lidar_map_id = lidar_maps.id)",
+    );
+    forget.bind(home.key()).execute(transaction).await?;
+    Ok(())
 }
 
 /// Withdraws the choices on a level: their frame is gone.
