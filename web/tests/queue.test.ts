@@ -1,6 +1,8 @@
 import { body, fake, kept, until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, test } from "node:test";
+import type { HomeData } from "../src/home/data.ts";
+import { UploadPanel } from "../src/upload/panel.ts";
 import { stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
 import { type Answer, answerRequests, type Asked } from "./request.ts";
 
@@ -133,6 +135,18 @@ test("files wait for the next session", async () => {
   queue.resume();
   await until(() => done === 3);
   assert.deepEqual(rows(), []);
+});
+
+test("a queue that outlives its page keeps nothing of it in memory", async () => {
+  const page = new AbortController();
+  const panel = new UploadPanel({ home: { id: "left" } } as unknown as HomeData, () => done++, page.signal);
+  const left = queueOf("left");
+  assert.ok(fake(panel.element).contains(left.list) && fake(panel.element).contains(left.said));
+  page.abort();
+  assert.deepEqual([fake(left.list).parent, fake(left.said).parent], [null, null]);
+  left.addClip(fileOf("clip.zip"));
+  await until(() => left.unsent === 0);
+  assert.equal(done, 0, "the page that was left is told");
 });
 
 test("the unsent files of all homes are counted until the sign-out", async () => {

@@ -27,6 +27,7 @@ export class UploadPanel {
     this.queue = queue;
     queue.onDone = onDone;
     queue.resume();
+    signal.addEventListener("abort", () => queue.leavePage());
     this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), help(), queue.list, queue.said);
     this.takeDrops();
   }

@@ -88,6 +88,13 @@ export class UploadQueue {
     if (this.waiting.length > 0) void this.work();
   }
 
+  /** Lets the page of the home go: the queue would keep its points in memory. */
+  leavePage(): void {
+    this.onDone = () => {};
+    this.list.remove();
+    this.said.remove();
+  }
+
   stop(): void {
     for (const { stop } of [...this.waiting, ...this.arrived]) stop.abort();
     this.waiting = [];
