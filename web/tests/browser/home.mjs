@@ -83,6 +83,8 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     }, object.centre_m);
     await page.locator(".details").evaluate((card) => (card.style.visibility = "hidden"));
     await page.mouse.click(x, y);
+    const ring = await page.locator("svg.plan").first().evaluate((plan) => getComputedStyle(plan).outlineStyle);
+    assert.equal(ring, "none", "a click draws a ring around the plan");
     await page.locator(".details").evaluate((card) => (card.style.visibility = ""));
     await page.locator(`.thing-row[data-key="object ${object.id}"][aria-pressed=true]`).waitFor();
     await page.locator("label:has(#view-3d)").click();
