@@ -138,7 +138,7 @@ async function themesAndPhones() {
     const name = `08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`;
     await shot(name);
     await page.screenshot({ path: join(pictures, `${name}-whole.png`), animations: "disabled", fullPage: true });
-    for (const px of [360, 390]) {
+    for (const px of [320, 360, 390]) {
       await page.setViewportSize({ width: px, height: 844 });
       await theBreadcrumbCanBeHit();
       const width = await page.evaluate(() => document.documentElement.scrollWidth);
