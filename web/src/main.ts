@@ -33,7 +33,7 @@ leave.addEventListener("click", () => void attempt(leave, async () => {
   await show();
 }));
 
-document.body.append(
+document.body.replaceChildren(
   h("a", { class: "skip", href: "#main", onclick: skip }, "Skip to content"),
   h("header", { class: "bar" },
     h("a", { class: "brand", href: toHomes() }, "viola"), crumbs,

@@ -13,6 +13,21 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
   }
 
+  /** A phone needs seconds for the script on a slow network. */
+  async function aSlowPageSaysThatItLoads() {
+    const script = `${base}/assets/viewer-*.js`;
+    let arrive = () => {};
+    const arrived = new Promise((resolve) => (arrive = resolve));
+    await page.route(script, (route) => arrived.then(() => route.continue()));
+    await page.goto("about:blank");
+    await page.goto(`${base}/#/homes/flat`, { waitUntil: "commit" });
+    await page.locator("body > .loading").waitFor();
+    arrive();
+    await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
+    assert.equal(await page.locator("body > .loading").count(), 0);
+    await page.unroute(script);
+  }
+
   /** As while the service is upgraded behind a proxy. */
   async function aRefusedStreamIsOpenedAgain() {
     const events = `${home}/events`;
@@ -75,5 +90,5 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.unroute(all);
   }
 
-  return [aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anEndedSessionAsksForAKey];
+  return [aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anEndedSessionAsksForAKey];
 }
