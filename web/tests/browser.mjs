@@ -335,6 +335,7 @@ async function aClipIsDeletedByKeyboard() {
   await page.keyboard.press("Tab");
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => document.querySelectorAll("li.clip").length === 0);
+  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Clips", "the focus is lost with the row");
   assert.deepEqual((await open("/v1/homes/flat/clips")).items, []);
   await shot("13-deleted");
 }
