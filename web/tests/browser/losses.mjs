@@ -79,6 +79,25 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.getByText("Same file as first.zip").waitFor();
   }
 
+  /** The events of the home arrive before the answer to its deletion. */
+  async function aDeletedHomeLeadsToTheList() {
+    const gone = `${base}/v1/homes/gone`;
+    await page.request.put(gone, { data: { name: "Gone" } });
+    const opened = page.waitForResponse(`${gone}/events`);
+    await go("#/homes/gone");
+    await opened;
+    await page.route(gone, async (route) => {
+      if (route.request().method() !== "DELETE") return route.continue();
+      const answer = await route.fetch();
+      await page.getByRole("heading", { name: "This is not here" }).waitFor();
+      await route.fulfill({ response: answer });
+    });
+    await page.getByRole("button", { name: "Delete home" }).click();
+    await page.getByRole("dialog").getByRole("button", { name: "Delete home" }).click();
+    await page.getByRole("heading", { level: 1, name: "Homes" }).waitFor();
+    await page.unroute(gone);
+  }
+
   /** A tab that is looked at again after the session's end. */
   async function anEndedSessionAsksForAKey() {
     await showHome();
@@ -90,5 +109,5 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.unroute(all);
   }
 
-  return [aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anEndedSessionAsksForAKey];
+  return [aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, aDeletedHomeLeadsToTheList, anEndedSessionAsksForAKey];
 }
