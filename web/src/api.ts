@@ -13,6 +13,12 @@ const LONGEST_READ_MS = 60_000;
 /** Ids that are tried for a new home. */
 const MOST_IDS = 5;
 
+/** The explanations of answers without a problem document: none came, or a proxy before the service made it. */
+const WITHOUT_DOCUMENT: Record<number, string> = {
+  0: "The service does not answer.",
+  413: "A proxy before the service does not take a request of this size. Tell the person who runs the service.",
+};
+
 /** The service said no; the message is its own explanation. */
 export class Refusal extends Error {
   constructor(
@@ -52,7 +58,7 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
   } catch {
     // Not a problem document: something between this page and the service answered.
   }
-  return new Refusal(status, status === 0 ? "The service does not answer." : `The service answered with status ${status}.`, delay);
+  return new Refusal(status, WITHOUT_DOCUMENT[status] ?? `The service answered with status ${status}.`, delay);
 }
 
 /** The seconds of a header `Retry-After`; null if it is missing or a date. */

@@ -51,18 +51,22 @@ export function isByKey(click: MouseEvent): boolean {
   return click.detail === 0;
 }
 
-/** Replaces the content of an element. The focus stays with the element of the same `data-key`. */
+/** Replaces the content of an element. The focus stays as `keepFocus` says. */
 export function putAgain(element: Element, ...children: Child[]): void {
   keepFocus(element, () => put(element, ...children));
 }
 
-/** Runs a change of an element's content, and gives the focus back to the element of the same `data-key`. */
+/**
+ * Runs a change of an element's content, and gives the focus back to the element of the same `data-key`. If that one is gone, as
+ * the row of a deleted clip, the heading of the section has it: otherwise a person with keys would begin at the top of the page.
+ */
 export function keepFocus(element: Element, change: () => void): void {
   const focused = document.activeElement;
   const key = focused instanceof HTMLElement && element.contains(focused) ? focused.dataset.key : undefined;
   change();
   if (!key || element.contains(document.activeElement)) return;
-  element.querySelector<HTMLElement>(`[data-key="${CSS.escape(key)}"]`)?.focus({ preventScroll: true });
+  const same = element.querySelector<HTMLElement>(`[data-key="${CSS.escape(key)}"]`);
+  (same ?? element.closest("details.section")?.querySelector<HTMLElement>("summary"))?.focus({ preventScroll: true });
 }
 
 /** Replaces what an element holds. */

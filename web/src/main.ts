@@ -12,10 +12,10 @@ import { showUploader } from "./pages/uploader.ts";
 import { confirm } from "./parts/dialog.ts";
 import { attempt, clearNotices, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
-import { isSessionEnd, readSession } from "./session.ts";
+import { isSessionEnd, mayChange, readSession } from "./session.ts";
 import { themeButton } from "./theme.ts";
 import { refuseDrops } from "./upload/panel.ts";
-import { stopUploads, unsentFiles } from "./upload/queue.ts";
+import { resumeUploads, stopUploads, unsentFiles } from "./upload/queue.ts";
 import { many } from "./words.ts";
 import "./styles/main.css";
 
@@ -33,7 +33,7 @@ leave.addEventListener("click", () => void attempt(leave, async () => {
   await show();
 }));
 
-document.body.append(
+document.body.replaceChildren(
   h("a", { class: "skip", href: "#main", onclick: skip }, "Skip to content"),
   h("header", { class: "bar" },
     h("a", { class: "brand", href: toHomes() }, "viola"), crumbs,
@@ -67,6 +67,7 @@ async function show(isQuiet = false): Promise<void> {
     // Waiting files of one tenant are not sent with a key of another.
     if (lastTenant !== null && lastTenant !== tenant) stopUploads();
     lastTenant = tenant;
+    if (mayChange()) resumeUploads();
     if (role === "uploader") showUploader(place);
     else if (route.page === "homes") await showHomes(place, route.asked);
     else if (route.page === "home") await showHome(place, route.home, route.view);

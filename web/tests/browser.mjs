@@ -138,7 +138,7 @@ async function themesAndPhones() {
     const name = `08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`;
     await shot(name);
     await page.screenshot({ path: join(pictures, `${name}-whole.png`), animations: "disabled", fullPage: true });
-    for (const px of [360, 390]) {
+    for (const px of [320, 360, 390]) {
       await page.setViewportSize({ width: px, height: 844 });
       await theBreadcrumbCanBeHit();
       const width = await page.evaluate(() => document.documentElement.scrollWidth);
@@ -335,6 +335,7 @@ async function aClipIsDeletedByKeyboard() {
   await page.keyboard.press("Tab");
   await page.keyboard.press("Enter");
   await page.waitForFunction(() => document.querySelectorAll("li.clip").length === 0);
+  assert.equal(await page.evaluate(() => document.activeElement.textContent), "Clips", "the focus is lost with the row");
   assert.deepEqual((await open("/v1/homes/flat/clips")).items, []);
   await shot("13-deleted");
 }

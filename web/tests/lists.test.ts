@@ -4,6 +4,7 @@ import { test } from "node:test";
 import * as THREE from "three";
 import { Names } from "../src/cloud/names.ts";
 import { attentionOf, nextStepOf, withAttention } from "../src/home/attention.ts";
+import { h, keepFocus } from "../src/dom.ts";
 import { HomeData } from "../src/home/data.ts";
 import { Details } from "../src/home/details.ts";
 import { Looks } from "../src/home/looks.ts";
@@ -100,6 +101,19 @@ test("the rooms of the robot's map are listed and shown until a clip has its pla
   // The map of the clips has outlines; until they are read, no list of other rooms flashes up.
   data.map = { levels: [{ level: "upper" }] } as unknown as HomeData["map"];
   assert.deepEqual(data.robotRooms, []);
+});
+
+test("the row that goes gives the focus to the heading of its section", () => {
+  const [summary, list] = [h("summary", {}, "Clips"), h("ul", {}, h("button", { "data-key": "delete 1" }), h("button", { "data-key": "delete 2" }))];
+  body.replaceChildren(fake(summary), fake(list));
+  Object.assign(list, { closest: () => ({ querySelector: () => summary }) });
+  const [first, second] = fake(list).all("button");
+  first?.focus();
+  keepFocus(list, () => second && fake(list).replaceChildren(second));
+  assert.equal(document.activeElement, summary);
+  second?.focus();
+  keepFocus(list, () => list.replaceChildren(h("button", { "data-key": "delete 2" })));
+  assert.equal(document.activeElement, fake(list).all("button")[0]);
 });
 
 test("a name is hidden until a picture has placed it, and keeps its place after that", () => {

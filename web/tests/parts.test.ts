@@ -115,6 +115,7 @@ test("a refusal is told in the service's own words", () => {
   assert.equal(explanation(413, '{"title":"Too large","detail":"at most 1 GiB"}'), "at most 1 GiB");
   assert.equal(explanation(413, '{"title":"Too large"}'), "Too large");
   assert.equal(explanation(502, "<html>"), "The service answered with status 502.");
+  assert.match(explanation(413, "<html>"), /^A proxy before the service /);
   assert.equal(explanation(0, ""), "The service does not answer.");
 });
 

@@ -1,7 +1,10 @@
 import { body, fake, kept, until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, test } from "node:test";
-import { stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
+import type { HomeData } from "../src/home/data.ts";
+import { onSessionEnd } from "../src/session.ts";
+import { UploadPanel } from "../src/upload/panel.ts";
+import { resumeUploads, stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
 import { type Answer, answerRequests, type Asked } from "./request.ts";
 
 const PART_BYTES = 8 << 20;
@@ -47,6 +50,9 @@ const real = { XMLHttpRequest: globalThis.XMLHttpRequest, fetch: globalThis.fetc
 let service = new Service();
 let queue = new UploadQueue("h");
 let done = 0;
+/** Requests for a sign-in; a page of any home may be shown. */
+let asked = 0;
+onSessionEnd(() => asked++);
 
 /** Opens the page of the home. */
 function open(): void {
@@ -57,7 +63,7 @@ function open(): void {
 
 beforeEach(() => {
   service = new Service();
-  done = 0;
+  [done, asked] = [0, 0];
   kept.clear();
   answerRequests((asked) => service.answer(asked));
   globalThis.fetch = (path) => {
@@ -127,12 +133,35 @@ test("files wait for the next session", async () => {
   for (const name of ["first.zip", "next.zip"]) queue.addClip(fileOf(name));
   await until(() => rows()[0]?.includes("waits for the sign-in") ?? false);
   assert.deepEqual(service.seen, ["POST uploads"]);
-  assert.equal(done, 1, "the page asks for the key");
+  assert.deepEqual([done, asked], [0, 1]);
   assert.equal(queue.unsent, 2);
   service.hasSession = true;
   queue.resume();
-  await until(() => done === 3);
+  await until(() => done === 2);
   assert.deepEqual(rows(), []);
+});
+
+test("after a new sign-in the files of all homes are sent, whatever page is shown", async () => {
+  service.hasSession = false;
+  for (const home of ["a", "b"]) queueOf(home).addClip(fileOf("clip.zip"));
+  await until(() => asked === 2);
+  assert.equal(unsentFiles(), 2);
+  service.hasSession = true;
+  resumeUploads();
+  await until(() => unsentFiles() === 0);
+  assert.equal(service.uploads.size, 2);
+});
+
+test("a queue that outlives its page keeps nothing of it in memory", async () => {
+  const page = new AbortController();
+  const panel = new UploadPanel({ home: { id: "left" } } as unknown as HomeData, () => done++, page.signal);
+  const left = queueOf("left");
+  assert.ok(fake(panel.element).contains(left.list) && fake(panel.element).contains(left.said));
+  page.abort();
+  assert.deepEqual([fake(left.list).parent, fake(left.said).parent], [null, null]);
+  left.addClip(fileOf("clip.zip"));
+  await until(() => left.unsent === 0);
+  assert.equal(done, 0, "the page that was left is told");
 });
 
 test("the unsent files of all homes are counted until the sign-out", async () => {

@@ -5,7 +5,7 @@ import { adviceOf } from "../clip/advice.ts";
 import { lastAnswerFigure } from "../clip/last.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { css } from "../cloud/colours.ts";
-import { h, keepFocus, put as fill, putAgain } from "../dom.ts";
+import { h, keepFocus, putAgain } from "../dom.ts";
 import { confirm } from "../parts/dialog.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
@@ -53,7 +53,7 @@ export class ClipsPanel {
     const rows = shown.map((clip) => this.row(clip));
     if (clips.length === 0) {
       const advice = mayChange() ? " Press “Add clips”, or drop recordings with depth anywhere on this page." : "";
-      fill(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
+      putAgain(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
     } else if (!sameChildren(this.list, rows)) {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
     }

@@ -27,7 +27,7 @@ export class EarlierMaps {
     try {
       const maps = lidar ? otherFiles(await api.lidarRevisions(home.id, level, this.signal)) : [];
       if (shown !== this.shown) return;
-      if (maps.length === 0) return put(this.element, h("p", { class: "hint" }, "This level has no earlier LiDAR map."));
+      if (maps.length === 0) return putAgain(this.element, h("p", { class: "hint" }, "This level has no earlier LiDAR map."));
       putAgain(this.element, h("ul", { class: "removed" }, ...maps.map((map) => this.row(map))));
     } catch (error) {
       if (this.signal.aborted || shown !== this.shown) return;

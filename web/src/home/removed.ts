@@ -33,7 +33,7 @@ export class RemovedPanel {
       const { objects } = await api.corrections(this.data.home.id, this.signal);
       if (shown !== this.shown) return;
       const removed = objects.filter(({ hidden }) => hidden);
-      if (removed.length === 0) return put(this.element, h("p", { class: "hint" }, "No object is removed."));
+      if (removed.length === 0) return putAgain(this.element, h("p", { class: "hint" }, "No object is removed."));
       putAgain(this.element, h("ul", { class: "removed" }, ...removed.map((object) => this.row(object))));
     } catch (error) {
       if (this.signal.aborted || shown !== this.shown) return;

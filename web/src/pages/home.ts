@@ -25,7 +25,7 @@ import { Backoff } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
-import { toHomes } from "../route.ts";
+import { parse, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { UploadPanel } from "../upload/panel.ts";
 import { isUnderWay } from "../words.ts";
@@ -84,7 +84,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     draw();
     leaveLevel();
   }, signal);
-  const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel, onDeleted: () => leaveHome(signal) });
+  const settings = new Settings(data, { onRenamed: () => repeated.again(), onLevelDeleted: leaveLevel, onDeleted: () => leaveHome(id) });
   const upload = mayChange() ? new UploadPanel(data, () => repeated.again(), signal) : null;
 
   const draw = () => {
@@ -128,9 +128,13 @@ function crumbsOf(place: Place): (name: string) => void {
   };
 }
 
-/** Shows the list in place of a deleted home. The person may have gone to another page meanwhile. */
-function leaveHome(signal: AbortSignal): void {
-  if (!signal.aborted) location.hash = toHomes();
+/**
+ * Shows the list in place of a deleted home, also if the page has found it gone before the deletion was answered. The person may
+ * have gone to another page meanwhile.
+ */
+function leaveHome(id: string): void {
+  const route = parse(location.hash);
+  if (route.page === "home" && route.home === id) location.hash = toHomes();
 }
 
 /** Reads the home again after each of its changes, and follows its jobs. */

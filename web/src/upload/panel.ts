@@ -26,7 +26,7 @@ export class UploadPanel {
     const queue = queueOf(data.home.id);
     this.queue = queue;
     queue.onDone = onDone;
-    queue.resume();
+    signal.addEventListener("abort", () => queue.leavePage());
     this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), help(), queue.list, queue.said);
     this.takeDrops();
   }

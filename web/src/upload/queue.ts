@@ -3,7 +3,7 @@
 import { Refusal } from "../api.ts";
 import { h } from "../dom.ts";
 import { alarm, messageOf, say } from "../parts/notices.ts";
-import { isSessionEnd } from "../session.ts";
+import { isSessionEnd, reportSessionEnd } from "../session.ts";
 import { levelWord, named } from "../words.ts";
 import { type Begun, begunOf, dropAllBegun, dropBegun } from "./begun.ts";
 import { offerUndo, sendMap, type Target } from "./map.ts";
@@ -30,6 +30,11 @@ export function queueOf(home: string): UploadQueue {
 /** The number of files of all homes that are not sent yet. */
 export function unsentFiles(): number {
   return [...queues.values()].reduce((sum, { unsent }) => sum + unsent, 0);
+}
+
+/** Sends the files of all homes that wait for a session. */
+export function resumeUploads(): void {
+  for (const queue of queues.values()) queue.resume();
 }
 
 /** Ends all uploads: they are of the person who signs out. */
@@ -86,6 +91,13 @@ export class UploadQueue {
   /** Sends the files that still wait, for example after a new sign-in. */
   resume(): void {
     if (this.waiting.length > 0) void this.work();
+  }
+
+  /** Lets the page of the home go: the queue would keep its points in memory. */
+  leavePage(): void {
+    this.onDone = () => {};
+    this.list.remove();
+    this.said.remove();
   }
 
   stop(): void {
@@ -214,8 +226,8 @@ export class UploadQueue {
     const { file, row } = upload;
     if (isSessionEnd(error)) {
       row.wait("waits for the sign-in");
-      // The page asks for the key.
-      this.onDone();
+      // Any page may be shown now; it asks for the key.
+      reportSessionEnd(messageOf(error));
       return false;
     }
     const reason = messageOf(error);

@@ -83,9 +83,23 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     }, object.centre_m);
     await page.locator(".details").evaluate((card) => (card.style.visibility = "hidden"));
     await page.mouse.click(x, y);
+    const ring = await page.locator("svg.plan").first().evaluate((plan) => getComputedStyle(plan).outlineStyle);
+    assert.equal(ring, "none", "a click draws a ring around the plan");
     await page.locator(".details").evaluate((card) => (card.style.visibility = ""));
     await page.locator(`.thing-row[data-key="object ${object.id}"][aria-pressed=true]`).waitFor();
     await page.locator("label:has(#view-3d)").click();
+  }
+
+  /** True if all of a card is in sight while its heading is as long as a name may be. */
+  function holdsALongName(card) {
+    return card.evaluate((element) => {
+      const heading = element.querySelector("h2");
+      const name = heading.textContent;
+      heading.textContent = "M".repeat(100);
+      const holds = element.scrollWidth <= element.clientWidth;
+      heading.textContent = name;
+      return holds;
+    });
   }
 
   async function aRoomIsRenamedAndDivided() {
@@ -101,6 +115,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.keyboard.press("Enter");
     await mapIs(next++);
     await details.getByRole("heading", { name: "Atelier" }).waitFor();
+    assert.ok(await holdsALongName(details), "a name of one long word pushes the buttons out of the card");
     await page.locator("label:has(#view-2d)").click();
     const split = details.getByRole("button", { name: "Split" });
     await split.click();

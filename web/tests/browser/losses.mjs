@@ -13,6 +13,21 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
   }
 
+  /** A phone needs seconds for the script on a slow network. */
+  async function aSlowPageSaysThatItLoads() {
+    const script = `${base}/assets/viewer-*.js`;
+    let arrive = () => {};
+    const arrived = new Promise((resolve) => (arrive = resolve));
+    await page.route(script, (route) => arrived.then(() => route.continue()));
+    await page.goto("about:blank");
+    await page.goto(`${base}/#/homes/flat`, { waitUntil: "commit" });
+    await page.locator("body > .loading").waitFor();
+    arrive();
+    await page.getByRole("heading", { level: 1, name: "Flat" }).waitFor();
+    assert.equal(await page.locator("body > .loading").count(), 0);
+    await page.unroute(script);
+  }
+
   /** As while the service is upgraded behind a proxy. */
   async function aRefusedStreamIsOpenedAgain() {
     const events = `${home}/events`;
@@ -64,6 +79,25 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.getByText("Same recording as first.zip").waitFor();
   }
 
+  /** The events of the home arrive before the answer to its deletion. */
+  async function aDeletedHomeLeadsToTheList() {
+    const gone = `${base}/v1/homes/gone`;
+    await page.request.put(gone, { data: { name: "Gone" } });
+    const opened = page.waitForResponse(`${gone}/events`);
+    await go("#/homes/gone");
+    await opened;
+    await page.route(gone, async (route) => {
+      if (route.request().method() !== "DELETE") return route.continue();
+      const answer = await route.fetch();
+      await page.getByRole("heading", { name: "This is not here" }).waitFor();
+      await route.fulfill({ response: answer });
+    });
+    await page.getByRole("button", { name: "Delete home" }).click();
+    await page.getByRole("dialog").getByRole("button", { name: "Delete home" }).click();
+    await page.getByRole("heading", { level: 1, name: "Homes" }).waitFor();
+    await page.unroute(gone);
+  }
+
   /** A tab that is looked at again after the session's end. */
   async function anEndedSessionAsksForAKey() {
     await showHome();
@@ -75,5 +109,5 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.unroute(all);
   }
 
-  return [aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anEndedSessionAsksForAKey];
+  return [aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, aDeletedHomeLeadsToTheList, anEndedSessionAsksForAKey];
 }
