@@ -55,6 +55,13 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
         assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
         assert!(stderr.contains(words), "{stderr}");
     }
+    // The answer of an earlier run does not stay.
+    assert!(
+        folder.path().join("answer/cloud.ply").exists() && !folder.path().join("answer/result.json").exists()
+    );
+    std::fs::write(folder.path().join("answer/map.json"), "{}").unwrap();
+    let (code, _, _) = run(&["map", "clip.zip", "--lidar", "notes.txt", "--out", "answer"], folder.path());
+    assert!(code == Some(1) && !folder.path().join("answer/map.json").exists());
     let (code, _, stderr) = run(&["inspect", "."], folder.path());
     assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
     assert_eq!(align("clip.zip", "--unknown").0, Some(2));
