@@ -186,7 +186,30 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
 #[test]
 fn a_configuration_that_a_command_would_refuse_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("viola.toml"), "[work]\nworkers = \"many\"\n").unwrap();
+    for (name, text) in [
+        ("viola.toml", "[work]\nworkers = \"many\"\n"),
+        ("name.toml", "wrokers = 2\n"),
+        ("type.toml", "workers = [2]\n"),
+        ("half.toml", "workers = \n"),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    // A file whose form is wrong has the exit code of one with a wrong value.
+    for (file, words) in [
+        ("name.toml", "`wrokers`"),
+        ("type.toml", "`workers`"),
+        ("half.toml", "half.toml"),
+        ("no.toml", "no.toml"),
+    ] {
+        for command in [&["config", "work"][..], &["work"]] {
+            let output = viola(command, folder.path()).env("VIOLA_CONFIG", file).output().unwrap();
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert!(
+                output.status.code() == Some(2) && stderr.contains(words),
+                "{command:?} {file}: {stderr}"
+            );
+        }
+    }
     let url = "mysql://user:secret@db/viola";
     for (command, variable, value, words) in [
         ("work", "VIOLA_WORKERS", "many", "--workers"),
