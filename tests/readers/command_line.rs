@@ -110,6 +110,13 @@ fn the_picture_of_a_network_does_not_replace_its_input() {
     let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
     let (code, _, stderr) = run(&arguments, folder.path());
     assert!(code == Some(1) && stderr.contains("choose another --out"), "{stderr}");
+    let arguments =
+        ["models", "check", "fastdepth", "--picture", "a.png", "--out", "b.png", "--models", "empty"];
+    let (code, _, stderr) = run(&arguments, folder.path());
+    assert!(
+        code == Some(1) && stderr.contains("run `viola models fetch fastdepth --models empty`"),
+        "{stderr}"
+    );
 }
 
 #[test]
