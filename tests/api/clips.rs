@@ -175,6 +175,10 @@ async fn an_idempotency_key_makes_one_clip_of_many_uploads() {
     assert_eq!(server.get(&home).await.ok(200)["clips"], 2);
     assert_eq!(server.blobs().len(), 2);
     upload("a b", small_clip()).await.problem(400, "invalid-header");
+    let twice =
+        server.request(Method::POST, &clips).header("Idempotency-Key", "k").header("Idempotency-Key", "l");
+    let problem = server.send(twice.body(small_clip())).await.problem(400, "invalid-header");
+    assert_eq!(problem["field"], "Idempotency-Key");
 }
 
 #[tokio::test]
