@@ -84,8 +84,8 @@ pub(super) enum Error {
     #[error("{0}")]
     Lidar(#[from] LidarError),
     #[error(
-        "this Idempotency-Key came with other bytes before; for the same recording send the same bytes again, and a new \
-         key only for another recording"
+        "this Idempotency-Key came with another recording before; for the same recording send the same files again, and a \
+         new key only for another recording"
     )]
     KeyReused,
     #[error("the home has no LiDAR map to align to; put one first")]
