@@ -68,7 +68,10 @@ pub(super) enum Error {
     UnsupportedMediaType(String),
     #[error("the body is larger than the limit of {limit} bytes")]
     BodyTooLarge { limit: u64 },
-    #[error("the upload has {offset} of its {length} bytes, and the body has more than the rest")]
+    #[error(
+        "the upload has {offset} of its {length} bytes, and the body has more than the rest; send the rest alone, or begin \
+         another upload with the length of the file"
+    )]
     BodyBeyondUpload { offset: u64, length: u64 },
     #[error("the body is too slow: {0}")]
     BodyStalled(String),
@@ -81,8 +84,8 @@ pub(super) enum Error {
     #[error("{0}")]
     Lidar(#[from] LidarError),
     #[error(
-        "this Idempotency-Key came with other bytes before; for the same recording send the same bytes again, and a new \
-         key only for another recording"
+        "this Idempotency-Key came with another recording before; for the same recording send the same files again, and a \
+         new key only for another recording"
     )]
     KeyReused,
     #[error("the home has no LiDAR map to align to; put one first")]
@@ -250,6 +253,7 @@ impl Error {
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::UnsupportedMediaType(_) => Some("Content-Type"),
             Error::KeyReused => Some("Idempotency-Key"),
+            Error::BodyBeyondUpload { .. } => Some("Upload-Length"),
             Error::Exists { .. } => Some("If-None-Match"),
             Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),

@@ -344,11 +344,16 @@ impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {
     type Rejection = Error;
 
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<IdempotencyKey, Error> {
-        let Some(value) = parts.headers.get("idempotency-key") else { return Ok(IdempotencyKey(None)) };
+        const FIELD: &str = "Idempotency-Key";
+        let mut values = parts.headers.get_all(FIELD).iter();
+        let Some(value) = values.next() else { return Ok(IdempotencyKey(None)) };
+        if values.next().is_some() {
+            return Err(Error::InvalidHeader { field: FIELD, detail: format!("{FIELD} was sent twice") });
+        }
         let bytes = value.as_bytes();
         if !is_idempotency_key(bytes) {
             let detail = "an Idempotency-Key is 1 to 255 visible ASCII characters".to_owned();
-            return Err(Error::InvalidHeader { field: "Idempotency-Key", detail });
+            return Err(Error::InvalidHeader { field: FIELD, detail });
         }
         Ok(IdempotencyKey(Some(String::from_utf8_lossy(bytes).into_owned())))
     }

@@ -12,6 +12,7 @@ use crate::webhooks::check_url;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_storage::{ChangeKind, WebhookMade};
@@ -146,7 +147,10 @@ pub(super) async fn test_webhook(
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
 ) -> Result<(StatusCode, Document<Delivery>), Error> {
-    let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, app.storage.now()).await?;
+    // As the times of the feed, that of the message has milliseconds.
+    let now = app.storage.now();
+    let now = Timestamp::from_millisecond(now.as_millisecond()).unwrap_or(now);
+    let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, now).await?;
     Ok((StatusCode::CREATED, Document(delivery.into())))
 }
 

@@ -87,6 +87,8 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     // Before the clip, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
+    // A folder that has `result.json` is whole, and has the answer of the last run.
+    output::remove(&arguments.out.join("result.json"))?;
     let progress = TerminalProgress::new();
     let watch =
         Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
@@ -106,8 +108,6 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let lidar = levels::of_level(&maps, aligned.alignment.level)?;
     output::folder(&arguments.out)?;
     let write = |name: &str, bytes: &[u8]| output::write_bytes(&arguments.out.join(name), bytes);
-    // A folder that has `result.json` is whole.
-    output::remove(&arguments.out.join("result.json"))?;
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);

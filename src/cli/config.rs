@@ -68,7 +68,8 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
         at += next + 1;
     }
     let Some(command) = command else { return Ok(arguments) };
-    let added = added(&read(&file, &name, program)?, command, &arguments[at..])?;
+    let settings = read(&file, &name, program)?;
+    let added = added(&settings, command, &arguments[at..]).map_err(wrong_file)?;
     arguments.splice(at..at, added);
     Ok(arguments)
 }
@@ -94,7 +95,17 @@ fn take_file(mut arguments: Vec<OsString>) -> (Vec<OsString>, Option<PathBuf>) {
     (arguments, file)
 }
 
+/// Returns the error of a configuration file as that of wrong arguments: its values are arguments.
+fn wrong_file(error: anyhow::Error) -> anyhow::Error {
+    wrong_arguments(format!("{error:#}"))
+}
+
+/// Returns the settings of a file for a command.
 fn read(file: &Path, command: &str, program: &Command) -> Result<Settings> {
+    settings_in(file, command, program).map_err(wrong_file)
+}
+
+fn settings_in(file: &Path, command: &str, program: &Command) -> Result<Settings> {
     let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
     let all: Settings = toml::from_str(&text).with_context(|| file.display().to_string())?;
     let mut settings = Settings::new();

@@ -15,8 +15,8 @@ pub struct ConvertArguments {
     /// Output format.
     #[arg(long, value_enum)]
     to: Target,
-    /// Output file. For ROS: the YAML file, with its image beside it, or a zip archive of both if the name ends with
-    /// .zip. For a clip: a folder, or a zip archive if the name ends with .zip.
+    /// Output file. For ROS: a .yaml or .yml file, with its image beside it, or a zip archive of both if the name ends
+    /// with .zip. For a clip: a folder, or a zip archive if the name ends with .zip.
     #[arg(long)]
     out: PathBuf,
 }

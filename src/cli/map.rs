@@ -108,6 +108,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let unknown_scale = arguments.scale.is_some();
     let params = JobParams { align, video: video_tools(), unknown_scale, ..JobParams::default() };
     let out = &arguments.out;
+    // A folder that has `map.json` is whole, and has the map of the last run.
+    output::remove(&out.join("map.json"))?;
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let valetudo = levels::valetudo_files(&arguments.lidar, &maps)?;
     let levels = level_maps(&maps);

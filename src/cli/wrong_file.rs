@@ -77,8 +77,13 @@ pub fn of_map(path: &Path, error: LidarError, advice: Advice) -> Error {
     }
     let is_clip = Clip::open(path).is_ok();
     let kind = if is_clip { Some(advice.of_clip()) } else { kind(path, advice) };
-    let other =
-        if is_folder { "a folder (name the file of the map in it)" } else { "an archive of other files" };
+    let other = if is_folder {
+        "a folder (name the file of the map in it)"
+    } else if path.is_file() {
+        "an archive of other files"
+    } else {
+        "a pipe with other content"
+    };
     anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or(other))
 }
 
@@ -87,10 +92,14 @@ fn yaml_beside(path: &Path) -> Option<PathBuf> {
     ["yaml", "yml"].map(|ending| path.with_extension(ending)).into_iter().find(|yaml| yaml.is_file())
 }
 
-/// Names the kind of a file in words; `None` if it is a folder, an archive or unknown.
+/// Names the kind of a file in words; `None` if it is a folder, a pipe, an archive or unknown.
 pub fn kind(path: &Path, advice: Advice) -> Option<&'static str> {
+    // Opening a pipe would wait for a writer, and reading it would take its content away.
+    if !path.is_file() {
+        return None;
+    }
     let mut head = [0; 512];
-    let read = File::open(path).and_then(|mut file| file.read(&mut head)).ok().filter(|_| path.is_file())?;
+    let read = File::open(path).and_then(|mut file| file.read(&mut head)).ok()?;
     let head = &head[..read];
     if LidarMap::open(path).is_ok() {
         return Some(advice.of_lidar_map());
@@ -162,5 +171,23 @@ mod tests {
         assert!(format!("{other:#}").starts_with("LiDAR map "), "{other:#}");
         let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 }, Advice::Flags);
         assert!(format!("{other:#}").contains("before frame 7"), "{other:#}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_taken_out_of_a_pipe() {
+        use std::io::Write;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let mut pipe = File::options().read(true).write(true).open(&path).unwrap();
+        pipe.write_all(b"mi").unwrap();
+        let clip = of_clip(&path, ClipError::VideoEnded { frame: 7 }, Advice::Flags);
+        assert!(format!("{clip:#}").contains("before frame 7"), "{clip:#}");
+        let map = of_map(&path, LidarError::UnknownFormat, Advice::Flags).to_string();
+        assert!(map.contains("is a pipe with other content, not a LiDAR map"), "{map}");
+        pipe.write_all(b"ne").unwrap();
+        let mut left = [0; 8];
+        assert_eq!(pipe.read(&mut left).unwrap(), 4);
     }
 }

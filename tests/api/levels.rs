@@ -26,7 +26,8 @@ async fn each_level_has_a_map_of_its_own() {
     let home = server.make_home("h").await;
     let maps = format!("{home}/lidar-maps");
     assert_eq!(server.get(&maps).await.ok(200), json!({"items": []}));
-    server.get(&format!("{maps}/upper")).await.problem(404, "lidar-map-not-found");
+    let missing = server.get(&format!("{maps}/upper")).await.problem(404, "lidar-map-not-found");
+    assert!(missing["detail"].as_str().unwrap().contains("/lidar-maps lists those that it has"), "{missing}");
     server.get(&format!("{maps}/upper/revisions")).await.problem(404, "lidar-map-not-found");
     assert_eq!(server.get(&format!("{maps}/main/revisions")).await.ok(200)["items"], json!([]));
     server.get("/v1/homes/none/lidar-maps").await.problem(404, "home-not-found");

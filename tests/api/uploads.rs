@@ -211,7 +211,7 @@ async fn going_on_is_refused_for_a_reason() {
         (server.patch(upload, 9, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
         (server.patch(upload, 11, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
         (server.patch(upload, 100, b""), 409, "upload-offset-mismatch", "Upload-Offset"),
-        (server.patch(upload, 10, &[7; 91]), 413, "body-too-large", ""),
+        (server.patch(upload, 10, &[7; 91]), 413, "body-too-large", "Upload-Length"),
         (at("-1"), 400, "invalid-header", "Upload-Offset"),
         (at("+10"), 400, "invalid-header", "Upload-Offset"),
         (at("ten"), 400, "invalid-header", "Upload-Offset"),
@@ -285,7 +285,7 @@ async fn a_body_beyond_the_length_is_refused_where_it_is_not_announced() {
     let upload = server.begin("h", 100).await;
     let chunks = (0..30).map(|_| Ok::<_, std::io::Error>(vec![7u8; 10]));
     let body = reqwest::Body::wrap_stream(futures::stream::iter(chunks));
-    check_refused(server.patch(&upload, 0, b"").body(body), 413, "body-too-large", "").await;
+    check_refused(server.patch(&upload, 0, b"").body(body), 413, "body-too-large", "Upload-Length").await;
     assert!(server.offset(&upload).await <= 100);
 }
 
@@ -335,7 +335,7 @@ async fn bytes_come_with_the_creation() {
         "Upload-Checksum",
     )
     .await;
-    check_refused(create(&[clip.clone(), vec![0]].concat()), 413, "body-too-large", "").await;
+    check_refused(create(&[clip.clone(), vec![0]].concat()), 413, "body-too-large", "Upload-Length").await;
     let form = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5).body("x");
     check_refused(
         form.header("Upload-Metadata", metadata(&[("home", "h")])),

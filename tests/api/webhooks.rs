@@ -211,6 +211,9 @@ async fn what_fails_is_in_the_log_and_can_be_sent_again() {
         got.iter().filter(|message| message.headers["webhook-id"] == failed["id"]).collect();
     assert_eq!(of_failed.len(), 2);
     assert_eq!(of_failed[0].body, of_failed[1].body);
+    let body: Value = serde_json::from_str(&of_failed[0].body).unwrap();
+    let time = body["timestamp"].as_str().unwrap();
+    assert!(time.len() <= "2026-03-14T15:09:26.535Z".len(), "{time} has milliseconds, as that of a change");
     server.delete(&path).await.ok(204);
     server.get(&path).await.problem(404, "webhook-not-found");
     server.post(&format!("{path}/test"), "").await.problem(404, "webhook-not-found");

@@ -160,6 +160,8 @@ fn a_clip_without_a_pose_has_no_probability() {
     let answer = register(&observation(&seen(), &Pose2::IDENTITY), &target(map));
     assert!(answer.reasons.iter().any(|reason| reason.code == "no_support"), "{:?}", answer.reasons);
     assert_eq!((answer.map_from_clip, answer.probability, answer.covariance), (None, None, None));
+    assert!(!answer.alternatives.is_empty());
+    assert!(answer.alternatives.iter().all(|one| one.probability.is_none()), "{:?}", answer.alternatives);
 }
 
 fn of_level(level: &str, points: Vec<Point2>) -> Target {

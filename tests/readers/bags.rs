@@ -1,6 +1,7 @@
 //! ROS 2 bags (ros2/rosbag2; mcap.dev/spec; ros2/common_interfaces).
 
 mod poses;
+mod unchosen;
 mod unread;
 
 use crate::databases::{Value, database};

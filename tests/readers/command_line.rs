@@ -55,6 +55,13 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
         assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
         assert!(stderr.contains(words), "{stderr}");
     }
+    // The answer of an earlier run does not stay.
+    assert!(
+        folder.path().join("answer/cloud.ply").exists() && !folder.path().join("answer/result.json").exists()
+    );
+    std::fs::write(folder.path().join("answer/map.json"), "{}").unwrap();
+    let (code, _, _) = run(&["map", "clip.zip", "--lidar", "notes.txt", "--out", "answer"], folder.path());
+    assert!(code == Some(1) && !folder.path().join("answer/map.json").exists());
     let (code, _, stderr) = run(&["inspect", "."], folder.path());
     assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
     assert_eq!(align("clip.zip", "--unknown").0, Some(2));
@@ -103,6 +110,13 @@ fn the_picture_of_a_network_does_not_replace_its_input() {
     let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
     let (code, _, stderr) = run(&arguments, folder.path());
     assert!(code == Some(1) && stderr.contains("choose another --out"), "{stderr}");
+    let arguments =
+        ["models", "check", "fastdepth", "--picture", "a.png", "--out", "b.png", "--models", "empty"];
+    let (code, _, stderr) = run(&arguments, folder.path());
+    assert!(
+        code == Some(1) && stderr.contains("run `viola models fetch fastdepth --models empty`"),
+        "{stderr}"
+    );
 }
 
 #[test]
@@ -179,7 +193,30 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
 #[test]
 fn a_configuration_that_a_command_would_refuse_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("viola.toml"), "[work]\nworkers = \"many\"\n").unwrap();
+    for (name, text) in [
+        ("viola.toml", "[work]\nworkers = \"many\"\n"),
+        ("name.toml", "wrokers = 2\n"),
+        ("type.toml", "workers = [2]\n"),
+        ("half.toml", "workers = \n"),
+    ] {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    // A file whose form is wrong has the exit code of one with a wrong value.
+    for (file, words) in [
+        ("name.toml", "`wrokers`"),
+        ("type.toml", "`workers`"),
+        ("half.toml", "half.toml"),
+        ("no.toml", "no.toml"),
+    ] {
+        for command in [&["config", "work"][..], &["work"]] {
+            let output = viola(command, folder.path()).env("VIOLA_CONFIG", file).output().unwrap();
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert!(
+                output.status.code() == Some(2) && stderr.contains(words),
+                "{command:?} {file}: {stderr}"
+            );
+        }
+    }
     let url = "mysql://user:secret@db/viola";
     for (command, variable, value, words) in [
         ("work", "VIOLA_WORKERS", "many", "--workers"),

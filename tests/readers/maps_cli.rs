@@ -76,8 +76,13 @@ fn convert_writes_what_is_read_back() {
         told.contains("`viola align` and `viola map`") && !folder.path().join("clip.ply").exists(),
         "{told}"
     );
-    let bad = viola(&["convert", "map.rrmap", "--to", "ros", "--out", "map.pgm"], folder.path());
-    assert!(!bad.status.success());
+    // LidarMap::open knows the yaml file by its name.
+    for out in ["map.pgm", "other", "other.txt"] {
+        let bad = viola(&["convert", "map.rrmap", "--to", "ros", "--out", out], folder.path());
+        let told = text_of(&bad.stderr);
+        assert!(!bad.status.success() && told.contains("name its yaml file"), "{out}: {told}");
+    }
+    assert!(["other", "other.txt", "other.pgm"].iter().all(|name| !folder.path().join(name).exists()));
     // The image of this ROS map is map.pgm.
     let image = || std::fs::read(folder.path().join("map.pgm")).unwrap();
     let before = image();

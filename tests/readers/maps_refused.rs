@@ -166,6 +166,13 @@ fn points_that_cannot_be_used_are_refused_by_name() {
     check_refused("a hundred kilometres", b"x,y\n0,0\n99999,99999\n", "map_too_large");
     check_refused("millimetres", b"x,y\n0,0\n8200,4100\n", "map_too_large");
     assert!(LidarMap::read(b"x,y\n-90000,0\n-89750,250\n").is_ok(), "where the map lies does not matter");
+    check_refused("a UTM zone", b"x,y\n412345.5,5789012\n412349,5789015\n", "map_far_from_origin");
+    check_refused("a map at the limit", b"x,y\n0,99998\n1,100001\n", "map_far_from_origin");
+    let told = LidarMap::read(b"x,y\n412345.5,5789012\n412349,5789015\n").unwrap_err().to_string();
+    assert!(
+        told.contains("x 412345.5 m, y 5789012.0 m") && told.contains("subtract the same offset"),
+        "{told}"
+    );
     check_refused("five million and one points", &b"1 2\n".repeat(5_000_001), "too_many_points");
 
     let ascii = String::from_utf8(ply("ascii")).unwrap();

@@ -1,6 +1,7 @@
 //! The coordinates of robots: the dock's place as its file has it.
 
 use crate::robot_files::{dreame, dreame_inflated, roborock, viomi_inflated, zlib};
+use crate::writers::zip_bytes;
 use serde_json::Value;
 use viola_formats::lidar::{LidarMap, RobotFrame, valetudo_json};
 use viola_testing::data;
@@ -51,6 +52,15 @@ fn valetudo_counts_down_from_the_upper_left_corner() {
     }
     assert_eq!(RobotFrame::MAP.rounded([1.23456, -2.0]), [1.235, -2.0]);
     assert_eq!(valetudo_json(json).as_deref(), Some(&json[..]));
+    let zipped = |files: &[&str]| {
+        zip_bytes(&files.iter().map(|name| (name.to_string(), json.to_vec())).collect::<Vec<_>>())
+    };
+    let one = zipped(&["home/map.json"]);
+    assert!(LidarMap::read(&one).unwrap().frames.valetudo.is_some());
+    assert_eq!(valetudo_json(&one).as_deref(), Some(&json[..]));
+    for other in [zipped(&["a.json", "b.json"]), zip_bytes(&[("map.zip".to_string(), one)])] {
+        assert_eq!(valetudo_json(&other), None);
+    }
 }
 
 /// Valetudo's own conversion of real maps: its JSON has the dock in its coordinates.

@@ -259,6 +259,7 @@ impl<'a> Registration<'a> {
             answer.map_from_clip = Some(pose);
         } else {
             (answer.covariance, answer.probability) = (None, None);
+            answer.alternatives.iter_mut().for_each(|one| one.probability = None);
         }
         answer
     }

@@ -111,9 +111,10 @@ pub struct NewClip {
 #[derive(Debug)]
 pub enum Added {
     New(Clip),
-    /// The idempotency key was used before with the same file; this is the earlier clip.
+    /// The idempotency key was used before with the same file, or with another archive of its content; this is the earlier
+    /// clip.
     Replayed(Clip),
-    /// The idempotency key was used before with another file.
+    /// The idempotency key was used before with another recording.
     KeyReused,
 }
 

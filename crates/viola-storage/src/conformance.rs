@@ -148,12 +148,22 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
 }
 
 async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
+    add_content(storage, home, bytes, None, key).await
+}
+
+async fn add_content(
+    storage: &Storage,
+    home: &HomeId,
+    bytes: &[u8],
+    content: Option<&str>,
+    key: Option<&str>,
+) -> Added {
     let file = arrived(storage, bytes).await;
     let idempotency_key = key.map(str::to_owned);
     let new = NewClip {
         file,
         info: clip_info(),
-        content_sha256: None,
+        content_sha256: content.map(str::to_owned),
         idempotency_key,
         recorded_at: None,
         title: None,

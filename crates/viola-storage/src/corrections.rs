@@ -69,7 +69,7 @@ pub struct CorrectionState<C: Correction> {
 pub enum CorrectionError {
     #[error(transparent)]
     Storage(#[from] StorageError),
-    #[error("the home has no map yet: the first one follows the first aligned clip")]
+    #[error("the home has no map yet: the first one follows the first clip with an answer")]
     NoMap,
     #[error("the map has no {kind} with the id {id}, and none was corrected under this id")]
     NotFound { kind: &'static str, id: String },

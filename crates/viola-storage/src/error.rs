@@ -105,7 +105,9 @@ pub enum StorageError {
     NoSuchHome,
     #[error("the home has no clip of this id; it may have been removed")]
     NoSuchClip,
-    #[error("the home has no such LiDAR map; PUT /v1/homes/{{home}}/lidar-map sends the first one")]
+    #[error(
+        "the home has no such LiDAR map; GET /v1/homes/{{home}}/lidar-maps lists those that it has, and PUT .../lidar-map sends one"
+    )]
     NoLidarMap,
     #[error("the home has LiDAR maps of {MAX_LEVELS} levels already, which is the maximum")]
     TooManyLevels,

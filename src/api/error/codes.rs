@@ -2,7 +2,7 @@
 
 /// The codes, with underscores, in order. Each first letter begins a line.
 #[rustfmt::skip]
-pub(in crate::api) const CODES: [&str; 150] = [
+pub(in crate::api) const CODES: [&str; 151] = [
     "archive_bomb",
     "bad_compression", "bad_depth", "bad_field", "bad_image", "bad_index", "bad_intrinsics", "bad_json",
     "bad_log", "bad_metadata", "bad_pcd", "bad_picture", "bad_ply", "bad_points", "bad_robot_map",
@@ -19,8 +19,8 @@ pub(in crate::api) const CODES: [&str; 150] = [
     "job_ended", "job_not_found",
     "key_invalid", "key_missing",
     "last_level", "lidar_map_not_found", "link",
-    "makers_busy", "malformed_json", "map_not_found", "map_revision_removed", "map_too_large",
-    "method_not_allowed", "missing_file", "missing_intrinsics",
+    "makers_busy", "malformed_json", "map_far_from_origin", "map_not_found", "map_revision_removed",
+    "map_too_large", "method_not_allowed", "missing_file", "missing_intrinsics",
     "no_answer_yet", "no_frames", "no_lidar_map", "no_such_frame", "no_thumbnail", "no_video_track",
     "no_walls", "not_an_archive", "not_metric", "not_ready", "not_video",
     "object_not_found",

@@ -64,15 +64,15 @@ const REASONS: [(&str, &str); 52] = [
 
 /// The codes of the readers of clips and LiDAR maps, in order: a file whose damage shows only when a job reads it.
 #[rustfmt::skip]
-const READERS: [&str; 83] = [
+const READERS: [&str; 84] = [
     "archive_bomb", "bad_compression", "bad_depth", "bad_field", "bad_image", "bad_index", "bad_intrinsics",
     "bad_json", "bad_log", "bad_metadata", "bad_pcd", "bad_picture", "bad_ply", "bad_points", "bad_robot_map",
     "bad_video", "bad_yaml", "cannot_unpack", "color_depth_mismatch", "depth_not_grey16", "depth_video",
     "duplicate_frame", "duplicate_name", "empty", "file_too_large", "frames_not_ascending", "image_size_changed",
-    "image_without_yaml", "link", "map_too_large", "missing_file", "missing_intrinsics", "no_frames",
-    "no_such_frame", "no_video_track", "no_walls", "not_an_archive", "not_metric", "not_video", "packing_damaged",
-    "packing_pieces", "packing_truncated", "partial_map", "path_escapes", "picture_too_large", "several_clips",
-    "several_trajectories", "tar_damaged", "tar_sparse", "tar_special_file", "tar_truncated",
+    "image_without_yaml", "link", "map_far_from_origin", "map_too_large", "missing_file", "missing_intrinsics",
+    "no_frames", "no_such_frame", "no_video_track", "no_walls", "not_an_archive", "not_metric", "not_video",
+    "packing_damaged", "packing_pieces", "packing_truncated", "partial_map", "path_escapes", "picture_too_large",
+    "several_clips", "several_trajectories", "tar_damaged", "tar_sparse", "tar_special_file", "tar_truncated",
     "three_dimensional_map", "too_many_cells", "too_many_entries", "too_many_frames", "too_many_points",
     "unknown_format", "unknown_layout", "unpacks_too_large", "video_broke_decoder", "video_changes",
     "video_child_ended", "video_child_lied", "video_child_silent", "video_child_start", "video_child_stopped",

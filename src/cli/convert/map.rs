@@ -48,8 +48,13 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
         return Ok(all_notes(&map, files.notes));
     }
     let image = out.with_extension("pgm");
-    if image == *out {
-        bail!("--out is the yaml file: its image is written to {}", image.display());
+    let has_ending = |ending: &str| out.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    if !has_ending("yaml") && !has_ending("yml") {
+        bail!(
+            "--out {} is not the name of a ROS map; name its yaml file, whose image is written to {}, or a .zip file",
+            out.display(),
+            image.display()
+        );
     }
     // With --out as the input, the map is replaced as asked for, with its image.
     let is_in_place = out.exists() && out.canonicalize()? == file.canonicalize()?;

@@ -102,9 +102,8 @@ impl<'a> HomeFiles<'a> {
         Ok(HomeFiles { document, objects, rooms, matter, levels, numbers, paths, time_ms })
     }
 
-    /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
+    /// Writes all files into a folder without a `map.json`, which is the last one: a folder that has it is whole.
     pub fn write(&self, out: &Path) -> Result<()> {
-        output::remove(&out.join("map.json"))?;
         for level in &self.levels {
             let folder = if level.level.is_main() { out.to_owned() } else { out.join(level.level.as_str()) };
             output::folder(&folder)?;

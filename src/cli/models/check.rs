@@ -46,6 +46,11 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<()> {
     if arguments.mask.is_some() && entry.task != Task::Inpainting {
         bail!("{} fills no holes: --mask is not for it", entry.name);
     }
+    let takes_pictures = matches!(entry.task, Task::Segmentation | Task::Depth | Task::Inpainting);
+    if takes_pictures && !entry.path(models).is_file() {
+        let (name, folder) = (&entry.name, models.display());
+        bail!("{name} is not installed in {folder}; run `viola models fetch {name} --models {folder}`");
+    }
     let picture = read(&arguments.picture)?.into_rgb8();
     let params = arguments.runtime.params(Some(models));
     match entry.task {

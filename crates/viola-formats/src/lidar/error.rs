@@ -38,6 +38,11 @@ pub enum LidarError {
         "the map extends over {width_m:.1} m by {height_m:.1} m, and may have {max_m} m a side; check that it is in metres"
     )]
     TooLarge { width_m: f64, height_m: f64, max_m: f64 },
+    #[error(
+        "the map is at x {x_m:.1} m, y {y_m:.1} m, and all coordinates must be below {max_m} m; subtract the same offset from \
+         those of all points"
+    )]
+    FarFromOrigin { x_m: f64, y_m: f64, max_m: f64 },
     #[error("the map has more than {max} points")]
     TooManyPoints { max: usize },
     #[error(
@@ -90,6 +95,7 @@ impl LidarError {
             LidarError::BadField { .. } => "bad_field",
             LidarError::TooManyCells { .. } => "too_many_cells",
             LidarError::TooLarge { .. } => "map_too_large",
+            LidarError::FarFromOrigin { .. } => "map_far_from_origin",
             LidarError::TooManyPoints { .. } => "too_many_points",
             LidarError::ThreeDimensional { .. } => "three_dimensional_map",
             LidarError::BadPoints { .. } => "bad_points",

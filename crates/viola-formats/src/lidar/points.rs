@@ -10,10 +10,13 @@ pub(super) use pcd::{is_pcd, read_pcd};
 pub(super) use ply::read_ply;
 
 use super::build::{Parts, build};
-use super::{LidarError, LidarMap, MAX_POINTS, MapMarks};
+use super::{LidarError, LidarInfo, LidarMap, MAX_POINTS, MapMarks};
 use viola_geometry::Point2;
 
-/// Points further than this from the origin, in metres, are dropped.
+/// Points with a greater coordinate, in metres, are dropped: it is twice the circumference of the earth.
+const MAX_COORDINATE_M: f64 = 8e7;
+/// A map with a greater coordinate, in metres, is refused: files of points and meshes have 32-bit numbers, whose steps are
+/// 8 mm there, and half a metre at the northing of a UTM zone.
 const MAX_DISTANCE_M: f64 = 1e5;
 
 /// Points collected from a file.
@@ -26,7 +29,7 @@ struct Cloud {
 impl Cloud {
     fn add(&mut self, x: f64, y: f64) -> Result<(), LidarError> {
         // NaN fails the comparisons.
-        if x.abs() < MAX_DISTANCE_M && y.abs() < MAX_DISTANCE_M {
+        if x.abs() < MAX_COORDINATE_M && y.abs() < MAX_COORDINATE_M {
             if self.points.len() == MAX_POINTS {
                 return Err(LidarError::TooManyPoints { max: MAX_POINTS });
             }
@@ -39,9 +42,12 @@ impl Cloud {
 
     fn into_map(self, format: &'static str, mut notes: Vec<String>) -> Result<LidarMap, LidarError> {
         if self.not_finite > 0 {
-            notes.push(format!("{} points that are not finite were dropped", self.not_finite));
+            notes.push(format!(
+                "{} points that are not finite, or not on earth, were dropped",
+                self.not_finite
+            ));
         }
-        build(Parts {
+        let map = build(Parts {
             format,
             frame: "metres, the file's own frame, x right, y up",
             occupied_m: self.points,
@@ -51,6 +57,11 @@ impl Cloud {
             marks: MapMarks::default(),
             carpet_m: Vec::new(),
             notes,
-        })
+        })?;
+        let LidarInfo { min_m, max_m, .. } = map.info;
+        if [min_m, max_m].iter().flatten().any(|coordinate| coordinate.abs() >= MAX_DISTANCE_M) {
+            return Err(LidarError::FarFromOrigin { x_m: min_m[0], y_m: min_m[1], max_m: MAX_DISTANCE_M });
+        }
+        Ok(map)
     }
 }

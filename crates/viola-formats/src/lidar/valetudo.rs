@@ -11,14 +11,15 @@ use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
 use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
-use super::{LidarError, LidarMap, LineKind, MAX_POINTS, Obstacle, ZoneKind};
+use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind};
+use crate::container::{Container, Zip};
 
 /// A kilometre: no robot maps more.
 pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
 
-/// Returns the JSON of a Valetudo map, which is the file itself, deflated in it, or in a picture; `None` for files
-/// of other formats.
+/// Returns the JSON of a Valetudo map, which is the file itself, deflated in it, in a picture, or any of these as the only
+/// file of a zip; `None` for files of other formats.
 pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     match bytes {
@@ -26,8 +27,18 @@ pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
         [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
         _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
         _ if is_gzip(bytes) => gunzip(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
+        [b'P', b'K', 3, ..] => {
+            only_file(bytes).filter(|file| !file.starts_with(b"PK")).and_then(|file| json_of(&file))
+        }
         _ => None,
     }
+}
+
+/// Returns the only file of a zip; `None` if it has several or none.
+fn only_file(zip: &[u8]) -> Option<Vec<u8>> {
+    let zip = Zip::from_bytes(zip.to_vec()).ok()?;
+    let [name] = zip.names() else { return None };
+    zip.read(name, MAX_FILE_BYTES).ok()
 }
 
 /// Reads the map in a picture.

@@ -2,8 +2,8 @@
 
 use super::{Added, NewClip, find};
 use crate::changes::{self, Changed};
-use crate::columns::to_json;
-use crate::database::{Transaction, query};
+use crate::columns::{Columns, to_json};
+use crate::database::{Connection, Transaction, query};
 use crate::incoming::Arrived;
 use crate::jobs::{self, Priority};
 use crate::quota::{self, QuotaCheck};
@@ -57,7 +57,8 @@ pub(crate) async fn insert(
     if let Some(key) = &new.idempotency_key
         && let Some(used) = idempotency::find(transaction, home, key).await?
     {
-        return if used.sha256 == new.sha256 {
+        let content = new.content_sha256.as_deref();
+        return if used.sha256 == new.sha256 || has_content(transaction, used.clip, content).await? {
             Ok(Added::Replayed(find(transaction, home, used.clip).await?))
         } else {
             Ok(Added::KeyReused)
@@ -99,6 +100,21 @@ pub(crate) async fn insert(
     }
     let clip = find(transaction, home, new.id).await?;
     Ok(Added::New(clip))
+}
+
+/// Returns whether the recording of a clip is an archive with this content, whatever its bytes.
+async fn has_content(
+    connection: &mut Connection,
+    clip: Uuid,
+    content_sha256: Option<&str>,
+) -> Result<bool, StorageError> {
+    let Some(content_sha256) = content_sha256 else { return Ok(false) };
+    let row = query("SELECT content_sha256 FROM clips WHERE id = $1")
+        .bind(clip.to_string())
+        .fetch_optional(connection)
+        .await?;
+    let known = row.map(|row| row.maybe_text("content_sha256")).transpose()?.flatten();
+    Ok(known.as_deref() == Some(content_sha256))
 }
 
 fn no_lidar_map() -> Reason {

@@ -175,6 +175,18 @@ async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
     }
     assert!(matches!(add_with_key(&storage, &id, b"two", Some("key")).await, Added::KeyReused));
     assert!(matches!(add_with_key(&storage, &id, b"one", Some("other key")).await, Added::New(_)));
+    // An archive that is packed again has other bytes.
+    let (content, key) = (Some("content"), Some("archive"));
+    let Added::New(packed) = add_content(&storage, &id, b"zip", content, key).await else {
+        panic!("not new")
+    };
+    match add_content(&storage, &id, b"zipped again", content, key).await {
+        Added::Replayed(clip) => assert_eq!(clip, packed),
+        other => panic!("{other:?}"),
+    }
+    let other = Some("other content");
+    assert!(matches!(add_content(&storage, &id, b"zipped", other, key).await, Added::KeyReused));
+    assert!(matches!(add_content(&storage, &id, b"file", content, Some("key")).await, Added::KeyReused));
     // A key belongs to a home, and lives as long as its clip.
     let other = home("other");
     storage.put_home(&other, None, |_| true, at(0)).await.unwrap();

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::clip::files::{Part, has_ending};
 use crate::container::Container;
-use bag::{Bag, Images, Unread};
+use bag::{Bag, Images, Unread, is_infrared, is_never_chosen};
 use message::CameraInfo;
 use std::cmp::Reverse;
 use viola_geometry::Vector3;
@@ -221,16 +221,6 @@ fn camera_frame<'a>(bag: &'a Bag, topic: &str, images: &'a Images) -> &'a str {
     of_info.filter(|_| !bag.frames.has(own)).filter(is_better).unwrap_or(own)
 }
 
-fn is_infrared(topic: &str) -> bool {
-    topic.contains("infra") || topic.split('/').any(|part| part == "ir")
-}
-
-/// Returns whether a topic has the confidence or the disparity of depth, which look like depth: a ZED publishes its
-/// confidence as 32-bit floats in the frame of depth and colour.
-fn is_confidence_or_disparity(topic: &str) -> bool {
-    topic.contains("confidence") || topic.contains("disparity")
-}
-
 /// Returns the topic with depth: of several, one with depth in its name, then one that is aligned to colour, then the one
 /// with most pictures.
 fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
@@ -239,8 +229,7 @@ fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
         let mut others = bag.images.iter().filter(|(topic, other)| !other.is_depth && !is_infrared(topic));
         others.any(|(_, other)| other.frame == images.frame)
     };
-    let depth =
-        bag.images.iter().filter(|(topic, images)| images.is_depth && !is_confidence_or_disparity(topic));
+    let depth = bag.images.iter().filter(|(topic, images)| images.is_depth && !is_never_chosen(topic, true));
     // Infrared pictures of 16 bits look like depth.
     depth.max_by_key(|(topic, images)| {
         let is_named_depth = topic.contains("depth");
@@ -268,8 +257,11 @@ struct Color<'a> {
 fn color<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Color<'a> {
     let is_called = |topic: &str| topic.contains("color") || topic.contains("rgb");
     let shared = |topic: &str| topic.chars().zip(depth_topic.chars()).take_while(|(a, b)| a == b).count();
-    let mut topics: Vec<(&String, &Images)> =
-        bag.images.iter().filter(|(topic, images)| !images.is_depth && !is_infrared(topic)).collect();
+    let mut topics: Vec<(&String, &Images)> = bag
+        .images
+        .iter()
+        .filter(|(topic, images)| !images.is_depth && !is_never_chosen(topic, false))
+        .collect();
     topics.sort_by_key(|(topic, images)| {
         let has_frame = images.frame == depth.frame;
         Reverse((has_frame, is_called(topic), shared(topic), images.pictures.len(), Reverse(topic.as_str())))

@@ -158,9 +158,9 @@ impl Rule {
             // Between the thresholds the occupancy is neither a wall's nor free floor's.
             Mode::Scale if is_opaque => self.by_threshold(mean(&pixel[..self.color_channels])),
             Mode::Scale => Cell::Unknown,
-            // The value, of 255, is itself the occupancy in percent; above 100 it is unknown.
+            // The value, of 255, is itself the occupancy in whole percent; above 100 it is unknown.
             Mode::Raw => {
-                let percent = mean(&pixel[..self.color_channels]) * 255.0;
+                let percent = (mean(&pixel[..self.color_channels]) * 255.0).round();
                 match percent / 100.0 {
                     p if p > 1.0 => Cell::Unknown,
                     p if p >= self.occupied => Cell::Occupied,
@@ -294,6 +294,17 @@ mod tests {
             free_thresh,
             mode,
         }
+    }
+
+    #[test]
+    fn the_percent_of_a_raw_image_is_rounded() {
+        let raw = description(0.1, Mode::Raw, false);
+        let colours = [[100, 100, 101], [101, 101, 100], [64, 65, 65], [10, 10, 11], [0, 0, 1]];
+        let image = image::RgbImage::from_fn(5, 1, |x, _| image::Rgb(colours[x as usize]));
+        assert_eq!(
+            classify(&image.into(), &raw),
+            [Cell::Occupied, Cell::Unknown, Cell::Occupied, Cell::Free, Cell::Free]
+        );
     }
 
     #[test]

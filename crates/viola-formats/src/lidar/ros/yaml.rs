@@ -131,7 +131,7 @@ impl Description {
         }
         let [x_m, y_m, yaw_rad] = origin;
         if !origin.iter().all(|value| value.abs() < 1e6) {
-            return Err("origin must be finite".to_string());
+            return Err(format!("origin is {origin:?}, and its values must be below 1e6"));
         }
         if !(0.0 <= free_thresh && free_thresh < occupied_thresh && occupied_thresh <= 1.0) {
             return Err(format!(

@@ -23,7 +23,7 @@ const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
 const MAX_POSES: usize = 1_000_000;
 
-/// Pictures of one topic in the order of time.
+/// Pictures of one topic in the order of time; none of a topic that is never chosen.
 pub(super) struct Images {
     pub frame: String,
     pub is_depth: bool,
@@ -181,6 +181,9 @@ impl Bag {
             pictures: Vec::new(),
         });
         if images.is_depth == is_depth {
+            if is_never_chosen(topic, is_depth) {
+                return Ok(());
+            }
             let bytes = &message[data];
             // A message has at most `MAX_MESSAGE_BYTES`.
             let part = Part { at: self.spool.append(bytes)?, bytes: bytes.len() as u32, coding, number: 0 };
@@ -206,4 +209,19 @@ fn add_pose(topics: &mut BTreeMap<String, Poses>, topic: &str, transform: Transf
     let topic =
         topics.entry(topic.to_string()).or_insert_with(|| Poses { world: parent, child, poses: Vec::new() });
     topic.poses.extend(pose);
+}
+
+pub(super) fn is_infrared(topic: &str) -> bool {
+    topic.contains("infra") || topic.split('/').any(|part| part == "ir")
+}
+
+/// Returns whether a topic has the confidence or the disparity of depth, which look like depth: a ZED publishes its
+/// confidence as 32-bit floats in the frame of depth and colour.
+fn is_confidence_or_disparity(topic: &str) -> bool {
+    topic.contains("confidence") || topic.contains("disparity")
+}
+
+/// Returns whether a topic is chosen neither for depth nor for colour, whatever other topics there are.
+pub(super) fn is_never_chosen(topic: &str, is_depth: bool) -> bool {
+    if is_depth { is_confidence_or_disparity(topic) } else { is_infrared(topic) }
 }
