@@ -19,7 +19,7 @@ pub use state::MapState;
 use super::columns::Columns;
 use super::damage::check_removed;
 use super::database::{Connection, Row, query};
-use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, clips, homes};
+use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, copies, homes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -196,7 +196,7 @@ impl Storage {
     pub async fn clips_left_out(&self, home: &HomeId) -> Result<Vec<LeftOut>, StorageError> {
         let rows = query(concat!(
             "SELECT id, state, reasons, ",
-            clips::duplicate_of!(),
+            copies::duplicate_of!(),
             " FROM clips WHERE home_id = $1 AND placement IS NULL ORDER BY id"
         ))
         .bind(home.key())

@@ -15,6 +15,7 @@ mod clip_state;
 mod clips;
 mod clock;
 mod columns;
+mod copies;
 #[cfg(test)]
 mod conformance;
 mod corrections;
