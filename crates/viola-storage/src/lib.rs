@@ -15,9 +15,9 @@ mod clip_state;
 mod clips;
 mod clock;
 mod columns;
-mod copies;
 #[cfg(test)]
 mod conformance;
+mod copies;
 mod corrections;
 mod damage;
 mod database;
