@@ -177,7 +177,10 @@ async fn a_tenant_is_removed_beside_a_running_server() {
         assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains(why));
     }
     let said = run(data.path(), &["tenants", "delete", "acme", "--yes"]);
-    assert!(said.contains("acme is gone: 1 homes, 0 uploads, 0 webhooks, 1 keys"), "{said}");
+    assert!(
+        said.contains("acme is gone with all its files: homes 1, uploads 0, webhooks 0, keys 1"),
+        "{said}"
+    );
     send(&acme, Method::GET, "/v1/homes/h", vec![]).await.problem(401, "key-invalid");
     assert_eq!(send(&bolt, Method::GET, "/v1/homes/h", vec![]).await.ok(200)["clips"], 1);
     assert!(!run(data.path(), &["tenants", "list"]).contains("acme"));
