@@ -119,6 +119,11 @@ impl Storage {
         self.database.follow_clock().await
     }
 
+    /// Checks that the database can be read.
+    pub async fn check_reads(&self) -> Result<(), StorageError> {
+        self.database.check_reads().await
+    }
+
     /// Checks that the database can write.
     pub async fn check_writes(&self) -> Result<(), StorageError> {
         self.database.check_writes().await
