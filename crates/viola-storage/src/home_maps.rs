@@ -7,6 +7,8 @@ mod places;
 mod scene;
 mod state;
 
+#[cfg(test)]
+pub(super) use merges::CLAIM_LATER;
 pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
 pub use mesh::{LevelSurface, MESH_POINTS};
 #[cfg(test)]

@@ -85,3 +85,13 @@ async fn a_list_of_clips_by_state_reads_those_of_its_tenant() {
     assert_eq!(of_states, ClipState::ALL.len(), "{found:?}");
     assert!(!found.iter().any(|step| step.starts_with("SCAN clips")), "{found:?}");
 }
+
+#[tokio::test]
+async fn a_search_for_a_merge_reads_no_clip_that_has_settled() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let found = plan(&storage, home_maps::CLAIM_LATER).await;
+    assert!(found.iter().all(|step| step.starts_with("SEARCH")), "{found:?}");
+    let of_clips: Vec<&String> = found.iter().filter(|step| step.starts_with("SEARCH clips")).collect();
+    assert!(matches!(&of_clips[..], [step] if step.contains("COVERING INDEX clips_unsettled")), "{found:?}");
+}
