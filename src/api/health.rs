@@ -47,6 +47,17 @@ pub(super) async fn by<T>(
     timeout_at(deadline, check).await.map_err(silent)?
 }
 
+/// Returns a number that readiness does not depend on; `None` if it was not there at the deadline.
+fn if_in_time<T>(counted: Result<T, StorageError>) -> Result<Option<T>, StorageError> {
+    match counted {
+        Err(error @ StorageError::Silent { .. }) => {
+            tracing::warn!(%error, "the queue could not be counted");
+            Ok(None)
+        }
+        counted => counted.map(Some),
+    }
+}
+
 /// Returns the deadline of checks that begin now.
 pub(super) fn deadline() -> Instant {
     Instant::now() + CHECKS
@@ -69,7 +80,7 @@ pub(super) struct Health {
     version: &'static str,
 }
 
-/// State of a process that can serve.
+/// State of a process that can serve. The numbers of the queue are null if their count takes too long.
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct Readiness {
     #[schema(example = "ok")]
@@ -80,15 +91,15 @@ pub(super) struct Readiness {
     /// Free space on the disk of incoming files.
     free_bytes: u64,
     /// Number of jobs that wait, with those that pause
-    queued: u64,
+    queued: Option<u64>,
     /// Number of queued jobs whose next attempt is due later: a fault or a failed attempt ended the last one
-    paused: u64,
-    running: u64,
+    paused: Option<u64>,
+    running: Option<u64>,
     /// Waiting time of the job that has been due longest. Jobs that pause do not count.
     #[schema(example = 1.5)]
-    queue_age_s: f64,
+    queue_age_s: Option<f64>,
     /// Number of homes whose fused map is out of date.
-    merges_due: u64,
+    merges_due: Option<u64>,
 }
 
 /// Check liveness
@@ -103,7 +114,7 @@ async fn healthz() -> Json<Health> {
 /// The service is ready if its database answers and can write, its blobs can be written and read, and the
 /// disk has room for incoming files. After a write that failed for lack of room, the answer is 503 for at
 /// least five seconds. A check that takes longer than 2.5 s fails. The length of the queue says nothing about this process and
-/// has no effect. With `--admin-listen` only that listener serves this, without a key.
+/// has no effect, nor has a count that takes as long. With `--admin-listen` only that listener serves this, without a key.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = 200, description = "The service is ready", body = Readiness),
@@ -116,12 +127,14 @@ async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, 
         |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
     let deadline = deadline();
     // At the same time: each of them may take all the time.
-    let (queue, free_bytes, writes) = tokio::join!(
+    let (queue, reads, free_bytes, writes) = tokio::join!(
         by(deadline, storage.queue_state(storage.now())),
+        by(deadline, storage.check_reads()),
         by(deadline, storage.blobs_ready()),
         by(deadline, storage.check_writes()),
     );
-    let queue = queue.map_err(not_ready("database"))?;
+    reads.map_err(not_ready("database"))?;
+    let queue = if_in_time(queue).map_err(not_ready("database"))?;
     let free_bytes = free_bytes.map_err(not_ready("blobs"))?;
     if free_bytes < MIN_FREE_BYTES {
         return Err(Error::NotReady { what: "disk", cause: None });
@@ -135,11 +148,11 @@ async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, 
         version: env!("CARGO_PKG_VERSION"),
         database: storage.database_name(),
         free_bytes,
-        queued: queue.queued,
-        paused: queue.paused,
-        running: queue.running,
-        queue_age_s: queue.age.as_secs_f64(),
-        merges_due: queue.merges_due,
+        queued: queue.map(|queue| queue.queued),
+        paused: queue.map(|queue| queue.paused),
+        running: queue.map(|queue| queue.running),
+        queue_age_s: queue.map(|queue| queue.age.as_secs_f64()),
+        merges_due: queue.map(|queue| queue.merges_due),
     }))
 }
 
@@ -157,6 +170,15 @@ mod tests {
         assert!(matches!(hangs, Err(StorageError::Silent { .. })), "{hangs:?}");
         assert_eq!(by(deadline(), async { Ok(7) }).await.unwrap(), 7);
         let failed = by(deadline(), async { Err::<(), _>(StorageError::NoSuchHome) }).await;
+        assert!(matches!(failed, Err(StorageError::NoSuchHome)), "{failed:?}");
+    }
+
+    #[tokio::test]
+    async fn a_count_that_hangs_is_left_out() {
+        let hangs = by(Instant::now(), pending::<Result<u64, StorageError>>()).await;
+        assert_eq!(if_in_time(hangs).unwrap(), None);
+        assert_eq!(if_in_time(Ok(7)).unwrap(), Some(7));
+        let failed = if_in_time(Err::<u64, _>(StorageError::NoSuchHome));
         assert!(matches!(failed, Err(StorageError::NoSuchHome)), "{failed:?}");
     }
 }

@@ -78,7 +78,8 @@ pub fn run(arguments: &KeysArguments) -> Result<()> {
 }
 
 async fn create(arguments: &CreateArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.store.params()).await?;
+    // A service may get its first key before its first start.
+    let storage = Storage::administer_or_create(&arguments.store.params()).await?;
     let now = storage.now();
     let life = arguments.days.map(|days| SignedDuration::from_hours(24 * i64::from(days)));
     let new = NewKey {

@@ -138,7 +138,7 @@ async fn delete(arguments: &DeleteArguments) -> Result<()> {
     storage.close().await;
     let (removed, name) = (removed?, arguments.tenant.name());
     println!(
-        "{name} is gone: {} homes, {} uploads, {} webhooks, {} keys, and every file of theirs",
+        "{name} is gone with all its files: homes {}, uploads {}, webhooks {}, keys {}",
         removed.homes, removed.uploads, removed.webhooks, removed.keys
     );
     Ok(())
@@ -155,7 +155,7 @@ async fn delete_from(storage: &Storage, arguments: &DeleteArguments) -> Result<R
     // A deletion from the wrong store would succeed, since files that are not there count as deleted.
     storage.check_store().await?;
     let bar = spinner(String::new());
-    let show = |homes| bar.set_message(format!("{homes} homes removed"));
+    let show = |homes| bar.set_message(format!("homes removed: {homes}"));
     let removed = storage.delete_tenant(tenant, storage.now(), show).await;
     bar.finish_and_clear();
     Ok(removed?)

@@ -48,18 +48,18 @@ pub(super) fn outcome(ending: &AttemptEnd) -> &str {
     }
 }
 
-/// Records the end of an attempt; `ending` is `None` if the job was lost.
-pub(super) fn ended(outcome: &str, ending: Option<&AttemptEnd>, took: Duration) {
+/// Records the end of an attempt. `is_own`: whether the job was still its worker's; `None` if the end could not be recorded.
+pub(super) fn ended(outcome: &str, ending: Option<&AttemptEnd>, is_own: Option<bool>, took: Duration) {
     counter!(ATTEMPTS, "outcome" => outcome.to_owned()).increment(1);
     histogram!(ATTEMPT_SECONDS).record(took);
-    match ending {
-        None => counter!(LEASES_LOST).increment(1),
-        Some(AttemptEnd::Answered(alignment)) => {
+    match (is_own, ending) {
+        (Some(false), _) => counter!(LEASES_LOST).increment(1),
+        (Some(true), Some(AttemptEnd::Answered(alignment))) => {
             for (stage, seconds) in &alignment.seconds {
                 histogram!(STAGE_SECONDS, "stage" => stage.clone()).record(*seconds);
             }
         }
-        Some(_) => {}
+        (Some(true) | None, _) => {}
     }
 }
 

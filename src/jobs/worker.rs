@@ -189,12 +189,13 @@ impl Attempt<'_> {
         };
         let outcome = match (&ending, &kept) {
             (None, _) | (_, Ok(false)) => self.why_lost().await,
-            (Some(ending), _) => metrics::outcome(ending).to_owned(),
+            (Some(ending), Ok(true)) => metrics::outcome(ending).to_owned(),
+            // The lease expires, and the job runs again.
+            (Some(_), Err(_)) => Fault::Storage.code().to_owned(),
         };
         Span::current().record("outcome", &*outcome);
         let took = begun.elapsed();
-        let is_kept = matches!(kept, Ok(true));
-        metrics::ended(&outcome, ending.as_ref().filter(|_| is_kept), took);
+        metrics::ended(&outcome, ending.as_ref(), kept.as_ref().ok().copied(), took);
         let seconds = took.as_secs_f64();
         match kept {
             Ok(true) => {
@@ -202,7 +203,6 @@ impl Attempt<'_> {
                 info!(job = %job.id, clip = %job.clip, outcome, detail, seconds, "job ends");
             }
             Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
-            // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
         matches!(ending, Some(AttemptEnd::Fault(Fault::System)))

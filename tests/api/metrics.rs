@@ -68,3 +68,17 @@ async fn readiness_tells_what_it_stands_on() {
     assert!(["sqlite", "postgresql"].contains(&ready["database"].as_str().unwrap()));
     assert!(ready["free_bytes"].as_u64().unwrap() > 0 && ready["queue_age_s"].as_f64().unwrap() >= 0.0);
 }
+
+/// With a lock of PostgreSQL, under which nobody reads a table.
+#[tokio::test]
+async fn a_process_is_ready_while_the_queue_is_counted() {
+    let server = Server::without_workers().await;
+    let Some(locked) = server.lock_reads("homes").await else { return };
+    let ready = server.get("/readyz").await.ok(200);
+    assert_eq!((&ready["status"], &ready["queued"]), (&"ok".into(), &serde_json::Value::Null), "{ready}");
+    drop(locked);
+    eventually("the queue is counted", || async {
+        (server.get("/readyz").await.ok(200)["queued"] == 0).then_some(())
+    })
+    .await;
+}

@@ -235,6 +235,16 @@ impl Server {
         }
     }
 
+    /// Keeps everybody from reading a table until the returned connection is dropped; `None` for SQLite, which has no such lock.
+    pub async fn lock_reads(&self, table: &str) -> Option<Box<dyn Any>> {
+        let postgres = self.storage.postgres.as_ref()?;
+        let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
+        for statement in ["BEGIN".to_owned(), format!("LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE")] {
+            sqlx::query(sqlx::AssertSqlSafe(statement)).execute(&mut connection).await.unwrap();
+        }
+        Some(Box::new(connection))
+    }
+
     /// Returns every file of the blob store, including arriving ones, without the one with the store's id.
     pub fn blobs(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();

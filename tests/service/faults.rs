@@ -1,6 +1,7 @@
 //! Faults of the machine that a restart does not cure: what the operator is told, and what is served meanwhile.
 
-use serde_json::json;
+use serde_json::{Value, json};
+use sqlx::Connection as _;
 use std::collections::BTreeSet;
 use std::fs::{self, OpenOptions};
 use std::path::{Path, PathBuf};
@@ -22,6 +23,14 @@ fn refusal(data: &Path) -> String {
 
 fn cut(file: &Path, bytes: u64) {
     OpenOptions::new().write(true).open(file).unwrap().set_len(bytes).unwrap();
+}
+
+/// Runs a statement on the database of a data folder.
+async fn execute(data: &Path, statement: &'static str) {
+    let file = format!("sqlite:{}", data.join("viola.sqlite").display());
+    let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
+    sqlx::query(statement).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
 }
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
@@ -107,6 +116,50 @@ async fn a_truncated_recording_is_a_fault_of_the_service_and_others_are_aligned(
     .await;
     fs::write(&file, &bytes).unwrap();
     assert_eq!(server.client.settled(&bad).await["state"], "aligned");
+}
+
+#[tokio::test]
+async fn an_end_of_a_job_that_is_not_recorded_is_counted_as_a_fault() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &["--workers", "1", "--lease-seconds", "1"]);
+    let client = &server.client;
+    let refuse = "CREATE TRIGGER refuse BEFORE UPDATE ON jobs WHEN NEW.state = 'succeeded'
+        BEGIN SELECT RAISE(ABORT, 'refused'); END";
+    execute(data.path(), refuse).await;
+    let home = client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    client.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await.ok(201);
+    let metrics = eventually("the fault is counted", || async {
+        let text = String::from_utf8(client.get("/metrics").await.bytes).unwrap();
+        text.contains("viola_job_attempts_total{outcome=\"storage_fault\"} 1").then_some(text)
+    })
+    .await;
+    assert!(metrics.contains("viola_leases_lost_total 0"), "{metrics}");
+    assert!(!metrics.contains("outcome=\"aligned\""), "{metrics}");
+}
+
+#[tokio::test]
+async fn an_acknowledged_upload_that_cannot_become_a_clip_is_a_warning() {
+    let folder = TempDir::new().unwrap();
+    let (data, log) = (folder.path().join("data"), folder.path().join("log"));
+    let server = Process::serve(&data, &["--workers", "0"]);
+    server.client.make_home("h").await;
+    let upload = server.client.begin("h", 9).await;
+    let sent = server.client.send(server.client.patch(&upload, 0, b"no clip!")).await;
+    assert_eq!(sent.status, 204, "{sent:?}");
+    assert!(server.stop("TERM").success());
+    // As if the request with the last byte had been cut off.
+    execute(&data, "UPDATE uploads SET state = 'arrived', length_bytes = received_bytes").await;
+    let server = Process::serve_with_log(&data, &log);
+    let event = eventually("the refusal is logged", || async {
+        let text = fs::read_to_string(&log).unwrap();
+        let mut events = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        events.find(|event| event["message"] == "an acknowledged upload cannot become a clip")
+    })
+    .await;
+    assert_eq!((&event["level"], &event["home"]), (&json!("WARN"), &json!("h")), "{event}");
+    assert_eq!(event["upload"], upload.rsplit('/').next().unwrap(), "{event}");
+    assert!(server.stop("TERM").success());
 }
 
 /// A damaged clip is left out of its home's map until it is whole again, and damaged files of the map are made again.

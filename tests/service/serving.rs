@@ -124,6 +124,31 @@ async fn ended_jobs_are_listed_and_queued_again_beside_a_running_server() {
     assert_eq!(listed(&["--state", "cancelled"]), json!([]));
 }
 
+#[test]
+fn a_misspelt_data_folder_is_told_and_not_created() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("typo");
+    let id = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
+    for arguments in [
+        &["jobs", "list"][..],
+        &["jobs", "retry"],
+        &["keys", "list"],
+        &["keys", "revoke", id],
+        &["tenants", "list"],
+        &["tenants", "set", "default", "--max-uploads", "9"],
+        &["tenants", "delete", "acme", "--yes"],
+        &["clean"],
+    ] {
+        let output = viola().args(arguments).arg("--data").arg(&data).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains("no service in the data folder") && said.contains("--data"), "{said}");
+        assert!(output.stdout.is_empty() && !data.exists(), "{arguments:?}");
+    }
+    run(&data, &["keys", "create", "--tenant", "acme", "--role", "admin"]);
+    assert!(run(&data, &["tenants", "list"]).contains("acme"));
+}
+
 #[tokio::test]
 async fn a_tenant_is_removed_beside_a_running_server() {
     let data = tempfile::tempdir().unwrap();
@@ -152,7 +177,10 @@ async fn a_tenant_is_removed_beside_a_running_server() {
         assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains(why));
     }
     let said = run(data.path(), &["tenants", "delete", "acme", "--yes"]);
-    assert!(said.contains("acme is gone: 1 homes, 0 uploads, 0 webhooks, 1 keys"), "{said}");
+    assert!(
+        said.contains("acme is gone with all its files: homes 1, uploads 0, webhooks 0, keys 1"),
+        "{said}"
+    );
     send(&acme, Method::GET, "/v1/homes/h", vec![]).await.problem(401, "key-invalid");
     assert_eq!(send(&bolt, Method::GET, "/v1/homes/h", vec![]).await.ok(200)["clips"], 1);
     assert!(!run(data.path(), &["tenants", "list"]).contains("acme"));

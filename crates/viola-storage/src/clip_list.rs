@@ -24,22 +24,60 @@ impl ClipFilter {
     pub const MAX_CODES: usize = 4;
 }
 
-/// Selects one page of the clips of a home or tenant ($1); [`bind_page`] binds the values.
-macro_rules! page_of_clips {
-    ($of:literal) => {
+/// The conditions of a filter except the states; [`bind_page`] binds the values.
+macro_rules! filtered {
+    () => {
+        "updated_at > $3 AND (reasons LIKE $11 ESCAPE '!' OR reasons LIKE $12 ESCAPE '!'
+            OR reasons LIKE $13 ESCAPE '!' OR reasons LIKE $14 ESCAPE '!')"
+    };
+}
+
+/// Selects a page of the clips of a home.
+const OF_HOME: &str = concat!(
+    "SELECT ",
+    clips::clip_columns!(),
+    " FROM clips WHERE home_id = $1 AND id > $2 AND state IN ($4, $5, $6, $7, $8, $9) AND ",
+    filtered!(),
+    " ORDER BY id LIMIT $10"
+);
+
+/// Selects a page of ids of a tenant's clips in one state, so that an index finds the few failed clips among millions of
+/// others. RTRIM leaves the [`Tenant::key_prefix`] of a home's key. With the order by state, PostgreSQL cannot choose the index
+/// of the ids, which has the clips of all tenants.
+macro_rules! oldest {
+    ($state:literal) => {
         concat!(
-            "SELECT ",
-            clips::clip_columns!(),
-            " FROM clips
-            WHERE ",
-            $of,
-            " AND id > $2 AND updated_at > $3 AND state IN ($4, $5, $6, $7, $8, $9)
-                AND (reasons LIKE $11 ESCAPE '!' OR reasons LIKE $12 ESCAPE '!'
-                    OR reasons LIKE $13 ESCAPE '!' OR reasons LIKE $14 ESCAPE '!')
-            ORDER BY id LIMIT $10"
+            "SELECT id FROM (SELECT id FROM clips
+            WHERE RTRIM(home_id, 'ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._-') = $1
+                AND (state, id) > (",
+            $state,
+            ", $2) AND (state, id) < (",
+            $state,
+            ", '~') AND ",
+            filtered!(),
+            " ORDER BY state, id LIMIT $10) AS oldest"
         )
     };
 }
+
+/// Selects a page of the clips of a tenant.
+pub(super) const OF_TENANT: &str = concat!(
+    "SELECT ",
+    clips::clip_columns!(),
+    " FROM clips WHERE id IN (",
+    oldest!("$4"),
+    " UNION ALL ",
+    oldest!("$5"),
+    " UNION ALL ",
+    oldest!("$6"),
+    " UNION ALL ",
+    oldest!("$7"),
+    " UNION ALL ",
+    oldest!("$8"),
+    " UNION ALL ",
+    oldest!("$9"),
+    ") ORDER BY id LIMIT $10"
+);
 
 fn bind_page(query: Query, of: &str, filter: &ClipFilter, page: &Page<Uuid>) -> Query {
     let after = page.after.map(|id| id.to_string()).unwrap_or_default();
@@ -75,7 +113,7 @@ impl Storage {
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let rows = bind_page(query(page_of_clips!("home_id = $1")), home.key(), filter, page);
+        let rows = bind_page(query(OF_HOME), home.key(), filter, page);
         let rows = rows.fetch_all(&mut snapshot).await?;
         with_jobs(&mut snapshot, &rows).await
     }
@@ -88,8 +126,8 @@ impl Storage {
         page: &Page<Uuid>,
     ) -> Result<Vec<Clip>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        let rows = query(page_of_clips!("home_id IN (SELECT id FROM homes WHERE tenant = $1)"));
-        let rows = bind_page(rows, tenant.name(), filter, page).fetch_all(&mut snapshot).await?;
+        let rows = bind_page(query(OF_TENANT), &tenant.key_prefix(), filter, page);
+        let rows = rows.fetch_all(&mut snapshot).await?;
         with_jobs(&mut snapshot, &rows).await
     }
 

@@ -5,6 +5,7 @@ mod changes;
 mod choices;
 mod clock;
 mod corrections;
+mod damage;
 mod deletions;
 mod fairness;
 mod faults;

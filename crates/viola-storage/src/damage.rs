@@ -7,7 +7,11 @@ use super::database::Row;
 /// Compares the size of a file with that of its row; without a row the file was removed meanwhile.
 pub(super) fn check_size(row: Option<&Row>, key: String, found: u64) -> Result<(), StorageError> {
     let Some(row) = row else { return Ok(()) };
-    let expected = row.count("size_bytes")?;
+    check_bytes(row.count("size_bytes")?, key, found)
+}
+
+/// Compares the size of a file with the one that was stored.
+pub(super) fn check_bytes(expected: u64, key: String, found: u64) -> Result<(), StorageError> {
     if found == expected { Ok(()) } else { Err(StorageError::DamagedFile { key, found, expected }) }
 }
 

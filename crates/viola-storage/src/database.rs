@@ -222,6 +222,12 @@ impl Database {
         })
     }
 
+    /// Checks that the database can be read, by one row.
+    pub async fn check_reads(&self) -> Result<(), StorageError> {
+        query("SELECT last_seq FROM change_counter").fetch_one(&mut self.reader().await?).await?;
+        Ok(())
+    }
+
     /// Checks that the database can write, from recent writes; without any, it writes one row.
     pub async fn check_writes(&self) -> Result<(), StorageError> {
         let _turn = self.health.check.lock().await;

@@ -22,6 +22,11 @@ pub enum StorageError {
          it writable, or choose another folder with --data"
     )]
     ReadOnly { path: PathBuf, source: std::io::Error },
+    #[error(
+        "there is no service in the data folder {path}: it has no viola.sqlite. Correct --data, name PostgreSQL with \
+         --database-url, or begin a service with `viola serve` or `viola keys create`"
+    )]
+    NoService { path: PathBuf },
     #[error("the database {path} is damaged: {source}. Restore it from a backup: docs/operating.md")]
     DamagedDatabase { path: PathBuf, source: Box<StorageError> },
     #[error(

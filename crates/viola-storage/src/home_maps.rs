@@ -7,6 +7,8 @@ mod places;
 mod scene;
 mod state;
 
+#[cfg(test)]
+pub(super) use merges::CLAIM_LATER;
 pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
 pub use mesh::{LevelSurface, MESH_POINTS};
 #[cfg(test)]
@@ -17,7 +19,7 @@ pub(super) use state::FAILING_MERGES;
 pub use state::MapState;
 
 use super::columns::Columns;
-use super::damage::check_removed;
+use super::damage::{check_bytes, check_removed};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, copies, homes};
 use jiff::Timestamp;
@@ -107,6 +109,8 @@ pub struct MapFile {
     /// The tile, if the file is one.
     pub tile: Option<TileKey>,
     key: String,
+    /// 0 for files of earlier versions.
+    size_bytes: u64,
 }
 
 impl MapFile {
@@ -226,7 +230,13 @@ impl Storage {
 
     /// Returns a file of a revision; `None` if the revision was removed since.
     pub async fn read_map_file(&self, file: &MapFile) -> Result<Option<BlobReader>, StorageError> {
-        self.blobs.read(&file.key).await
+        let blob = self.blobs.read(&file.key).await?;
+        if let Some(blob) = &blob
+            && file.size_bytes > 0
+        {
+            check_bytes(file.size_bytes, file.key.clone(), blob.size_bytes)?;
+        }
+        Ok(blob)
     }
 
     /// Returns a file of a revision in one piece.
@@ -287,7 +297,7 @@ async fn files(
     name: &str,
 ) -> Result<Vec<MapFile>, StorageError> {
     let rows = query(
-        "SELECT blob_key, level, tile_x, tile_y FROM home_map_files
+        "SELECT blob_key, level, tile_x, tile_y, size_bytes FROM home_map_files
         WHERE home_id = $1 AND name = $2 AND ($4 IS NULL OR level = $4) AND first_revision <= $3
             AND (last_revision IS NULL OR last_revision >= $3)
         ORDER BY level, tile_x, tile_y",
@@ -306,7 +316,7 @@ async fn files(
         };
         let level = row.name("level")?;
         let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { level, x, y });
-        Ok(MapFile { level, tile, key: row.text("blob_key")? })
+        Ok(MapFile { level, tile, key: row.text("blob_key")?, size_bytes: row.count("size_bytes")? })
     };
     rows.iter().map(file).collect()
 }

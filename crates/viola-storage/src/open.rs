@@ -16,6 +16,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 
+/// Name of the SQLite file in the data folder.
+const SQLITE_FILE: &str = "viola.sqlite";
+
 /// Opens SQLite; an error names a damaged file.
 async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
     let opened = Database::open_sqlite(file).await;
@@ -59,7 +62,7 @@ impl Storage {
             Some(postgres) => (Database::open_postgres(&postgres.url, postgres.connections).await?, None),
             None => {
                 let lock = is_alone.then(|| FolderLock::take(folder)).transpose()?;
-                (open_sqlite(&folder.join("viola.sqlite")).await?, lock)
+                (open_sqlite(&folder.join(SQLITE_FILE)).await?, lock)
             }
         };
         let (place, incoming) = match &params.s3 {
@@ -79,8 +82,18 @@ impl Storage {
         })
     }
 
-    /// Opens the storage without the lock, beside a server that may be running.
+    /// Opens the storage without the lock, beside a server that may be running. Refuses a data folder without a service, since
+    /// its name may be misspelt.
     pub async fn administer(params: &StorageParams) -> Result<Storage, StorageError> {
+        let is_missing = || matches!(params.data.join(SQLITE_FILE).try_exists(), Ok(false));
+        if params.postgres.is_none() && is_missing() {
+            return Err(StorageError::NoService { path: params.data.clone() });
+        }
+        Storage::connect(params, false).await
+    }
+
+    /// Opens the storage as [`Storage::administer`] does, and creates missing parts.
+    pub async fn administer_or_create(params: &StorageParams) -> Result<Storage, StorageError> {
         Storage::connect(params, false).await
     }
 
@@ -104,6 +117,11 @@ impl Storage {
     /// To be called before leases of other processes are compared with [`Storage::now`].
     pub async fn follow_clock(&self) -> Result<(), StorageError> {
         self.database.follow_clock().await
+    }
+
+    /// Checks that the database can be read.
+    pub async fn check_reads(&self) -> Result<(), StorageError> {
+        self.database.check_reads().await
     }
 
     /// Checks that the database can write.

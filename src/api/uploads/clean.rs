@@ -11,7 +11,7 @@ use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::sleep;
 use tracing::{error, info, warn};
 use uuid::Uuid;
-use viola_storage::Tenant;
+use viola_storage::{HomeId, Tenant};
 
 /// Maximum number of uploads of one tenant that are made into clips one after the other.
 const OF_TENANT: u32 = 100;
@@ -50,7 +50,15 @@ async fn make_clip(app: App, id: Uuid) {
     match finish_if_free(&app, id).await {
         Ok(false) => {}
         Ok(true) => info!(upload = %id, "an upload that was left alone is a clip"),
-        Err(error) => info!(upload = %id, %error, "an upload that was left alone is not a clip"),
+        // No request is there to be told.
+        Err(error) if error.is_refusal() => {
+            let owner = app.storage.upload_owner(id).await.ok().flatten();
+            let (tenant, home) = owner.unzip();
+            let (tenant, home) = (tenant.as_ref().map(Tenant::name), home.flatten());
+            let home = home.as_ref().map(HomeId::as_str);
+            warn!(upload = %id, tenant, home, %error, "an acknowledged upload cannot become a clip");
+        }
+        Err(error) => info!(upload = %id, %error, "an upload that was left alone is not a clip yet"),
     }
 }
 

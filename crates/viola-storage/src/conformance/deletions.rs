@@ -6,6 +6,7 @@ use super::*;
 
 on_every_back_end!(
     a_tenant_goes_whole,
+    a_tenant_goes_although_others_delete_all_the_time,
     who_deletes_is_told_the_truth,
     one_pass_finishes_all_deletions,
     a_deletion_that_times_out_does_not_stop_the_others,
@@ -93,6 +94,30 @@ async fn a_tenant_goes_whole(storage: Storage) {
     assert_eq!(kept_still.sha256, kept.sha256);
     let again = storage.delete_tenant(&acme, at(2), |_| {}).await.unwrap();
     assert_eq!(again, Removed::default());
+}
+
+/// Keeps some pending deletes of another tenant there.
+async fn delete_all_the_time(storage: &Storage) {
+    loop {
+        let mut transaction = storage.database.begin().await.unwrap();
+        if pending(storage, "%").await < 20 {
+            let key = [format!("clips/{}/file", Uuid::now_v7())];
+            pending_deletes::add(&mut transaction, "clip:bolt/h:", &key, at(3)).await.unwrap();
+        }
+        transaction.commit().await.unwrap();
+    }
+}
+
+async fn a_tenant_goes_although_others_delete_all_the_time(storage: Storage) {
+    let acme: Tenant = "acme".parse().unwrap();
+    storage.put_home(&acme.home(&home("h")), None, |_| true, at(0)).await.unwrap();
+    let limit = Duration::from_secs(30);
+    tokio::select! {
+        () = delete_all_the_time(&storage) => {}
+        removed = tokio::time::timeout(limit, storage.delete_tenant(&acme, at(3), |_| {})) => {
+            assert_eq!(removed.expect("it ends").unwrap(), Removed { homes: 1, ..Removed::default() });
+        }
+    }
 }
 
 async fn one_pass_finishes_all_deletions(storage: Storage) {
@@ -227,11 +252,11 @@ async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storag
         assert!(finish(&storage, &claim, &[n], 200).await);
         storage.align_clip(&home, clip.id, at(100)).await.unwrap();
     }
-    assert!(pending_of_maps(&storage).await > 0);
+    assert!(pending(&storage, "home-map:%").await > 0);
     assert!(storage.delete_home(&home, |_| true, at(300)).await.is_err());
     repair();
     storage.delete_home(&home, |_| true, at(301)).await.unwrap();
-    assert_eq!(pending_of_maps(&storage).await, 0);
+    assert_eq!(pending(&storage, "home-map:%").await, 0);
 }
 
 async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
@@ -263,9 +288,10 @@ async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
     assert_eq!(old().await, 0);
 }
 
-async fn pending_of_maps(storage: &Storage) -> u64 {
+/// Returns the number of pending deletes whose owners are like a pattern.
+async fn pending(storage: &Storage, owners: &str) -> u64 {
     use crate::columns::Columns;
-    let pending =
-        crate::database::query("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE 'home-map:%'");
-    pending.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()
+    let rows =
+        crate::database::query("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE $1").bind(owners);
+    rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()
 }

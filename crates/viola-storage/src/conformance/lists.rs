@@ -246,7 +246,9 @@ async fn the_same_recording_in_another_archive_is_told_and_merged_once(storage: 
 
 async fn clips_of_all_homes_by_reason(storage: Storage) {
     let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
-    let homes = [acme.home(&home("a")), acme.home(&home("b")), bolt.home(&home("a"))];
+    // The ids have all characters that ids may have.
+    let ids = ["abcdefghijklmnopqrstuvwxyz", "ABCDEFGHIJKLMNOPQRSTUVWXYZ.0123456789_-"];
+    let homes = [acme.home(&home(ids[0])), acme.home(&home(ids[1])), bolt.home(&home(ids[0]))];
     let mut clips = Vec::new();
     for id in &homes {
         storage.put_home(id, None, |_| true, at(0)).await.unwrap();
@@ -269,9 +271,10 @@ async fn clips_of_all_homes_by_reason(storage: Storage) {
     use ClipState::{Ambiguous, Queued, Uploaded};
     // The tenant, the states and codes of the filter, and the clips of the list.
     type Case<'a> = (&'a Tenant, &'a [ClipState], &'a [&'a str], &'a [Uuid]);
-    let cases: [Case; 10] = [
+    let cases: [Case; 11] = [
         (&acme, &[], &[], &[a, b, c, d]),
         (&bolt, &[], &[], &[e, f]),
+        (&Tenant::default(), &[], &[], &[]),
         (&acme, &[Uploaded], &[], &[c, d]),
         (&acme, &[Ambiguous, Queued], &[], &[a, b]),
         (&acme, &[], &["two_modes"], &[a]),

@@ -20,6 +20,21 @@ async fn a_folder_has_one_server_at_a_time() {
     open(folder.path()).await;
 }
 
+/// Otherwise a misspelt folder would be an empty service.
+#[tokio::test]
+async fn a_folder_without_a_service_is_not_administered() {
+    let folder = tempfile::tempdir().unwrap();
+    let params = StorageParams::in_folder(&folder.path().join("typo"));
+    let refused = Storage::administer(&params).await.err();
+    assert!(
+        matches!(&refused, Some(StorageError::NoService { path }) if *path == params.data),
+        "{refused:?}"
+    );
+    assert!(!params.data.exists());
+    Storage::administer_or_create(&params).await.unwrap().close().await;
+    Storage::administer(&params).await.unwrap().close().await;
+}
+
 #[tokio::test]
 async fn everything_is_there_after_a_restart_and_leftovers_are_not() {
     let folder = tempfile::tempdir().unwrap();

@@ -170,8 +170,9 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
             assert_eq!(storage.blobs_that_exist().await, kept);
         })
         .await;
-    // An operator can start with an empty service explicitly.
+    // An operator can start with an empty service explicitly, after the refusal to start.
     bench.lose().await;
+    assert!(matches!(bench.open().await.err(), Some(StorageError::LostDatabase { .. })));
     let administered = Storage::administer(&bench.params()).await.unwrap();
     let refused = administered.take_over_store(Uuid::now_v7()).await;
     assert!(matches!(refused, Err(StorageError::NotThisStore { .. })), "{refused:?}");

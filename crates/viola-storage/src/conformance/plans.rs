@@ -3,7 +3,7 @@
 use super::*;
 use crate::columns::Columns;
 use crate::database::query;
-use crate::{changes, clips, home_maps, jobs, lidar_maps, tenants};
+use crate::{changes, clip_list, clips, home_maps, jobs, lidar_maps, tenants};
 use sqlx::AssertSqlSafe;
 
 /// Returns the reads of a statement, which end with the index and the columns by which SQLite finds the rows.
@@ -73,4 +73,25 @@ async fn the_load_of_the_queue_is_one_read_of_it() {
     // The queued jobs, the running ones, and the homes that are due.
     assert_eq!(found.len(), 3, "{found:?}");
     assert!(found.iter().all(|step| step.contains("INDEX")), "{found:?}");
+}
+
+#[tokio::test]
+async fn a_list_of_clips_by_state_reads_those_of_its_tenant() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let found = plan(&storage, clip_list::OF_TENANT).await;
+    let by_state = "clips_of_tenant (<expr>=? AND (state,id)>(?,?) AND (state,id)<(?,?))";
+    let of_states = found.iter().filter(|step| step.ends_with(by_state)).count();
+    assert_eq!(of_states, ClipState::ALL.len(), "{found:?}");
+    assert!(!found.iter().any(|step| step.starts_with("SCAN clips")), "{found:?}");
+}
+
+#[tokio::test]
+async fn a_search_for_a_merge_reads_no_clip_that_has_settled() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let found = plan(&storage, home_maps::CLAIM_LATER).await;
+    assert!(found.iter().all(|step| step.starts_with("SEARCH")), "{found:?}");
+    let of_clips: Vec<&String> = found.iter().filter(|step| step.starts_with("SEARCH clips")).collect();
+    assert!(matches!(&of_clips[..], [step] if step.contains("COVERING INDEX clips_unsettled")), "{found:?}");
 }

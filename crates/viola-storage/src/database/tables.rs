@@ -31,6 +31,8 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (20, "answers and turns", include_str!("../../../../migrations/0020_answers_and_turns.sql")),
     (21, "store identity", include_str!("../../../../migrations/0021_store_identity.sql")),
     (22, "same recordings", include_str!("../../../../migrations/0022_same_recordings.sql")),
+    (23, "clips of tenants", include_str!("../../../../migrations/0023_clips_of_tenants.sql")),
+    (24, "unsettled clips", include_str!("../../../../migrations/0024_unsettled_clips.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

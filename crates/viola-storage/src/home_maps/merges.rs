@@ -118,6 +118,9 @@ macro_rules! claim {
     };
 }
 
+/// The claim of a home whose tenant comes later, on SQLite.
+pub(crate) const CLAIM_LATER: &str = claim!(">", "");
+
 impl Storage {
     /// Claims a home whose map is due; returns `None` if there is none. Tenants take turns: the first one with a due home
     /// after the tenant named `after` comes first. A home whose rows cannot be read is an error, and rests.
@@ -130,7 +133,7 @@ impl Storage {
         self.require_store().await?;
         let mut transaction = self.database.begin().await?;
         faults::release_lost(&mut transaction, now).await?;
-        let later = transaction.either(claim!(">", ""), claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
+        let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
         let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
         let mut claimed = None;
         for statement in [later, others] {

@@ -22,12 +22,13 @@ impl Tenant {
 
     /// Returns the tenant's home with this id.
     pub fn home(&self, id: &HomeId) -> HomeId {
-        let id = id.as_str();
-        // Keys of the default tenant have no prefix.
-        if self.0 == Tenant::DEFAULT {
-            return HomeId { key: id.to_owned(), id_at: 0 };
-        }
-        HomeId { key: format!("{}{BETWEEN}{id}", self.0), id_at: self.0.len() + 1 }
+        let prefix = self.key_prefix();
+        HomeId { id_at: prefix.len(), key: prefix + id.as_str() }
+    }
+
+    /// Returns the part of its homes' keys before their ids; empty for the default tenant.
+    pub(crate) fn key_prefix(&self) -> String {
+        if self.0 == Tenant::DEFAULT { String::new() } else { format!("{}{BETWEEN}", self.0) }
     }
 
     /// Returns whether the home belongs to this tenant.
