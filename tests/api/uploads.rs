@@ -599,7 +599,6 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
     assert_ne!(begin(&told, clip.len()).await, first, "another sender has begun");
 }
 
-/// An app that lost the answer to its POST sends it again, whatever has arrived meanwhile.
 /// A phone repeats a request that it believes lost while the service still works on it.
 #[tokio::test]
 async fn equal_beginnings_at_once_have_one_upload() {
@@ -620,6 +619,7 @@ async fn equal_beginnings_at_once_have_one_upload() {
     }
 }
 
+/// An app that lost the answer to its POST sends it again, whatever has arrived meanwhile.
 #[tokio::test]
 async fn the_same_file_has_one_upload_by_its_sha256() {
     let server = Server::without_workers().await;

@@ -83,7 +83,7 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let image = lines.map(str::trim_start).find_map(|line| line.strip_prefix("image:"));
     if let (Ok(_), Some(image)) = (read, image) {
         let image = image.split(" #").next().unwrap_or_default().trim().trim_matches(['"', '\'']);
-        // The reader takes the image beside the YAML file if its folder is absolute or absent.
+        // The reader takes the image beside the YAML file if there is none at its place.
         let name = image.rsplit(['/', '\\']).next().unwrap_or_default();
         let found = [image, name].map(|image| path.with_file_name(image));
         files.extend(found.into_iter().filter(|image| image.is_file()));
