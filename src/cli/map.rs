@@ -29,7 +29,7 @@ use content::Content;
 use contributions::Contributions;
 use files::HomeFiles;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align::AlignParams;
 use viola_home as home;
@@ -164,14 +164,15 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
                 if let Some(first) = known.get(&recording) {
                     let first = &mut clips[*first];
                     print_line(&format!("{part}: the same recording as {}, used once", first.file));
+                    // A damaged archive lists the same files as a whole one.
+                    if first.answer.is_err() && first.content.as_ref() != Some(&content) {
+                        first.take_answer(align_one(path, content.clone(), part, aligner)?);
+                    }
                     first.add_copy(content, file);
                     continue;
                 }
                 known.insert(recording, clips.len());
-                let progress = TerminalProgress::of_part(part.clone());
-                let clip = aligner.align(path, content, &progress)?;
-                progress.finish();
-                clip
+                align_one(path, content, part.clone(), aligner)?
             }
             Err(error) => HomeClip::unreadable(path, &error),
         };
@@ -182,4 +183,12 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
     }
     clips.sort_by(|a, b| (&a.content, &a.file).cmp(&(&b.content, &b.file)));
     Ok(clips)
+}
+
+/// Aligns a clip; `part` names it in the progress.
+fn align_one(path: &Path, content: Content, part: String, aligner: &mut Aligner) -> Result<HomeClip> {
+    let progress = TerminalProgress::of_part(part);
+    let clip = aligner.align(path, content, &progress)?;
+    progress.finish();
+    Ok(clip)
 }

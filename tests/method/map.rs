@@ -155,9 +155,14 @@ fn a_clip_in_another_archive_counts_once() {
     let folder = tempfile::tempdir().unwrap();
     let again = folder.path().join("again.zip");
     fs::write(&again, zips::zip(&packed)).unwrap();
-    let mapped = [[&clips[0], &again], [&again, &clips[0]]].map(|clips| {
+    check_one_clip(&clips[0], &again, lidar);
+}
+
+/// Maps two archives of one recording, in both orders; checks that they are one clip with a pose.
+fn check_one_clip(first: &Path, second: &Path, lidar: &Path) {
+    let mapped = [[first, second], [second, first]].map(|clips| {
         let out = tempfile::tempdir().unwrap();
-        let output = map(&clips.map(PathBuf::as_path), lidar, out.path(), 1);
+        let output = map(&clips, lidar, out.path(), 1);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         files(out.path())
     });
@@ -166,6 +171,20 @@ fn a_clip_in_another_archive_counts_once() {
     for name in FILES {
         assert_eq!(mapped[0][name], mapped[1][name], "{name}");
     }
+}
+
+/// Its directory has the sums of the whole archive.
+#[test]
+fn a_damaged_archive_does_not_stand_for_the_whole_one() {
+    let Recorded { clips, lidar, .. } = &*RECORDED;
+    let mut bytes = fs::read(&clips[0]).unwrap();
+    let name = b"color/0.jpg";
+    let at = bytes.windows(name.len()).position(|part| part == name).unwrap() + name.len();
+    bytes[at + 100..at + 200].iter_mut().for_each(|byte| *byte = !*byte);
+    let folder = tempfile::tempdir().unwrap();
+    let damaged = folder.path().join("damaged.zip");
+    fs::write(&damaged, bytes).unwrap();
+    check_one_clip(&clips[0], &damaged, lidar);
 }
 
 /// Returns a document of the service with the command's ids of clips.

@@ -36,6 +36,11 @@ impl HomeClip {
         }
     }
 
+    /// Takes the answer of another argument with the same recording.
+    pub fn take_answer(&mut self, copy: HomeClip) {
+        (self.recorded_at, self.answer) = (copy.recorded_at, copy.answer);
+    }
+
     /// Adds another argument with the same recording; the lower one names the clip, whatever their order.
     pub fn add_copy(&mut self, content: Content, file: String) {
         let copy = (Some(content), file);
