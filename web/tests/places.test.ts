@@ -64,7 +64,8 @@ test("an aligned clip is headed by its answer, and its other places are folded a
     [clipWith([0.5, 0.4]), "2 places that may be right", [0, 1], null],
     [clipWith([0.5, 0.4, 0.001]), "3 places that may be right", [0, 1], "1 place of less than 1 %"],
     [clipWith([0.5]), "The place that was found", [0], null],
-    [clipWith([0.1], { state: "failed" }), "Places that were tried", [0], null],
+    [clipWith([null], { state: "failed" }), "Places that were tried", [0], null],
+    [clipWith([null, null, null], { state: "failed" }), "Places that were tried", [0], "2 other places that were compared"],
   ] as const) {
     assert.equal(headingOf(clip), heading);
     const list = fake(alternatives(clip, { lidars: [], pictures: new Map(), scan: null }, null));
@@ -72,6 +73,8 @@ test("an aligned clip is headed by its answer, and its other places are folded a
     const indices = (part: FakeElement | undefined) => part?.all("li").map((place) => Number(place.getAttribute("data-alternative")));
     assert.deepEqual(indices(first), [...shown]);
     assert.equal(rest?.all("summary")[0]?.textContent ?? null, folded);
+    // Where there is no probability, there is no bar of it.
+    assert.equal(list.all("meter").length, clip.alignment?.alternatives.filter((one) => one.probability !== null).length);
   }
 });
 

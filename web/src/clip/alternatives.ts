@@ -64,17 +64,18 @@ export function alternatives(
   const chosen = chosenOf(clip);
   const isEarlier = isOfEarlierMap(clip);
   const isOffered = chosen === null && !isForeign(clip) && clip.state !== "failed";
+  // Without walls, places that are not the first one tell nothing. A failed answer has no probabilities.
+  const areCompared = chosen !== null || isEarlier || clip.state === "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
-    // Without walls, places that are not the first one tell nothing.
-    const isLikely = chosen === null && !isEarlier ? i < 2 || (one.probability ?? 1) >= UNLIKELY : i === (chosen ?? 0);
+    const isLikely = areCompared ? i === (chosen ?? 0) : i < 2 || (one.probability ?? 1) >= UNLIKELY;
     const isPrimary = isOffered && i === 0 && !isDoubtful(clip, one);
     (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isPrimary }, clip, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
-    h("summary", {}, chosen === null && !isEarlier
-      ? `${many(others.length, "place")} of less than 1 %`
-      : `${many(others.length, "other place")} that ${others.length === 1 ? "was" : "were"} compared`),
+    h("summary", {}, areCompared
+      ? `${many(others.length, "other place")} that ${others.length === 1 ? "was" : "were"} compared`
+      : `${many(others.length, "place")} of less than 1 %`),
     h("ol", { class: "alternatives" }, ...others));
   const why = isEarlier && h("p", { class: "hint" },
     "Drawn without walls: the new LiDAR map may lie elsewhere. The pictures show the previous one.");
@@ -92,7 +93,8 @@ function card(
   const name = `Place ${index + 1}`;
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, isOfEarlierMap(clip), one, `${name} on the plan`);
-  const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
+  const bar = one.probability === null ? null
+    : h("meter", { min: 0, max: 1, value: one.probability, "aria-label": `Probability of ${name}` });
   const button = h("button", { type: "button", class: isPrimary ? "primary" : "", "data-key": name }, `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   // It takes the focus of the button that chose it.
