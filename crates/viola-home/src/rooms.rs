@@ -126,7 +126,7 @@ fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
         });
         return named.collect();
     }
-    let count = partition::partition(space, &mut owner).min(MAX_ROOMS);
+    let count = partition::partition(space, &mut owner, MAX_ROOMS);
     let mut shapes: Vec<Shape> = shapes(&owner, count, space).into_iter().flatten().collect();
     shapes.retain(|shape| shape.outline.area_m2() >= MIN_AREA_M2);
     shapes.sort_by(|a, b| {
@@ -358,6 +358,27 @@ pub(crate) mod tests {
             assert!(rooms[0].contains(&Point2::from(at)), "{rooms:?}");
         }
         assert!((4.3..5.6).contains(&rooms[0].area_m2), "{rooms:?}");
+    }
+
+    #[test]
+    fn many_specks_of_floor_leave_no_room_out() {
+        let mut map = flat(0.0);
+        map.info.min_m = [0.0, -5.0];
+        let frame = GridFrame { origin_m: [-0.2, -5.2], cell_m: 0.05, width: 150, height: 170 };
+        let is_free = |x: usize, y: usize| {
+            let at = frame.centre(x, y);
+            let is_in_door = (3.9..4.3).contains(&at.x) && (1.05..1.75).contains(&at.y);
+            let is_in_room = (0.05..3.98).contains(&at.x) || (4.16..7.05).contains(&at.x);
+            let is_speck = at.y < -0.5 && x.is_multiple_of(4) && y.is_multiple_of(4);
+            is_in_door || is_in_room && (0.05..2.95).contains(&at.y) || is_speck
+        };
+        let cell = |at: usize| {
+            if is_free(at % frame.width, at / frame.width) { lidar::Cell::Free } else { lidar::Cell::Unknown }
+        };
+        map.cells = Some(Grid { frame, cells: (0..frame.len()).map(cell).collect() });
+        let areas_m2: Vec<f64> = rooms(&map, &[]).iter().map(|room| room.area_m2).collect();
+        assert!(areas_m2.len() == 2, "{areas_m2:?}");
+        assert!((areas_m2[0] - 12.0).abs() < 1.2 && (areas_m2[1] - 9.0).abs() < 1.2, "{areas_m2:?}");
     }
 
     #[test]
