@@ -4,6 +4,8 @@
 //! room is held by a point inside the room, since every LiDAR map divides the rooms differently. Places are in the
 //! map's frame, and move with it when a new LiDAR map has another one.
 
+mod keys;
+
 use super::identity::{Stated, Statement};
 use super::objects::{Object, UprightBox, room_of};
 use super::rooms::{Room, merged, room_at, split};
@@ -134,7 +136,7 @@ fn half_turn(yaw_rad: f64) -> f64 {
 /// The corrected properties of one object or room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected<Field> {
-    /// The key of the correction.
+    /// The key of the correction, or of the first one to come.
     pub key: String,
     pub name: Option<String>,
     pub fields: Vec<Field>,
@@ -334,6 +336,7 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
         of_room.name.clone_from(&rooms[index].name);
         of_room.fields.push(field);
     }
+    corrected.extend(keys::own_keys(rooms, corrections, &corrected));
     CorrectedRooms { by_id: corrected, divisions }
 }
 

@@ -250,6 +250,26 @@ fn a_correction_holds_while_furniture_stands_on_its_point() {
 }
 
 #[test]
+fn a_room_with_the_id_of_another_rooms_correction_has_a_key_of_its_own() {
+    let named = |x: f64| RoomCorrection { name: Some("Den".to_owned()), ..at(x) };
+    // Corrections by key and place; key and corrected fields of room 3, which has the place 10.
+    for (corrections, want) in [
+        (vec![("1", named(2.0))], None),
+        (vec![("3", named(10.0))], Some(("3", vec![RoomField::Name]))),
+        (vec![("3", named(2.0))], Some(("3-2", vec![]))),
+        (vec![("3", named(90.0))], Some(("3-2", vec![]))),
+        (vec![("3", named(2.0)), ("3-2", named(6.0))], Some(("3-3", vec![]))),
+        (vec![("3", named(2.0)), ("3-2", named(10.0))], Some(("3-2", vec![RoomField::Name]))),
+    ] {
+        let corrections: Vec<(String, RoomCorrection)> =
+            corrections.into_iter().map(|(key, one)| (key.to_owned(), one)).collect();
+        let corrected = correct_rooms(&mut flat(), &corrections).by_id;
+        let found = corrected.get("3").map(|one| (one.key.as_str(), one.fields.clone()));
+        assert_eq!(found, want, "{corrections:?}");
+    }
+}
+
+#[test]
 fn a_line_divides_the_rooms_that_are_on_its_sides_after_all_corrections() {
     let line = RoomSplit { from_m: [3.0, 0.0], to_m: [3.5, 3.0], order: 1 };
     let divided = RoomCorrection { split: Some(line), ..at(1.0) };
