@@ -169,4 +169,21 @@ mod tests {
             .collect();
         assert_eq!(coverage(&lidar, &other, &rooms).seen, 0.0);
     }
+
+    #[test]
+    fn the_walls_of_a_room_within_a_room_are_its_own() {
+        let square = |low: f64, high: f64| {
+            let side = (0..=60).map(move |i| low + (high - low) * f64::from(i) / 60.0);
+            side.flat_map(move |t| [[t, low], [t, high], [low, t], [high, t]])
+        };
+        let csv: String =
+            square(0.0, 6.0).chain(square(2.0, 4.0)).map(|[x, y]| format!("{x},{y}\n")).collect();
+        let lidar = LidarMap::read(csv.as_bytes()).unwrap();
+        let hole = vec![[1.8, 1.8], [1.8, 4.2], [4.2, 4.2], [4.2, 1.8]];
+        let around = Room { holes_m: vec![hole], ..Room::rectangle("1", [0.0, 0.0], [6.0, 6.0]) };
+        let rooms = [around, Room::rectangle("2", [2.1, 2.1], [3.9, 3.9])];
+        let points: Vec<MapPoint> = square(2.0, 4.0).map(|[x, y]| point(x, y, 1.5, Class::Wall)).collect();
+        let by_room = coverage(&lidar, &points, &rooms).by_room;
+        assert_eq!([by_room[0].seen, by_room[1].seen], [0.0, 1.0]);
+    }
 }

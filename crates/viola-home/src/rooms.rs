@@ -10,7 +10,7 @@ pub use edit::{merged, split};
 
 use super::level_ids::own_part;
 use super::map_point::MapPoint;
-use outline::{Outline, contains, distance_m};
+use outline::{Outline, contains, distance_m, off_m};
 use partition::MIN_AREA_M2;
 use serde::{Deserialize, Serialize};
 use space::Space;
@@ -96,8 +96,10 @@ pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
 pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'a Room> {
     let inside = rooms.iter().find(|room| room.contains(point));
     inside.or_else(|| {
-        let near = rooms.iter().map(|room| (room.distance_m(point), room));
-        near.filter(|(m, _)| *m <= reach_m).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+        let near = rooms.iter().filter(|room| room.distance_m(point) <= reach_m);
+        // A room may lie in a hole of another one.
+        let near = near.map(|room| (off_m(&room.polygon_m, &room.holes_m, point), room));
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
     })
 }
 
