@@ -93,10 +93,14 @@ pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
 }
 
 /// Returns the room at a point, or the nearest within `reach_m`: objects at walls are off the free floor.
-pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'a Room> {
-    let inside = rooms.iter().find(|room| room.contains(point));
+pub fn room_at<'a>(
+    rooms: impl Iterator<Item = &'a Room> + Clone,
+    point: &Point2,
+    reach_m: f64,
+) -> Option<&'a Room> {
+    let inside = rooms.clone().find(|room| room.contains(point));
     inside.or_else(|| {
-        let near = rooms.iter().filter(|room| room.distance_m(point) <= reach_m);
+        let near = rooms.filter(|room| room.distance_m(point) <= reach_m);
         // A room may lie in a hole of another one.
         let near = near.map(|room| (off_m(&room.polygon_m, &room.holes_m, point), room));
         near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
@@ -319,8 +323,8 @@ pub(crate) mod tests {
             assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
         }
         // Beyond a wall: the nearer room.
-        assert_eq!(room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
-        assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
+        assert_eq!(room_at(rooms.iter(), &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
+        assert_eq!(room_at(rooms.iter(), &Point2::new(-1.3, 1.0), 1.0), None);
     }
 
     #[test]
