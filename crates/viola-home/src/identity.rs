@@ -161,9 +161,8 @@ impl History {
             for (column, room) in rooms.iter().enumerate() {
                 // The ids of the robot's software are not ours to give.
                 let are_both_computed = [known.source, room.source] == [RoomSource::Computed; 2];
-                if let Some(score) = likeness::of_rooms(known, room).filter(|_| are_both_computed) {
-                    candidates.push(Candidate { row, column, score });
-                }
+                let score = are_both_computed.then(|| likeness::of_rooms(known, room)).flatten();
+                candidates.extend(score.map(|score| Candidate { row, column, score }));
             }
         }
         let mut ids: Vec<Option<String>> = vec![None; rooms.len()];
