@@ -334,7 +334,7 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
             fields: Vec::new(),
         });
         of_room.name.clone_from(&rooms[index].name);
-        of_room.fields.push(field);
+        of_room.fields.extend((!of_room.fields.contains(&field)).then_some(field));
     }
     corrected.extend(keys::own_keys(rooms, corrections, &corrected));
     CorrectedRooms { by_id: corrected, divisions }

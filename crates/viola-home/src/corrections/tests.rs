@@ -209,6 +209,11 @@ fn rooms_are_named_joined_and_divided() {
             vec![("1", joined(2.0, &[6.0], 1)), ("2", named(6.0, "Dining"))],
             vec![row("1", Some("Dining"), 24.0, &[MergeWith, Name]), three.clone()],
         ),
+        // Each property once, although two of the joined rooms have a name.
+        (
+            vec![("1", named(2.0, "Hall")), ("2", joined(6.0, &[2.0, 10.0], 1)), ("3", named(10.0, "Den"))],
+            vec![row("2", Some("Den"), 36.0, &[MergeWith, Name])],
+        ),
         // Joined and then divided elsewhere.
         (
             vec![("1", joined(2.0, &[6.0], 1)), ("2", divided(7.0, 5.0, 2))],
