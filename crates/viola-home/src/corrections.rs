@@ -4,6 +4,8 @@
 //! room is held by a point inside the room, since every LiDAR map divides the rooms differently. Places are in the
 //! map's frame, and move with it when a new LiDAR map has another one.
 
+mod keys;
+
 use super::identity::{Stated, Statement};
 use super::objects::{Object, UprightBox, room_of};
 use super::rooms::{Room, merged, room_at, split};
@@ -134,7 +136,7 @@ fn half_turn(yaw_rad: f64) -> f64 {
 /// The corrected properties of one object or room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected<Field> {
-    /// The key of the correction.
+    /// The key of the correction, or of the first one to come.
     pub key: String,
     pub name: Option<String>,
     pub fields: Vec<Field>,
@@ -332,8 +334,9 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
             fields: Vec::new(),
         });
         of_room.name.clone_from(&rooms[index].name);
-        of_room.fields.push(field);
+        of_room.fields.extend((!of_room.fields.contains(&field)).then_some(field));
     }
+    corrected.extend(keys::own_keys(rooms, corrections, &corrected));
     CorrectedRooms { by_id: corrected, divisions }
 }
 
@@ -344,7 +347,7 @@ fn at(rooms: &[Room], place: &[f64; 2], id: Option<&str>) -> Option<usize> {
     let is_known = |room: &Room| Some(room.id.as_str()) == id && room.distance_m(&place) <= ROOM_REACH_M;
     let inside = rooms.iter().position(|room| room.contains(&place));
     inside.or_else(|| rooms.iter().position(is_known)).or_else(|| {
-        let nearest = room_at(rooms, &place, ROOM_REACH_M)?;
+        let nearest = room_at(rooms.iter(), &place, ROOM_REACH_M)?;
         rooms.iter().position(|room| room.id == nearest.id)
     })
 }

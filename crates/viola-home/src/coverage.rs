@@ -18,6 +18,8 @@ const FLOOR_NEAR_M: f64 = 0.1;
 const FLOOR_BELOW_M: f64 = 1.5;
 /// Occupied cells this far from a room belong to its walls.
 const ROOM_REACH_M: f64 = 0.4;
+/// Rooms whose bounds are this far away are further away than that.
+const BOUNDS_M: f64 = ROOM_REACH_M + 0.01;
 
 /// Coverage of the LiDAR map by the fused map.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -85,9 +87,15 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
     let is_near = |field: &Option<DistanceField>, at: usize, reach_m: f64| {
         field.as_ref().is_some_and(|field| f64::from(field.grid().cells[at]) <= reach_m + slack_m)
     };
-    // Index of a cell's room.
+    let bounds: Vec<[[f64; 2]; 2]> = rooms.iter().map(bounds_m).collect();
+    // Index of a cell's room. Only rooms whose bounds are near are compared: a large home has hundreds of others.
     let place = |at: usize, reach_m: f64| {
-        let room = room_at(rooms, &space.centre(at), reach_m)?;
+        let point = space.centre(at);
+        let is_near = |[low, high]: &[[f64; 2]; 2]| {
+            (0..2).all(|axis| (low[axis] - BOUNDS_M..=high[axis] + BOUNDS_M).contains(&point[axis]))
+        };
+        let near = rooms.iter().zip(&bounds).filter(|near| is_near(near.1)).map(|(room, _)| room);
+        let room = room_at(near, &point, reach_m)?;
         rooms.iter().position(|other| std::ptr::eq(other, room))
     };
     let (mut all, mut floor) = (Fraction::default(), Fraction::default());
@@ -117,6 +125,15 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
         floor_seen: floor.value(),
         by_room: rooms.iter().zip(by_room).map(room).collect(),
     }
+}
+
+/// Returns the corners of the box around a room.
+fn bounds_m(room: &Room) -> [[f64; 2]; 2] {
+    let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
+        room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
+    };
+    let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
+    [low, [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY))]
 }
 
 #[cfg(test)]
@@ -168,5 +185,22 @@ mod tests {
             })
             .collect();
         assert_eq!(coverage(&lidar, &other, &rooms).seen, 0.0);
+    }
+
+    #[test]
+    fn the_walls_of_a_room_within_a_room_are_its_own() {
+        let square = |low: f64, high: f64| {
+            let side = (0..=60).map(move |i| low + (high - low) * f64::from(i) / 60.0);
+            side.flat_map(move |t| [[t, low], [t, high], [low, t], [high, t]])
+        };
+        let csv: String =
+            square(0.0, 6.0).chain(square(2.0, 4.0)).map(|[x, y]| format!("{x},{y}\n")).collect();
+        let lidar = LidarMap::read(csv.as_bytes()).unwrap();
+        let hole = vec![[1.8, 1.8], [1.8, 4.2], [4.2, 4.2], [4.2, 1.8]];
+        let around = Room { holes_m: vec![hole], ..Room::rectangle("1", [0.0, 0.0], [6.0, 6.0]) };
+        let rooms = [around, Room::rectangle("2", [2.1, 2.1], [3.9, 3.9])];
+        let points: Vec<MapPoint> = square(2.0, 4.0).map(|[x, y]| point(x, y, 1.5, Class::Wall)).collect();
+        let by_room = coverage(&lidar, &points, &rooms).by_room;
+        assert_eq!([by_room[0].seen, by_room[1].seen], [0.0, 1.0]);
     }
 }

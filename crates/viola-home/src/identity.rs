@@ -155,14 +155,14 @@ impl History {
 
     /// Gives computed rooms their ids. Returns the id of each room by the id that it came with.
     pub fn identify_rooms(&mut self, rooms: &mut [Room]) -> BTreeMap<String, String> {
+        self.take_numbers_of_robot();
         let mut candidates = Vec::new();
         for (row, known) in self.rooms.iter().enumerate() {
             for (column, room) in rooms.iter().enumerate() {
                 // The ids of the robot's software are not ours to give.
                 let are_both_computed = [known.source, room.source] == [RoomSource::Computed; 2];
-                if let Some(score) = likeness::of_rooms(known, room).filter(|_| are_both_computed) {
-                    candidates.push(Candidate { row, column, score });
-                }
+                let score = are_both_computed.then(|| likeness::of_rooms(known, room)).flatten();
+                candidates.extend(score.map(|score| Candidate { row, column, score }));
             }
         }
         let mut ids: Vec<Option<String>> = vec![None; rooms.len()];
@@ -207,6 +207,17 @@ impl History {
         let number = self.numbers.entry(of.to_owned()).or_default();
         *number = number.saturating_add(1);
         *number
+    }
+
+    /// Makes sure that no computed room gets the id of one of the robot's: a correction of that one may be kept by its id.
+    fn take_numbers_of_robot(&mut self) {
+        let of_robot = self.rooms.iter().filter(|known| known.source == RoomSource::LidarMap);
+        // Larger numbers are hashes, which the counter does not reach.
+        let highest = of_robot.filter_map(|known| own_part(&known.id).parse::<u16>().ok()).max();
+        if let Some(of_robot) = highest {
+            let highest = self.numbers.entry(ROOM_NUMBERS.to_owned()).or_default();
+            *highest = u32::from(of_robot).max(*highest);
+        }
     }
 
     /// Makes sure that an id is not given out again.

@@ -3,7 +3,7 @@
 use super::svg::{FONT_FAMILY, escape, hex, render};
 use serde::{Deserialize, Serialize};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
-use viola_align::Aligned;
+use viola_align::{Aligned, Alternative};
 use viola_formats::lidar::{Cell, LidarInfo, LidarMap};
 use viola_geometry::{Point2, Pose2, Vector2};
 
@@ -67,8 +67,8 @@ pub fn lidar_png(lidar: &LidarMap) -> Vec<u8> {
 }
 
 /// Returns the map with the clip at its pose as PNG, with a legend below. Hits are green if the map has a point
-/// within 10 cm, otherwise red; the camera path is blue, with a wedge at the first camera; alternatives are
-/// orange wedges.
+/// within 10 cm, otherwise red; the camera path is blue, with a wedge at the first camera; alternatives on its
+/// level are orange wedges.
 pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
     const MATCHED_M: f64 = 0.1;
     let alternatives = &aligned.alignment.alternatives;
@@ -78,9 +78,8 @@ pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
     let hits: Vec<Point2> = aligned.scan.hits.iter().map(|h| pose.apply(&h.point_m)).collect();
     let mut canvas = Canvas::around(lidar, &hits);
     canvas.lidar(lidar);
-    for alternative in alternatives.iter().skip(1).rev() {
-        canvas.wedge(&alternative.map_from_clip, ink::ALTERNATIVE);
-    }
+    let others = others_on_level(alternatives);
+    others.iter().rev().for_each(|other| canvas.wedge(other, ink::ALTERNATIVE));
     let near = viola_align::Target::new(lidar);
     for hit in &hits {
         let matched = near.as_ref().is_some_and(|target| target.field.value(hit) < MATCHED_M);
@@ -96,13 +95,20 @@ pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
         (ink::UNMATCHED, "clip, not in the map"),
         (ink::CAMERA, "camera's path, from its wedge on"),
     ];
-    if alternatives.len() > 1 {
+    if !others.is_empty() {
         meanings.push((ink::ALTERNATIVE, "first camera of another possible pose"));
     }
     if lidar.charger.is_some() {
         meanings.push((ink::CHARGER, "charger"));
     }
     canvas.with_legend(&meanings).png()
+}
+
+/// Returns the poses of the alternatives on the level of the best one: those on other levels are in other frames.
+fn others_on_level(alternatives: &[Alternative]) -> Vec<Pose2> {
+    let level = alternatives.first().map(|best| best.level);
+    let others = alternatives.iter().skip(1).filter(|other| Some(other.level) == level);
+    others.map(|other| other.map_from_clip).collect()
 }
 
 struct Canvas {
@@ -278,4 +284,26 @@ fn paint(ink: [u8; 4]) -> Paint<'static> {
     let mut paint = Paint::default();
     paint.set_color(color(ink));
     paint
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alternatives_on_other_levels_are_not_drawn() {
+        let alternative = |level: &str, x_m: f64| Alternative {
+            level: level.parse().unwrap(),
+            map_from_clip: Pose2::new(x_m, 0.0, 0.0),
+            loss_m: 0.1,
+            inliers: 0.5,
+            free_space: None,
+            misplaced: None,
+            probability: None,
+            evidence: None,
+        };
+        let all = [alternative("upper", 1.0), alternative("main", 2.0), alternative("upper", 3.0)];
+        assert_eq!(others_on_level(&all), [Pose2::new(3.0, 0.0, 0.0)]);
+        assert!(others_on_level(&all[..2]).is_empty() && others_on_level(&[]).is_empty());
+    }
 }

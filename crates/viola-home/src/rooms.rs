@@ -10,7 +10,7 @@ pub use edit::{merged, split};
 
 use super::level_ids::own_part;
 use super::map_point::MapPoint;
-use outline::{Outline, contains, distance_m};
+use outline::{Outline, contains, distance_m, off_m};
 use partition::MIN_AREA_M2;
 use serde::{Deserialize, Serialize};
 use space::Space;
@@ -93,11 +93,17 @@ pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
 }
 
 /// Returns the room at a point, or the nearest within `reach_m`: objects at walls are off the free floor.
-pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'a Room> {
-    let inside = rooms.iter().find(|room| room.contains(point));
+pub fn room_at<'a>(
+    rooms: impl Iterator<Item = &'a Room> + Clone,
+    point: &Point2,
+    reach_m: f64,
+) -> Option<&'a Room> {
+    let inside = rooms.clone().find(|room| room.contains(point));
     inside.or_else(|| {
-        let near = rooms.iter().map(|room| (room.distance_m(point), room));
-        near.filter(|(m, _)| *m <= reach_m).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+        let near = rooms.filter(|room| room.distance_m(point) <= reach_m);
+        // A room may lie in a hole of another one.
+        let near = near.map(|room| (off_m(&room.polygon_m, &room.holes_m, point), room));
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
     })
 }
 
@@ -126,7 +132,7 @@ fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
         });
         return named.collect();
     }
-    let count = partition::partition(space, &mut owner).min(MAX_ROOMS);
+    let count = partition::partition(space, &mut owner, MAX_ROOMS);
     let mut shapes: Vec<Shape> = shapes(&owner, count, space).into_iter().flatten().collect();
     shapes.retain(|shape| shape.outline.area_m2() >= MIN_AREA_M2);
     shapes.sort_by(|a, b| {
@@ -317,8 +323,8 @@ pub(crate) mod tests {
             assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
         }
         // Beyond a wall: the nearer room.
-        assert_eq!(room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
-        assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
+        assert_eq!(room_at(rooms.iter(), &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
+        assert_eq!(room_at(rooms.iter(), &Point2::new(-1.3, 1.0), 1.0), None);
     }
 
     #[test]
@@ -358,6 +364,27 @@ pub(crate) mod tests {
             assert!(rooms[0].contains(&Point2::from(at)), "{rooms:?}");
         }
         assert!((4.3..5.6).contains(&rooms[0].area_m2), "{rooms:?}");
+    }
+
+    #[test]
+    fn many_specks_of_floor_leave_no_room_out() {
+        let mut map = flat(0.0);
+        map.info.min_m = [0.0, -5.0];
+        let frame = GridFrame { origin_m: [-0.2, -5.2], cell_m: 0.05, width: 150, height: 170 };
+        let is_free = |x: usize, y: usize| {
+            let at = frame.centre(x, y);
+            let is_in_door = (3.9..4.3).contains(&at.x) && (1.05..1.75).contains(&at.y);
+            let is_in_room = (0.05..3.98).contains(&at.x) || (4.16..7.05).contains(&at.x);
+            let is_speck = at.y < -0.5 && x.is_multiple_of(4) && y.is_multiple_of(4);
+            is_in_door || is_in_room && (0.05..2.95).contains(&at.y) || is_speck
+        };
+        let cell = |at: usize| {
+            if is_free(at % frame.width, at / frame.width) { lidar::Cell::Free } else { lidar::Cell::Unknown }
+        };
+        map.cells = Some(Grid { frame, cells: (0..frame.len()).map(cell).collect() });
+        let areas_m2: Vec<f64> = rooms(&map, &[]).iter().map(|room| room.area_m2).collect();
+        assert!(areas_m2.len() == 2, "{areas_m2:?}");
+        assert!((areas_m2[0] - 12.0).abs() < 1.2 && (areas_m2[1] - 9.0).abs() < 1.2, "{areas_m2:?}");
     }
 
     #[test]

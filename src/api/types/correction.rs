@@ -67,7 +67,7 @@ impl From<Kept<viola_home::ObjectCorrection>> for ObjectCorrection {
 /// A person's correction of the room around a point; null where nothing is corrected.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub(in crate::api) struct RoomCorrection {
-    /// Id of the room when it was first corrected.
+    /// Id of the room when it was first corrected, with a number behind it if another room's correction has that id.
     id: String,
     /// The point: a new LiDAR map may divide the rooms differently, and the room that has the point is corrected.
     at_m: [f64; 2],

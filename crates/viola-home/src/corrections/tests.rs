@@ -209,6 +209,11 @@ fn rooms_are_named_joined_and_divided() {
             vec![("1", joined(2.0, &[6.0], 1)), ("2", named(6.0, "Dining"))],
             vec![row("1", Some("Dining"), 24.0, &[MergeWith, Name]), three.clone()],
         ),
+        // Each property once, although two of the joined rooms have a name.
+        (
+            vec![("1", named(2.0, "Hall")), ("2", joined(6.0, &[2.0, 10.0], 1)), ("3", named(10.0, "Den"))],
+            vec![row("2", Some("Den"), 36.0, &[MergeWith, Name])],
+        ),
         // Joined and then divided elsewhere.
         (
             vec![("1", joined(2.0, &[6.0], 1)), ("2", divided(7.0, 5.0, 2))],
@@ -246,6 +251,26 @@ fn a_correction_holds_while_furniture_stands_on_its_point() {
         correct_rooms(&mut rooms, &[(key.to_owned(), correction.clone())]);
         let names: Vec<Option<&str>> = rooms.iter().map(|room| room.name.as_deref()).collect();
         assert_eq!(names, want, "{key} {east_m}");
+    }
+}
+
+#[test]
+fn a_room_with_the_id_of_another_rooms_correction_has_a_key_of_its_own() {
+    let named = |x: f64| RoomCorrection { name: Some("Den".to_owned()), ..at(x) };
+    // Corrections by key and place; key and corrected fields of room 3, which has the place 10.
+    for (corrections, want) in [
+        (vec![("1", named(2.0))], None),
+        (vec![("3", named(10.0))], Some(("3", vec![RoomField::Name]))),
+        (vec![("3", named(2.0))], Some(("3-2", vec![]))),
+        (vec![("3", named(90.0))], Some(("3-2", vec![]))),
+        (vec![("3", named(2.0)), ("3-2", named(6.0))], Some(("3-3", vec![]))),
+        (vec![("3", named(2.0)), ("3-2", named(10.0))], Some(("3-2", vec![RoomField::Name]))),
+    ] {
+        let corrections: Vec<(String, RoomCorrection)> =
+            corrections.into_iter().map(|(key, one)| (key.to_owned(), one)).collect();
+        let corrected = correct_rooms(&mut flat(), &corrections).by_id;
+        let found = corrected.get("3").map(|one| (one.key.as_str(), one.fields.clone()));
+        assert_eq!(found, want, "{corrections:?}");
     }
 }
 

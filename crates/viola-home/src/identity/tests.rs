@@ -142,6 +142,25 @@ fn rooms_keep_their_ids_when_their_order_changes() {
     assert_eq!(next(vec![kitchen("1", 4.0), hall("2", 3.8)]), ["1", "2"]);
 }
 
+#[test]
+fn computed_rooms_get_no_id_of_the_robots_rooms() {
+    for level in ["main", "upper"] {
+        let level: LevelName = level.parse().unwrap();
+        let id = |own: &str| on_level(level, own.to_owned());
+        let mut history = History::of_level(level);
+        let of_robot = |id: &str, low_x: f64| Room {
+            source: RoomSource::LidarMap,
+            ..Room::rectangle(id, [low_x, 0.0], [low_x + 4.0, 3.0])
+        };
+        history.identify_rooms(&mut [of_robot("1", 0.0), of_robot("16", 4.0), of_robot("4294967295", 8.0)]);
+        // The next LiDAR map has no segments.
+        let mut rooms =
+            [Room::rectangle("1", [4.0, 0.0], [8.0, 3.0]), Room::rectangle("2", [0.0; 2], [4.0, 3.0])];
+        history.identify_rooms(&mut rooms);
+        assert_eq!(rooms.map(|room| room.id), [id("17"), id("18")]);
+    }
+}
+
 fn placed(clip: u128, map_from_clip: Pose2) -> PlacedClip {
     PlacedClip {
         clip: Uuid::from_u128(clip),

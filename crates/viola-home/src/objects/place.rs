@@ -2,6 +2,7 @@
 
 use super::fit::{UprightBox, middle};
 use crate::rooms::Room;
+use crate::rooms::outline::off_m;
 use viola_geometry::Point2;
 
 /// An object this far from a room belongs to it: objects stand at walls.
@@ -25,8 +26,12 @@ pub fn room_of<'a>(rooms: &'a [Room], bounds: &UprightBox) -> Option<&'a Room> {
         if to_centre_m > REACH_M + radius_m {
             return None;
         }
-        let to_border_m = border.iter().map(|at| room.distance_m(at)).fold(f64::INFINITY, f64::min);
-        (to_border_m <= REACH_M).then_some((to_border_m, to_centre_m, room))
+        if !border.iter().any(|at| room.distance_m(at) <= REACH_M) {
+            return None;
+        }
+        // A room may lie in a hole of another one.
+        let off_m = |at: &Point2| off_m(&room.polygon_m, &room.holes_m, at);
+        Some((border.iter().map(off_m).fold(f64::INFINITY, f64::min), off_m(&centre), room))
     });
     let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     nearest.map(|(_, _, room)| room)
@@ -51,6 +56,7 @@ fn border(bounds: &UprightBox) -> Vec<Point2> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::FRAC_PI_2;
 
     #[test]
     fn an_object_at_a_wall_is_in_the_room_that_it_stands_in() {
@@ -68,6 +74,19 @@ mod tests {
             let bounds = UprightBox { centre_m, size_m, yaw_rad: 0.0 };
             let room = room_of(&rooms, &bounds).map(|room| room.id.as_str());
             assert_eq!(room, want, "{name}");
+        }
+    }
+
+    #[test]
+    fn an_object_at_the_wall_of_a_room_within_a_room_is_in_the_nearer_one() {
+        let around = Room {
+            holes_m: vec![vec![[1.8, 1.8], [1.8, 4.2], [4.2, 4.2], [4.2, 1.8]]],
+            ..Room::rectangle("around", [0.0, 0.0], [6.0, 6.0])
+        };
+        let rooms = [around, Room::rectangle("within", [2.0, 2.0], [4.0, 4.0])];
+        for (x, want) in [(1.95, "within"), (1.85, "around"), (3.0, "within"), (1.0, "around")] {
+            let bounds = UprightBox { centre_m: [x, 3.0, 0.5], size_m: [0.6, 0.04, 0.6], yaw_rad: FRAC_PI_2 };
+            assert_eq!(room_of(&rooms, &bounds).map(|room| room.id.as_str()), Some(want), "{x}");
         }
     }
 }

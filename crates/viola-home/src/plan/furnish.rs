@@ -4,7 +4,7 @@
 use super::model::{Furniture, PlanRoom};
 use crate::map_point::MapPoint;
 use crate::objects::{Nesting, Object, is_furniture, nesting, surrounds};
-use crate::rooms::outline::{contains, distance_m};
+use crate::rooms::outline::{contains, distance_m, off_m};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -248,9 +248,7 @@ fn fit<'a>(
 ) -> Option<Placed<'a>> {
     let original = bounds(&piece);
     let centre = Point2::from(piece.centre_m);
-    let away = |room: &PlanRoom| {
-        if contains(&room.outline.ring_m, &centre) { 0.0 } else { distance_m(&room.outline.ring_m, &centre) }
-    };
+    let away = |room: &PlanRoom| off_m(&room.outline.ring_m, &room.outline.holes_m, &centre);
     let room = rooms.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     let mut now = into_room(original, room)?;
     let is_host = |other: &&Placed| is_part(object, other.object) && other.bounds.meets(&now);

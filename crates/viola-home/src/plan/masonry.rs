@@ -11,6 +11,8 @@ const BEYOND_M: f64 = 0.5;
 const SEAM_M: f64 = 0.02;
 /// Corners nearer than this are one.
 const SAME_CORNER_M: f64 = 0.005;
+/// Parts of an area that are narrower than this are rounding.
+const SPIKE_M: f64 = 1e-4;
 /// Smaller pieces of masonry are remains of stairs.
 const MIN_AREA_M2: f64 = 0.01;
 /// A smaller hole is a seam between walls.
@@ -133,13 +135,35 @@ fn outline(polygon: &Polygon) -> Outline {
         if corners.len() > 3 && is_same(&corners[0], &corners[corners.len() - 1]) {
             corners.pop();
         }
-        corners
+        without_spikes(corners)
     };
     Outline {
         ring_m: corners(polygon.exterior()),
         // Corners that became one may leave a hole without area, which is no ring (RFC 7946, 3.1.6).
         holes_m: polygon.interiors().iter().map(corners).filter(|hole| is_ring(hole)).collect(),
     }
+}
+
+/// Returns a ring without corners at which it turns back along itself, as rounding leaves them where areas with a common
+/// border were subtracted.
+fn without_spikes(mut corners: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    while corners.len() > 3 {
+        let count = corners.len();
+        let corner = |at: usize| corners[at % count];
+        let Some(at) = (0..count).find(|at| is_spike(corner(at + count - 1), corner(*at), corner(at + 1)))
+        else {
+            break;
+        };
+        corners.remove(at);
+    }
+    corners
+}
+
+/// Returns whether the end of the shorter side at a corner is on the longer side.
+fn is_spike(before: [f64; 2], corner: [f64; 2], after: [f64; 2]) -> bool {
+    let [p, q] = [before, after].map(|end| [end[0] - corner[0], end[1] - corner[1]]);
+    let (dot, cross) = (p[0] * q[0] + p[1] * q[1], p[0] * q[1] - p[1] * q[0]);
+    dot >= 0.0 && cross.abs() <= SPIKE_M * p[0].hypot(p[1]).max(q[0].hypot(q[1]))
 }
 
 #[cfg(test)]
@@ -189,6 +213,19 @@ mod tests {
             assert!((area_m2(&unfilmed) - unfilmed_m2).abs() < 0.01, "{fractions:?} {unfilmed:?}");
             let rest_m2 = area_m2(&without(&masonry, &unfilmed));
             assert!((rest_m2 + area_m2(&unfilmed) - all_m2).abs() < 0.01, "{fractions:?} {rest_m2}");
+        }
+    }
+
+    /// A room that was divided at x = 2.3, with the border of the other part.
+    #[test]
+    fn a_ring_does_not_turn_back_along_itself() {
+        let straight = [[0.0, 0.0], [2.3, 0.0], [2.2, 1.3], [0.0, 1.3]];
+        for spike in [vec![], vec![[4.0, 0.0], [4.02, 1.3], [4.0, 1e-9]], vec![[4.0, 0.0], [3.0, 1e-9]]] {
+            let corners = [&straight[..1], &spike[..], &straight[1..]].concat();
+            let holes = vec![line_string(&[[0.5, 0.5], [0.5, 1.0], [1.0, 1.0], [1.0, 0.5]])];
+            let found = outline(&Polygon::new(line_string(&corners), holes));
+            assert_eq!(found.ring_m, straight, "{spike:?}");
+            assert_eq!(found.holes_m.len(), 1);
         }
     }
 }

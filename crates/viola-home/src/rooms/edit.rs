@@ -1,5 +1,6 @@
 //! Rooms as people correct them: two rooms become one, or a line divides a room.
 
+use super::outline::pieces;
 use super::{Room, Shape, keep_largest, outlined};
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
@@ -45,13 +46,31 @@ pub fn split(room: &Room, from: &Point2, to: &Point2, anchor: &Point2, other_id:
     let part = |of_anchor: bool| -> Option<Shape> {
         let cells = (0..frame.len()).map(|index| whole.cells[index] && is_of_anchor(index) == of_anchor);
         let mut part = Grid { frame, cells: cells.collect() };
-        keep_largest(&mut part);
+        // A line across both arms of a U cuts off two pieces: the room is the one with its label.
+        if !(of_anchor && keep_around(&mut part, anchor)) {
+            keep_largest(&mut part);
+        }
         let area_m2 = part.cells.iter().filter(|set| **set).count() as f64 * frame.cell_m * frame.cell_m;
         if area_m2 < MIN_PART_M2 { None } else { outlined(&part) }
     };
     let (own, other) = (part(true)?, part(false)?);
     let own = own.into_room(room.id.clone(), room.name.clone(), room.source);
     Some([own, other.into_room(other_id.to_owned(), None, room.source)])
+}
+
+/// Keeps the piece of a mask at a point; returns false, and keeps all, if there is none.
+fn keep_around(mask: &mut Grid<bool>, at: &Point2) -> bool {
+    let frame = mask.frame;
+    let (piece, _) = pieces(mask);
+    // The line may pass through the cell of the point.
+    let beside = [[0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]];
+    let own = beside.iter().find_map(|[x, y]| {
+        let (x, y) = frame.cell(&Point2::new(at.x + x * frame.cell_m, at.y + y * frame.cell_m))?;
+        Some(piece[y * frame.width + x]).filter(|piece| *piece != 0)
+    });
+    let Some(own) = own else { return false };
+    mask.cells.iter_mut().zip(piece).for_each(|(cell, piece)| *cell = piece == own);
+    true
 }
 
 /// Returns a grid that covers the rooms.
@@ -134,6 +153,27 @@ mod tests {
         assert!((own.area_m2 - 6.0).abs() < 0.4);
         for x in [-1.0, 0.05, 6.0, 70.0] {
             assert_eq!(cut(x, [3.0, 1.0]), None, "{x}");
+        }
+    }
+
+    /// The line cuts off both arms of a U. The smaller one has the label.
+    #[test]
+    fn the_part_with_the_label_keeps_the_id_even_if_it_is_not_the_largest() {
+        let polygon_m =
+            [[0.0, 0.0], [8.0, 0.0], [8.0, 4.0], [5.2, 4.0], [5.2, 1.3], [1.6, 1.3], [1.6, 7.0], [0.0, 7.0]];
+        let whole = Room { polygon_m: polygon_m.to_vec(), ..Room::rectangle("7", [0.0, 0.0], [8.0, 7.0]) };
+        let cut = |anchor: [f64; 2]| {
+            let [from, to] = [Point2::new(0.0, 1.36), Point2::new(8.0, 1.36)];
+            split(&whole, &from, &to, &Point2::from(anchor), "7-b").unwrap()
+        };
+        for (anchor, own_m2, other_m2) in
+            [([6.6, 1.4], 7.4, 10.6), ([0.8, 5.0], 9.0, 10.6), ([4.0, 0.6], 10.6, 9.0)]
+        {
+            let [own, other] = cut(anchor);
+            assert!(own.contains(&Point2::from(anchor)), "{own:?}");
+            for (part, area_m2) in [(own, own_m2), (other, other_m2)] {
+                assert!((part.area_m2 - area_m2).abs() < 0.5, "{area_m2}: {part:?}");
+            }
         }
     }
 

@@ -49,6 +49,15 @@ pub fn distance_m(ring: &[[f64; 2]], point: &Point2) -> f64 {
     edges(ring).map(|(a, b)| to_segment_m(&[point.x, point.y], &a, &b)).fold(f64::INFINITY, f64::min)
 }
 
+/// Returns the distance from a point to a polygon; 0 inside, and not in its holes.
+pub fn off_m(ring: &[[f64; 2]], holes: &[Vec<[f64; 2]>], point: &Point2) -> f64 {
+    if contains(ring, point) && !holes.iter().any(|hole| contains(hole, point)) {
+        return 0.0;
+    }
+    let of_holes = holes.iter().map(|hole| distance_m(hole, point));
+    of_holes.fold(distance_m(ring, point), f64::min)
+}
+
 fn edges(ring: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
     ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))
 }

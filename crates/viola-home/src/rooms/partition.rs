@@ -3,6 +3,8 @@
 
 use super::outline::beside;
 use super::space::Space;
+use rustc_hash::FxHashMap;
+use std::cmp::Reverse;
 use viola_geometry::{DistanceField, Grid, groups};
 
 /// Half of a door's maximum width. Doors are up to 1 m wide, double doors somewhat more.
@@ -34,8 +36,8 @@ impl Basins {
     }
 }
 
-/// Numbers the rooms in `owner` from 1, and returns their count.
-pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
+/// Numbers the rooms in `owner` from 1, and returns their count: of more than `most` the largest.
+pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, most: usize) -> usize {
     let (width, height) = (space.frame.width, space.frame.height);
     let open = open(space);
     let barrier: Vec<bool> = open.iter().map(|open| !open).collect();
@@ -78,6 +80,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
     }
     owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
     absorb(owner, &mut basins, space);
+    keep_largest(owner, most);
     number(owner)
 }
 
@@ -139,9 +142,24 @@ fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space) {
     owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
 }
 
+/// Removes all but the largest rooms. A map may have hundreds of specks of floor that the robot saw through windows.
+fn keep_largest(owner: &mut Grid<u32>, most: usize) {
+    let mut sizes: FxHashMap<u32, usize> = FxHashMap::default();
+    owner.cells.iter().filter(|owner| **owner != 0).for_each(|owner| *sizes.entry(*owner).or_default() += 1);
+    if sizes.len() <= most {
+        return;
+    }
+    let mut order: Vec<(Reverse<usize>, u32)> =
+        sizes.into_iter().map(|(owner, size)| (Reverse(size), owner)).collect();
+    order.sort_unstable();
+    let mut kept: Vec<u32> = order.into_iter().take(most).map(|(_, owner)| owner).collect();
+    kept.sort_unstable();
+    owner.cells.iter_mut().filter(|owner| kept.binary_search(owner).is_err()).for_each(|owner| *owner = 0);
+}
+
 /// Renumbers from 1 without gaps, in the order of the first cells.
 fn number(owner: &mut Grid<u32>) -> usize {
-    let mut numbers = rustc_hash::FxHashMap::default();
+    let mut numbers = FxHashMap::default();
     for cell in owner.cells.iter_mut().filter(|cell| **cell != 0) {
         let next = numbers.len() as u32 + 1;
         *cell = *numbers.entry(*cell).or_insert(next);

@@ -69,6 +69,17 @@ fn a_chair_has_its_back_at_its_high_points() {
 }
 
 #[test]
+fn furniture_of_a_room_within_another_one_is_drawn() {
+    let ring = |low: f64, high: f64| vec![[low, low], [high, low], [high, high], [low, high]];
+    let around =
+        Outline { ring_m: ring(0.0, 8.0), holes_m: vec![ring(2.0, 6.0).into_iter().rev().collect()] };
+    let within = Outline { ring_m: ring(2.2, 5.8), holes_m: Vec::new() };
+    let rooms = [around, within].map(|outline| room(outline, 0, &[]));
+    let bed = object(Class::Bed, 0.8, [4.0, 4.0], [2.0, 1.6, 0.5]);
+    assert_eq!(furniture(&[bed], &[], &rooms, &Pose2::IDENTITY).len(), 1);
+}
+
+#[test]
 fn a_stool_has_no_back() {
     let stool = object(Class::Chair, 0.8, [2.0, 2.0], [0.4, 0.38, 0.65]);
     let mut points = seat_points(&stool, 0.0);
