@@ -84,8 +84,7 @@ pub(super) enum Error {
     #[error("{0}")]
     Lidar(#[from] LidarError),
     #[error(
-        "this Idempotency-Key came with another recording before; for the same recording send the same files again, and a \
-         new key only for another recording"
+        "this Idempotency-Key came with another recording before, or with an archive of this one that failed; send a new key"
     )]
     KeyReused,
     #[error("the home has no LiDAR map to align to; put one first")]

@@ -364,7 +364,7 @@ async fn a_length_may_be_told_later() {
     assert_eq!((head.header("upload-defer-length"), head.header("upload-length")), ("1", ""));
     let with = |length: usize| server.patch(upload, 50, &clip[50..60]).header("Upload-Length", length);
     check_refused(with(49), 400, "invalid-header", "Upload-Length").await;
-    check_refused(with(100_001), 413, "body-too-large", "").await;
+    check_refused(with(100_001), 413, "body-too-large", "Upload-Length").await;
     server.send(with(clip.len())).await.ok(204);
     check_refused(
         server.patch(upload, 60, b"x").header("Upload-Length", 1000),

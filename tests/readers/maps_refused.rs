@@ -168,6 +168,13 @@ fn points_that_cannot_be_used_are_refused_by_name() {
     assert!(LidarMap::read(b"x,y\n-90000,0\n-89750,250\n").is_ok(), "where the map lies does not matter");
     check_refused("a UTM zone", b"x,y\n412345.5,5789012\n412349,5789015\n", "map_far_from_origin");
     check_refused("a map at the limit", b"x,y\n0,99998\n1,100001\n", "map_far_from_origin");
+    let points: String = (0..200).map(|n| format!("{},0\n", f64::from(n) * 0.05)).collect();
+    let map = LidarMap::read(format!("x,y\n{points}412345,5\n").as_bytes()).unwrap();
+    assert!(
+        map.info.max_m[0] < 11.0 && map.info.notes.iter().any(|note| note.starts_with("1 points")),
+        "{:?}",
+        map.info
+    );
     let told = LidarMap::read(b"x,y\n412345.5,5789012\n412349,5789015\n").unwrap_err().to_string();
     assert!(
         told.contains("x 412345.5 m, y 5789012.0 m") && told.contains("subtract the same offset"),

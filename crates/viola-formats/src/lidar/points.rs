@@ -19,11 +19,18 @@ const MAX_COORDINATE_M: f64 = 8e7;
 /// 8 mm there, and half a metre at the northing of a UTM zone.
 const MAX_DISTANCE_M: f64 = 1e5;
 
+/// If at least this fraction of the points is nearer than that, the others are dropped.
+const MIN_NEAR_FRACTION: f64 = 0.99;
+
 /// Points collected from a file.
 #[derive(Default)]
 struct Cloud {
     points: Vec<Point2>,
     not_finite: usize,
+}
+
+fn is_near(point: &Point2) -> bool {
+    point.x.abs() < MAX_DISTANCE_M && point.y.abs() < MAX_DISTANCE_M
 }
 
 impl Cloud {
@@ -40,11 +47,23 @@ impl Cloud {
         Ok(())
     }
 
-    fn into_map(self, format: &'static str, mut notes: Vec<String>) -> Result<LidarMap, LidarError> {
+    /// Drops the points that are far from the origin if they are so few that they are faults of a sensor, and not the map.
+    fn drop_strays(&mut self) {
+        let near = self.points.iter().filter(|point| is_near(point)).count();
+        let far = self.points.len() - near;
+        if near as f64 >= MIN_NEAR_FRACTION * self.points.len() as f64 {
+            self.points.retain(is_near);
+            self.not_finite += far;
+        }
+    }
+
+    fn into_map(mut self, format: &'static str, mut notes: Vec<String>) -> Result<LidarMap, LidarError> {
+        self.drop_strays();
         if self.not_finite > 0 {
             notes.push(format!(
-                "{} points that are not finite, or not on earth, were dropped",
-                self.not_finite
+                "{} points that are not finite, or {} km away, were dropped",
+                self.not_finite,
+                MAX_DISTANCE_M / 1000.0
             ));
         }
         let map = build(Parts {

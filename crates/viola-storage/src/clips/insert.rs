@@ -102,14 +102,15 @@ pub(crate) async fn insert(
     Ok(Added::New(clip))
 }
 
-/// Returns whether the recording of a clip is an archive with this content, whatever its bytes.
+/// Returns whether the recording of a clip is an archive with this content, whatever its bytes. Not of a failed clip: its archive
+/// may be damaged where the sums do not tell, and the other one whole.
 async fn has_content(
     connection: &mut Connection,
     clip: Uuid,
     content_sha256: Option<&str>,
 ) -> Result<bool, StorageError> {
     let Some(content_sha256) = content_sha256 else { return Ok(false) };
-    let row = query("SELECT content_sha256 FROM clips WHERE id = $1")
+    let row = query("SELECT content_sha256 FROM clips WHERE id = $1 AND state <> 'failed'")
         .bind(clip.to_string())
         .fetch_optional(connection)
         .await?;
