@@ -5,7 +5,9 @@ import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
 import type { Box2, Point2 } from "../frames.ts";
 import { STATES } from "../words.ts";
+import type { HomeData } from "./data.ts";
 import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
+import { hullOfSelected } from "./selection.ts";
 
 const CENTIMETRES = 2;
 
@@ -61,6 +63,14 @@ export function read(query: URLSearchParams, looks: Looks): Framing {
     from: from && { eye_m: from.slice(0, 3) as Point3, target_m: from.slice(3) as Point3 },
     part: part && { min: part.slice(0, 2) as Point2, max: part.slice(2) as Point2 },
   };
+}
+
+/** Deselects what the home does not have, and returns what a person is told about it; null if it is there, or nothing is selected. */
+export function deselectMissing(data: HomeData, looks: Looks): string | null {
+  const { selected } = looks;
+  if (!selected || hullOfSelected(data, selected).length > 0) return null;
+  looks.selected = null;
+  return `The ${selected.kind} of this link is no longer in the map.`;
 }
 
 /** The numbers of a text; null unless there are as many as expected. */
