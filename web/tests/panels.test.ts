@@ -50,6 +50,34 @@ test("a comparison that comes late does not replace the chosen one", async () =>
   assert.ok(text().includes("Sofa") && !text().includes("Table"), text());
 });
 
+test("changes are those since the newest earlier map until a person chooses one, and keep the focus", async () => {
+  const { panel, data, answer, revisions, changes, text } = compared();
+  const first = panel.draw();
+  await revisions();
+  await changes(2, "Sofa");
+  await first;
+  const row = () => fake(panel.element).all("button")[0];
+  row()?.focus();
+  const next = async (revision: number, from: number, name: string) => {
+    Object.assign(data, { map: { revision }, described: `${revision} main` });
+    const drawn = panel.draw();
+    const all = Array.from({ length: revision }, (_, i) => ({ revision: revision - i, created_at: "" }));
+    await answer("revisions?limit=50", { items: all, next: null });
+    await answer(`changes?from=${from}&to=${revision}`, {
+      added: ["Sofa", name].map((id) => ({ id, name: id, level: "main", room: null })), discovered: [], moved: [], gone: [], lost: [],
+    });
+    await drawn;
+    assert.ok(text().includes(name), text());
+  };
+  await next(4, 3, "Table");
+  assert.equal(document.activeElement, row(), "the row lost the focus");
+  const [from] = fake(panel.element).all("select");
+  if (from) from.value = "1";
+  from?.dispatchEvent(new Event("change"));
+  await answer("changes?from=1&to=4", { added: [], discovered: [], moved: [], gone: [], lost: [] });
+  await next(5, 1, "Lamp");
+});
+
 test("changes are compared again on another level, and after an error", async () => {
   const { panel, data, open, answer, revisions, changes, text } = compared();
   const failed = panel.draw();
