@@ -206,6 +206,16 @@ test("a map that cannot be made is told in the list of homes, and by the home", 
   }
 });
 
+test("a home whose clips have no place is not told to film a level", () => {
+  const clips = [{ id: "a", state: "ambiguous" }];
+  for (const [placed, title] of [[[], "No map of the clips yet"], [[{ clip: "b", level: "upper" }], "No clip of the level “Main”"]] as const) {
+    const map = { revision: 1, state: "current", clips: placed, info: { points: 0 } };
+    const data = { home: { map_state: "current" }, level: "main", map, lidar: {}, coverage: null, clips, levelOf: () => null };
+    const { empty } = new Summary(data as unknown as HomeData, new Looks());
+    assert.ok(empty.textContent?.startsWith(title) && !empty.hidden, `${empty.textContent}`);
+  }
+});
+
 test("a restored LiDAR map is no earlier map", () => {
   const revisions = ["a", "b", "a", "c", "b"].map((sha256, i) => ({ sha256, revision: 5 - i })) as LidarRevision[];
   assert.deepEqual(otherFiles(revisions).map(({ revision }) => revision), [4, 2]);
