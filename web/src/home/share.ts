@@ -4,7 +4,7 @@ import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
 import type { Box2, Point2 } from "../frames.ts";
-import { STATES } from "../words.ts";
+import { levelWord, STATES } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
 import { hullOfSelected } from "./selection.ts";
@@ -65,12 +65,14 @@ export function read(query: URLSearchParams, looks: Looks): Framing {
   };
 }
 
-/** Deselects what the home does not have, and returns what a person is told about it; null if it is there, or nothing is selected. */
-export function deselectMissing(data: HomeData, looks: Looks): string | null {
+/** Deselects what the home does not have, and returns what a person is told about an address; null if all of it is there. */
+export function deselectMissing(query: URLSearchParams, data: HomeData, looks: Looks): string | null {
   const { selected } = looks;
-  if (!selected || hullOfSelected(data, selected).length > 0) return null;
-  looks.selected = null;
-  return `The ${selected.kind} of this link is no longer in the map.`;
+  const isThere = selected === null || hullOfSelected(data, selected).length > 0;
+  if (!isThere) looks.selected = null;
+  const level = query.get("level");
+  if (level !== null && level !== data.level) return `The level “${levelWord(level)}” of this link is no longer in this home.`;
+  return isThere ? null : `The ${selected.kind} of this link is no longer in the map.`;
 }
 
 /** The numbers of a text; null unless there are as many as expected. */

@@ -47,7 +47,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   drawCrumbs(data.name);
   const looks = new Looks();
   const framing = read(asked, looks);
-  const missing = deselectMissing(data, looks);
+  const missing = deselectMissing(asked, data, looks);
   if (missing) say(missing);
   if (!data.map?.info.points && !asked.has("view")) looks.view = "2d";
   const status = new StatusLine("stage-status");
