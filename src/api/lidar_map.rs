@@ -23,6 +23,10 @@ use viola_geometry::LevelName;
 use viola_home as home;
 use viola_storage::{Arrived, FromEarlier, HomeId, NewLidarMap, StorageError};
 
+/// The parameter by which a page makes the address of a new picture another one.
+const REVISION: &str = "Ignored. A page sends the `lidar_map_revision` of the home, so that its browser does not show the picture \
+    of an earlier map";
+
 /// The current LiDAR map and the frame of its picture
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct CurrentLidarMap {
@@ -288,7 +292,8 @@ impl From<viola_storage::LidarMapRevision> for CurrentLidarMap {
 /// Get a picture of the current LiDAR map of the level `main`
 ///
 /// For a home without a level of this name, it is the picture of the first level by name.
-#[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/image.png", tag = "lidar-map", params(HomePath),
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/image.png", tag = "lidar-map",
+    params(HomePath, ("revision" = Option<String>, Query, description = REVISION)),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_lidar_map_image(
     State(app): State<App>,

@@ -42,6 +42,10 @@ async fn a_map_is_put_told_and_drawn() {
     let other = format!("{}1.0,1.0\n", room::lidar_csv());
     assert_eq!(server.put(&path, other).await.ok(201)["revision"], 2);
     assert_eq!(server.get(&home).await.ok(200)["lidar_map_revision"], 2);
+    // A page names the revision, so that its browser does not show the earlier picture again.
+    let newer = server.get(&format!("{path}/image.png?revision=2")).await;
+    assert_eq!((newer.status, newer.header("content-type")), (200, "image/png"));
+    assert_eq!(newer.header("etag"), server.get(&format!("{path}/image.png")).await.header("etag"));
     let page = server.get(&format!("{path}/revisions?limit=1")).await.ok(200);
     assert_eq!(page["items"][0]["revision"], 2);
     let next = page["next"].as_str().unwrap();

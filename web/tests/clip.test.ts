@@ -75,6 +75,24 @@ test("wrong units and conventions of the files come before doubts about the home
   assert.deepEqual(adviceOf(of(["poses_disagree", "scale_disagrees"], 0.5)).length, 2);
 });
 
+test("the doubt about the home is told first, and facts of the recording last", () => {
+  const told = (codes: string[], members = {}) => reasonsOf(clipWith({
+    state: "ambiguous", reasons: codes.map((code) => ({ code, detail: code })), ...members,
+  })).map(({ code }) => code);
+  for (const [codes, expected] of [
+    [["several_modes", "not_this_home"], ["not_this_home", "several_modes"]],
+    [["no_colour", "several_modes", "not_this_home"], ["not_this_home", "several_modes", "no_colour"]],
+    [["tracked", "sparse_frames", "no_support"], ["no_support", "sparse_frames", "tracked"]],
+    [["no_colour", "weak_evidence"], ["weak_evidence", "no_colour"]],
+    [["several_modes", "not_this_home", "scale_disagrees"], ["scale_disagrees", "not_this_home", "several_modes"]],
+  ] as const) {
+    assert.deepEqual(told([...codes]), expected);
+  }
+  // A clip that its neighbours placed is of this home.
+  const placed = ["decided_by_neighbours", "several_modes", "not_this_home"];
+  assert.deepEqual(told(placed, { placement: placement("neighbours", 5) }), placed);
+});
+
 test("a fault of the filming comes before the doubt that the clip is of another home", () => {
   const of = (...codes: string[]) => adviceOf(clipWith({
     state: "ambiguous", reasons: codes.map((code) => ({ code, detail: code })), alignment: { alternatives: [{ probability: 0.1 }] },

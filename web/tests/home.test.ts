@@ -4,7 +4,7 @@ import { home, makeHome, Refusal } from "../src/api.ts";
 import { Looks } from "../src/home/looks.ts";
 import { progress } from "../src/home/measure.ts";
 import { roomName, withoutLevel } from "../src/home/selection.ts";
-import { type Framing, read, written } from "../src/home/share.ts";
+import { deselectMissing, type Framing, read, written } from "../src/home/share.ts";
 import { isBeingMade } from "../src/home/summary.ts";
 import type { HomeData } from "../src/home/data.ts";
 
@@ -35,6 +35,26 @@ test("an answer that stalls counts as none", async () => {
   const read = home("h", new AbortController().signal);
   setTimeout(() => limit.abort());
   await assert.rejects(read, (error) => error instanceof Refusal && error.status === 0);
+});
+
+test("a link to an object, a room or a level that is gone says so", () => {
+  const box = { centre_m: [1, 2, 0], size_m: [1, 1, 1], yaw_rad: 0 };
+  const data = {
+    level: "main", things: [{ id: "sofa-1", ...box }], rooms: [{ id: "1", polygon_m: [[0, 0], [1, 0], [1, 1]] }],
+    robotRooms: [{ id: "17", centre_m: [1, 1], area_m2: 4 }],
+  } as unknown as HomeData;
+  for (const [at, told] of [
+    ["object.sofa-1", null], ["room.1", null], ["room.17", null],
+    ["object.sofa-9", "The object of this link is no longer in the map."], ["room.9", "The room of this link is no longer in the map."],
+  ] as const) {
+    const [query, looks] = [new URLSearchParams({ at }), new Looks()];
+    read(query, looks);
+    assert.equal(deselectMissing(query, data, looks), told);
+    assert.equal(looks.selected === null, told !== null, "what is gone stays selected");
+  }
+  for (const [level, told] of [["main", null], ["upper", "The level “Upper” of this link is no longer in this home."]] as const) {
+    assert.equal(deselectMissing(new URLSearchParams({ level }), data, new Looks()), told);
+  }
 });
 
 test("a view is read as it is written", () => {

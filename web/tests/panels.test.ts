@@ -50,6 +50,34 @@ test("a comparison that comes late does not replace the chosen one", async () =>
   assert.ok(text().includes("Sofa") && !text().includes("Table"), text());
 });
 
+test("changes are those since the newest earlier map until a person chooses one, and keep the focus", async () => {
+  const { panel, data, answer, revisions, changes, text } = compared();
+  const first = panel.draw();
+  await revisions();
+  await changes(2, "Sofa");
+  await first;
+  const row = () => fake(panel.element).all("button")[0];
+  row()?.focus();
+  const next = async (revision: number, from: number, name: string) => {
+    Object.assign(data, { map: { revision }, described: `${revision} main` });
+    const drawn = panel.draw();
+    const all = Array.from({ length: revision }, (_, i) => ({ revision: revision - i, created_at: "" }));
+    await answer("revisions?limit=50", { items: all, next: null });
+    await answer(`changes?from=${from}&to=${revision}`, {
+      added: ["Sofa", name].map((id) => ({ id, name: id, level: "main", room: null })), discovered: [], moved: [], gone: [], lost: [],
+    });
+    await drawn;
+    assert.ok(text().includes(name), text());
+  };
+  await next(4, 3, "Table");
+  assert.equal(document.activeElement, row(), "the row lost the focus");
+  const [from] = fake(panel.element).all("select");
+  if (from) from.value = "1";
+  from?.dispatchEvent(new Event("change"));
+  await answer("changes?from=1&to=4", { added: [], discovered: [], moved: [], gone: [], lost: [] });
+  await next(5, 1, "Lamp");
+});
+
 test("changes are compared again on another level, and after an error", async () => {
   const { panel, data, open, answer, revisions, changes, text } = compared();
   const failed = panel.draw();
@@ -175,6 +203,16 @@ test("a map that cannot be made is told in the list of homes, and by the home", 
     const data = { home: { map_state }, level: "main", map: null, lidar: {}, coverage: null, clips, levelOf: () => "main" };
     const { empty } = new Summary(data as unknown as HomeData, new Looks());
     assert.ok(empty.textContent?.startsWith(title) && !empty.hidden, `${map_state}: ${empty.textContent}`);
+  }
+});
+
+test("a home whose clips have no place is not told to film a level", () => {
+  const clips = [{ id: "a", state: "ambiguous" }];
+  for (const [placed, title] of [[[], "No map of the clips yet"], [[{ clip: "b", level: "upper" }], "No clip of the level “Main”"]] as const) {
+    const map = { revision: 1, state: "current", clips: placed, info: { points: 0 } };
+    const data = { home: { map_state: "current" }, level: "main", map, lidar: {}, coverage: null, clips, levelOf: () => null };
+    const { empty } = new Summary(data as unknown as HomeData, new Looks());
+    assert.ok(empty.textContent?.startsWith(title) && !empty.hidden, `${empty.textContent}`);
   }
 });
 

@@ -73,6 +73,22 @@ test("a home that is made late does not call a person back from another page", a
   }
 });
 
+test("the picture of a new LiDAR map has another address", async () => {
+  Object.assign(globalThis, { location: { hash: "#/" } });
+  const clips_by_state = { uploaded: 0, queued: 0, aligning: 0, aligned: 0, ambiguous: 0, failed: 0 };
+  const pictures = new Set<string | null>();
+  for (const lidar_map_revision of [1, 2]) {
+    const home = { id: "flat", name: null, clips: 0, clips_by_state, needs_attention: [], map_state: "current", updated_at: "", lidar_map_revision };
+    globalThis.fetch = async () => new Response(JSON.stringify({ items: [home], next: null }));
+    const [main, page] = [h("main"), new AbortController()];
+    await showHomes({ main, crumbs: h("nav"), signal: page.signal, again: () => {} }, { text: "", attention: false, after: null });
+    page.abort();
+    const [picture] = fake(main).all("img");
+    pictures.add(picture?.getAttribute("src") ?? null);
+  }
+  assert.deepEqual([...pictures], [1, 2].map((revision) => `/v1/homes/flat/lidar-map/image.png?revision=${revision}`));
+});
+
 test("only the main button of a mouse drags the plan", () => {
   Object.assign(globalThis, { ResizeObserver: class { observe(): void {} } });
   const plan = new PlanView("", never);

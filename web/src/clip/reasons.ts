@@ -11,13 +11,19 @@ const WARNINGS = new Set(["choice_of_earlier_lidar_map", "choice_carried_over"])
 /** Codes of reasons whose details speak of poses; the page calls them places. */
 const OF_PLACES = new Set(["several_modes", "weak_evidence", "not_this_home"]);
 
+/** Codes of doubts that the clip is of this home at all: until they are settled, more clips of the room do not help. */
+const OF_HOME = ["no_support", "not_this_home"];
+
 export interface Told {
   code: string;
   text: string;
   isWarning: boolean;
 }
 
-/** The reasons of a clip: warnings first, then wrong units and conventions of its files. */
+/**
+ * The reasons of a clip: warnings first, then wrong units and conventions of its files. Of a clip without a place, doubts about the
+ * home follow, and then what a person can change.
+ */
 export function reasonsOf(clip: Clip): Told[] {
   const given = adviceOf(clip);
   const textOf = (code: string, detail: string) => {
@@ -26,7 +32,12 @@ export function reasonsOf(clip: Clip): Told[] {
     return given.length > 0 && adviceFor(code) !== null ? withoutAdvice(text) : text;
   };
   const told = clip.reasons.map(({ code, detail }) => ({ code, text: textOf(code, detail), isWarning: WARNINGS.has(code) }));
-  const rank = ({ code, isWarning }: Told) => (isWarning ? 0 : OF_FILES.includes(code) ? 1 : 2);
+  const rank = ({ code, isWarning }: Told) => {
+    if (isWarning) return 0;
+    if (OF_FILES.includes(code)) return 1;
+    if (clip.placement) return 2;
+    return OF_HOME.includes(code) ? 2 : adviceFor(code) !== null ? 3 : 4;
+  };
   return told.sort((a, b) => rank(a) - rank(b));
 }
 

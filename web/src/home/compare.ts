@@ -1,7 +1,7 @@
 // Shows the changes of objects between two revisions of the map.
 
 import * as api from "../api.ts";
-import { h, isByKey, put } from "../dom.ts";
+import { h, isByKey, put, putAgain } from "../dom.ts";
 import { messageOf } from "../parts/notices.ts";
 import type { MapChanges, Thing } from "../types.ts";
 import { levelWord, many, metres, plain, time } from "../words.ts";
@@ -21,6 +21,8 @@ export class Compare {
   private readonly result = h("div", { role: "status" });
   /** The newest revision; 0 without a map. */
   private revision = 0;
+  /** The revision that a person chose to compare with; without one, it is the newest earlier one. */
+  private chosen = "";
   /** The revision and the level that the panel was drawn for. */
   private drawn = "";
 
@@ -29,7 +31,10 @@ export class Compare {
     private readonly onChosen: (selection: Selection, isByKey: boolean) => void,
     private readonly signal: AbortSignal,
   ) {
-    this.from.addEventListener("change", () => void this.compare());
+    this.from.addEventListener("change", () => {
+      this.chosen = this.from.value;
+      void this.compare();
+    });
     this.element.append(h("label", { class: "row" }, "Since", this.from), this.result);
   }
 
@@ -44,10 +49,9 @@ export class Compare {
       if (drawn !== this.drawn) return;
       this.revision = revision;
       const earlier = all.filter((other) => other.revision < revision);
-      const chosen = this.from.value;
       put(this.from, ...earlier.map((map) =>
         h("option", { value: map.revision }, `map ${map.revision}, ${time(map.created_at)}`)));
-      if (earlier.some((map) => String(map.revision) === chosen)) this.from.value = chosen;
+      if (earlier.some((map) => String(map.revision) === this.chosen)) this.from.value = this.chosen;
       this.from.disabled = earlier.length === 0;
       if (earlier.length === 0) put(this.result, h("p", { class: "hint" }, "There is no earlier map to compare with."));
       else await this.compare();
@@ -80,9 +84,9 @@ export class Compare {
   private show(changes: MapChanges): void {
     const { added, discovered, moved, gone, lost } = changes;
     if (added.length + discovered.length + moved.length + gone.length + lost.length === 0) {
-      return put(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));
+      return putAgain(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));
     }
-    put(this.result, ...this.lists(changes));
+    putAgain(this.result, ...this.lists(changes));
   }
 
   private lists({ added, discovered, moved, gone, lost }: MapChanges): HTMLElement[] {
@@ -112,7 +116,7 @@ export class Compare {
   private row(thing: Thing, note: string): HTMLElement {
     // Only the objects of the level that is shown can be shown.
     const isHere = thing.level === this.data.level;
-    const button = h("button", { type: "button", class: "thing-row", disabled: !isHere },
+    const button = h("button", { type: "button", class: "thing-row", "data-key": `changed ${thing.id}`, disabled: !isHere },
       h("span", { class: "word", dir: "auto" }, thingName(thing)),
       h("span", { class: "hint" }, isHere ? note : [levelWord(thing.level), note].filter((word) => word).join(", ")));
     button.addEventListener("click", (event) => this.onChosen({ kind: "object", id: thing.id }, isByKey(event)));

@@ -4,8 +4,10 @@ import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
 import type { Box2, Point2 } from "../frames.ts";
-import { STATES } from "../words.ts";
+import { levelWord, STATES } from "../words.ts";
+import type { HomeData } from "./data.ts";
 import { BODIES, LAYERS, MAX_CUT_M, type Looks } from "./looks.ts";
+import { hullOfSelected } from "./selection.ts";
 
 const CENTIMETRES = 2;
 
@@ -61,6 +63,16 @@ export function read(query: URLSearchParams, looks: Looks): Framing {
     from: from && { eye_m: from.slice(0, 3) as Point3, target_m: from.slice(3) as Point3 },
     part: part && { min: part.slice(0, 2) as Point2, max: part.slice(2) as Point2 },
   };
+}
+
+/** Deselects what the home does not have, and returns what a person is told about an address; null if all of it is there. */
+export function deselectMissing(query: URLSearchParams, data: HomeData, looks: Looks): string | null {
+  const { selected } = looks;
+  const isThere = selected === null || hullOfSelected(data, selected).length > 0;
+  if (!isThere) looks.selected = null;
+  const level = query.get("level");
+  if (level !== null && level !== data.level) return `The level “${levelWord(level)}” of this link is no longer in this home.`;
+  return isThere ? null : `The ${selected.kind} of this link is no longer in the map.`;
 }
 
 /** The numbers of a text; null unless there are as many as expected. */

@@ -64,7 +64,9 @@ function nextStep(data: HomeData): HTMLElement[] {
   if (isBeingMade(data)) return said("The map is being made", "All clips have settled. The map appears here by itself.");
   if (!mayChange()) return said("No map of the clips yet", "It appears here when clips with a place are in this home. Your key can only look.");
   if (map && clips.length === 0) return said("No clips yet", "Film the home. Then press “Add clips”, or drop the files here.");
-  if (map) return said(`No clip of the level “${levelWord(level)}”`, "Film on this level. Then press “Add clips”, or drop the files here.");
+  if (map && map.clips.length > 0) {
+    return said(`No clip of the level “${levelWord(level)}”`, "Film on this level. Then press “Add clips”, or drop the files here.");
+  }
   if (!lidar) {
     return said(clips.length === 0 ? "This home is empty" : "No LiDAR map yet",
       "Press “Add LiDAR map”, or drop the map of the robot vacuum here: Valetudo JSON, a zip of a ROS map, CSV or PLY points.");

@@ -167,7 +167,8 @@ function card(home: Home): HTMLElement {
   const picture = home.lidar_map_revision
     ? h("img", {
         class: "paper", alt: "", loading: "lazy", decoding: "async",
-        src: homePath(home.id, "lidar-map", "image.png"),
+        // Another map has another picture.
+        src: homePath(home.id, "lidar-map", `image.png?revision=${home.lidar_map_revision}`),
       })
     : h("span", { class: "hint" }, "No LiDAR map yet");
   picture.addEventListener("error", () => picture.replaceWith(h("span", { class: "hint" }, "No picture")));

@@ -152,7 +152,7 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     assert.ok(await page.getByRole("button", { name: "Delete level" }).isHidden(), "the last level cannot be deleted");
     // The list shows the map of the only level.
     await go("#/");
-    await page.locator(".home-card[data-key=attic] img[src$='/attic/lidar-map/image.png']").evaluate((image) => image.decode());
+    await page.locator(".home-card[data-key=attic] img[src*='/attic/lidar-map/image.png?revision=']").evaluate((image) => image.decode());
   }
 
   async function aForeignClipIsExplained() {

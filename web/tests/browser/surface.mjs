@@ -82,6 +82,14 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
     const rows = page.locator(".coverage-row");
     assert.equal(await rows.count(), by_room.length);
     assert.equal(await rows.filter({ hasText: "film here next" }).count(), next);
+    if (next > 0) {
+      const [advice, word] = await page.locator(".coverage-row .next").evaluate((advice) => {
+        const word = advice.parentElement;
+        word.querySelector("bdi").textContent = "The room behind the long corridor ".repeat(4);
+        return [advice, word].map((element) => element.getBoundingClientRect().right);
+      });
+      assert.ok(advice <= word + 1, `a long name cuts off the advice: it ends at ${advice} px of ${word} px`);
+    }
     await page.locator("input[data-name=coverage]").uncheck();
     await page.locator("label:has(#view-3d)").click();
   }
