@@ -30,16 +30,20 @@ pub const MAX_CORRECTIONS: i64 = 500;
 const ATTEMPTS: usize = 8;
 
 /// A person's correction of an object or a room.
-pub trait Correction: Clone + PartialEq + Serialize + DeserializeOwned {
+pub trait Correction: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
     const KIND: &'static str;
     /// The object or the room.
     type Target;
-    type Change;
+    type Change: Clone + Send + 'static;
 
     fn target(scene: &MapScene, id: &str) -> Option<Self::Target>;
 
     /// Returns the key of the correction of the target with this id.
     fn key(scene: &MapScene, id: &str) -> String;
+
+    /// Returns an error if the rooms of the map do not allow the change. It may take seconds, so it does not run with the
+    /// home locked.
+    fn check(scene: &MapScene, id: &str, change: &Self::Change) -> Result<(), CorrectionError>;
 
     /// Returns the correction after a change. `order` is the number of the change in its home.
     fn changed(
@@ -143,6 +147,7 @@ impl Storage {
         let changed = || CorrectionError::Changed { kind: C::KIND, id: id.to_owned() };
         for _ in 0..ATTEMPTS {
             let current = self.current_scene(home, id).await?;
+            let (current, checked) = check_apart::<C>(current, id, change.clone()).await;
             let mut transaction = self.database.begin().await?;
             if !is_current(&mut transaction, home, &current).await? {
                 continue;
@@ -150,7 +155,7 @@ impl Storage {
             let state: CorrectionState<C> = current.state(&mut transaction, home, id).await?;
             let before = state.kept.as_ref().map(|kept| &kept.correction);
             let order = version(&mut transaction, home).await? + 1;
-            let after = C::changed(&state, change, &current.scene, order);
+            let after = checked.and_then(|()| C::changed(&state, change, &current.scene, order));
             let after = after.map(|after| Some(after).filter(|after| !after.is_empty()));
             if after.as_ref().is_ok_and(|after| after.as_ref() == before) {
                 return Ok(state);
@@ -239,6 +244,23 @@ impl<C: Correction> Kept<C> {
     fn move_to(&mut self, lidar_map_revision: i64, history: &MapHistory) {
         self.correction = self.in_frame_of(history);
         self.lidar_map_revision = lidar_map_revision;
+    }
+}
+
+/// Checks a change on a thread that may block; returns the map, too.
+async fn check_apart<C: Correction>(
+    current: Current,
+    id: &str,
+    change: C::Change,
+) -> (Current, Result<(), CorrectionError>) {
+    let id = id.to_owned();
+    let check = move || {
+        let checked = C::check(&current.scene, &id, &change);
+        (current, checked)
+    };
+    match tokio::task::spawn_blocking(check).await {
+        Ok(done) => done,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
     }
 }
 

@@ -2,6 +2,10 @@
 
 use super::home_maps::{align, due, revision};
 use super::*;
+use crate::corrections::Correction;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, mpsc};
+use tokio::sync::mpsc::UnboundedSender;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
 use viola_home::{Coverage, ObjectCorrection, PlacedBy, Room, RoomCorrection, RoomField, RoomSource};
@@ -17,6 +21,7 @@ on_every_back_end!(
     a_room_is_divided_by_one_line,
     two_people_do_not_overwrite_each_other,
     a_home_has_so_many_corrections,
+    a_slow_check_keeps_no_other_write_waiting,
 );
 
 fn chair(id: &str, x: f64) -> MapObject {
@@ -308,4 +313,61 @@ async fn a_home_has_so_many_corrections(storage: Storage) {
     assert!(matches!(refused, Err(CorrectionError::TooMany)), "{refused:?}");
     // One that is there may still be changed.
     correct(&storage, &home, "chair-1", &renamed(Some("another name"))).await;
+}
+
+/// A correction whose check takes until the test lets it go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Slow;
+
+/// Tells the test that the check has begun, and hears that it may end.
+type Checking = Arc<(UnboundedSender<()>, Mutex<mpsc::Receiver<()>>)>;
+
+impl Correction for Slow {
+    const KIND: &'static str = "object";
+    type Target = MapObject;
+    type Change = Checking;
+
+    fn target(scene: &MapScene, id: &str) -> Option<MapObject> {
+        ObjectCorrection::target(scene, id)
+    }
+
+    fn key(_: &MapScene, id: &str) -> String {
+        id.to_owned()
+    }
+
+    fn check(_: &MapScene, _: &str, checking: &Checking) -> Result<(), CorrectionError> {
+        checking.0.send(()).unwrap();
+        checking.1.lock().unwrap().recv_timeout(LEASE).expect("the other write is done");
+        Ok(())
+    }
+
+    fn changed(
+        _: &CorrectionState<Slow>,
+        _: &Checking,
+        _: &MapScene,
+        _: i64,
+    ) -> Result<Slow, CorrectionError> {
+        Ok(Slow)
+    }
+
+    fn is_empty(&self) -> bool {
+        false
+    }
+
+    fn move_by(&mut self, _: &Pose2) {}
+}
+
+async fn a_slow_check_keeps_no_other_write_waiting(storage: Storage) {
+    let home = furnished(&storage).await;
+    let (begun, mut begins) = tokio::sync::mpsc::unbounded_channel();
+    let (done, ends) = mpsc::channel();
+    let checking = Arc::new((begun, Mutex::new(ends)));
+    let other_write = async {
+        begins.recv().await.unwrap();
+        correct(&storage, &home, "chair-2", &renamed(Some("Stool"))).await;
+        done.send(()).unwrap();
+    };
+    let slow = storage.correct::<Slow>(&home, "chair-1", &checking, |_| true, at(300));
+    let (state, ()) = tokio::join!(slow, other_write);
+    assert_eq!(state.unwrap().kept.map(|kept| kept.correction), Some(Slow));
 }
