@@ -11,6 +11,7 @@ use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
 use assembling::assemble;
 use bytes::Bytes;
+use describing::removed_levels;
 pub(super) use error::MergeError;
 use finishing::Finishing;
 use futures::stream::{self, StreamExt, TryStreamExt};
@@ -264,6 +265,7 @@ async fn levels(
     last: &Manifest,
     mut scenes: BTreeMap<LevelName, MapScene>,
 ) -> Result<Vec<Level>, MergeError> {
+    let removed = removed_levels(&scenes, |level| claim.lidar_maps.iter().any(|map| map.level == level));
     let mut levels = Vec::new();
     for map in &claim.lidar_maps {
         let clips = last.clips.iter().filter(|clip| clip.level == map.level).cloned().collect();
@@ -273,6 +275,7 @@ async fn levels(
             corrections: claim.corrections.on_level(map.level),
             home_name: claim.home_name.clone(),
             left: left_map(storage, claim, map).await?,
+            removed_levels: removed.clone(),
         };
         let bytes = storage.lidar_map_file(map.id()).await?;
         levels.push(Level { file: LevelFile { level: map.level, bytes }, last, is_same: false });

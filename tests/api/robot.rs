@@ -114,8 +114,15 @@ async fn a_file_of_the_map_that_the_store_lost_is_a_fault_of_the_service() {
     server.put(&format!("{home}/lidar-map"), room::lidar_valetudo()).await.ok(201);
     add(&server, &home, 24).await;
     list(&server, &home, "rooms", |list| list["rooms"] != json!([])).await;
-    for path in server.blobs().iter().filter(|path| path.to_string_lossy().contains("home-maps")) {
-        // The worker may rename a file of the mesh meanwhile.
+    let mut files = server.blobs();
+    files.retain(|path| path.to_string_lossy().contains("home-maps"));
+    // The worker may rename a file of the mesh meanwhile.
+    for path in &files {
+        let bytes = std::fs::read(path).unwrap_or_default();
+        let _ = std::fs::write(path, &bytes[..bytes.len() / 2]);
+    }
+    server.get(&format!("{home}/map/robot?format=calibration")).await.problem(500, "internal-error");
+    for path in &files {
         let _ = std::fs::remove_file(path);
     }
     for of_map in ["rooms", "plan", "robot?format=matter", "robot?format=nav2", "robot?format=calibration"] {

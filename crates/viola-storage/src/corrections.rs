@@ -14,13 +14,13 @@ pub(super) use rows::{forget_level, of_home};
 
 use super::columns::{Columns, stored};
 use super::database::{Connection, Transaction, query};
-use super::home_maps::{MapHistory, MapScene, map_file};
+use super::home_maps::{MapHistory, MapLevel, MapScene, map_file};
 use super::{HomeId, Storage, StorageError, homes};
 use jiff::Timestamp;
 use rows::{find, keep, version};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::level_of_id;
 
 /// Maximum number of corrected objects and rooms in a home: more than a home has of both.
@@ -30,16 +30,20 @@ pub const MAX_CORRECTIONS: i64 = 500;
 const ATTEMPTS: usize = 8;
 
 /// A person's correction of an object or a room.
-pub trait Correction: Clone + PartialEq + Serialize + DeserializeOwned {
+pub trait Correction: Clone + PartialEq + Serialize + DeserializeOwned + 'static {
     const KIND: &'static str;
     /// The object or the room.
     type Target;
-    type Change;
+    type Change: Clone + Send + 'static;
 
     fn target(scene: &MapScene, id: &str) -> Option<Self::Target>;
 
     /// Returns the key of the correction of the target with this id.
     fn key(scene: &MapScene, id: &str) -> String;
+
+    /// Returns an error if the rooms of the map do not allow the change. It may take seconds, so it does not run with the
+    /// home locked.
+    fn check(scene: &MapScene, id: &str, change: &Self::Change) -> Result<(), CorrectionError>;
 
     /// Returns the correction after a change. `order` is the number of the change in its home.
     fn changed(
@@ -101,13 +105,33 @@ impl Storage {
         current.state(&mut snapshot, home, id).await
     }
 
-    /// Returns all corrections of a home, each in the frame of the LiDAR map in which it was made.
+    /// Returns all corrections of a home, each in the frame of its level in the current revision.
     pub async fn corrections(&self, home: &HomeId) -> Result<Corrections, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        of_home(&mut snapshot, home).await
+        let mut all = of_home(&mut snapshot, home).await?;
+        drop(snapshot);
+        // The map is read later than the corrections, so its history has their frames.
+        let levels = self.home_map(home, None).await?.map(|map| (map.revision, map.levels));
+        let (revision, levels) = levels.unwrap_or_default();
+        for level in &levels {
+            let has_objects = of_earlier_maps(&mut all.objects, level).next().is_some();
+            let has_rooms = of_earlier_maps(&mut all.rooms, level).next().is_some();
+            if !has_objects && !has_rooms {
+                continue;
+            }
+            let Some(scene) = self.scene_of_level(home, revision, level.level).await? else { continue };
+            let history = scene.history();
+            for kept in of_earlier_maps(&mut all.objects, level) {
+                kept.move_to(level.lidar_map_revision, &history);
+            }
+            for kept in of_earlier_maps(&mut all.rooms, level) {
+                kept.move_to(level.lidar_map_revision, &history);
+            }
+        }
+        Ok(all)
     }
 
     /// Corrects an object or a room if its state is as `expected`; returns its new state. A change that
@@ -123,6 +147,7 @@ impl Storage {
         let changed = || CorrectionError::Changed { kind: C::KIND, id: id.to_owned() };
         for _ in 0..ATTEMPTS {
             let current = self.current_scene(home, id).await?;
+            let (current, checked) = check_apart::<C>(current, id, change.clone()).await;
             let mut transaction = self.database.begin().await?;
             if !is_current(&mut transaction, home, &current).await? {
                 continue;
@@ -130,7 +155,7 @@ impl Storage {
             let state: CorrectionState<C> = current.state(&mut transaction, home, id).await?;
             let before = state.kept.as_ref().map(|kept| &kept.correction);
             let order = version(&mut transaction, home).await? + 1;
-            let after = C::changed(&state, change, &current.scene, order);
+            let after = checked.and_then(|()| C::changed(&state, change, &current.scene, order));
             let after = after.map(|after| Some(after).filter(|after| !after.is_empty()));
             if after.as_ref().is_ok_and(|after| after.as_ref() == before) {
                 return Ok(state);
@@ -160,14 +185,26 @@ impl Storage {
         let wanted = level_of_id(id);
         let level = map.levels.iter().find(|level| level.level == wanted).or(map.levels.first());
         let level = level.ok_or(CorrectionError::NoMap)?;
-        let files = self.home_map_files(home, map.revision, level.level, map_file::SCENE).await?;
-        let file = files.first().ok_or(CorrectionError::NoMap)?;
-        let Some(scene) = self.map_scene(file).await? else {
-            self.check_map_file_removed(file).await?;
-            return Err(CorrectionError::NoMap);
-        };
+        let scene = self.scene_of_level(home, map.revision, level.level).await?;
+        let scene = scene.ok_or(CorrectionError::NoMap)?;
         let history = scene.history();
         Ok(Current { revision: map.revision, lidar_map_revision: level.lidar_map_revision, scene, history })
+    }
+
+    /// Returns the scene of a level of a revision; `None` if the revision was removed meanwhile.
+    async fn scene_of_level(
+        &self,
+        home: &HomeId,
+        revision: i64,
+        level: LevelName,
+    ) -> Result<Option<MapScene>, StorageError> {
+        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
+        let Some(file) = files.first() else { return Ok(None) };
+        let scene = self.map_scene(file).await?;
+        if scene.is_none() {
+            self.check_map_file_removed(file).await?;
+        }
+        Ok(scene)
     }
 }
 
@@ -181,16 +218,14 @@ impl Current {
     ) -> Result<CorrectionState<C>, CorrectionError> {
         let shown = C::target(&self.scene, id);
         let key = C::key(&self.scene, id);
-        let kept: Option<Kept<C>> = find(connection, home, C::KIND, &key).await?;
+        let mut kept: Option<Kept<C>> = find(connection, home, C::KIND, &key).await?;
         if shown.is_none() && kept.is_none() {
             return Err(CorrectionError::NotFound { kind: C::KIND, id: id.to_owned() });
         }
-        let in_frame = |kept: Kept<C>| Kept {
-            correction: kept.in_frame_of(&self.history),
-            lidar_map_revision: self.lidar_map_revision,
-            ..kept
-        };
-        Ok(CorrectionState { shown, kept: kept.map(in_frame) })
+        if let Some(kept) = &mut kept {
+            kept.move_to(self.lidar_map_revision, &self.history);
+        }
+        Ok(CorrectionState { shown, kept })
     }
 }
 
@@ -204,6 +239,39 @@ impl<C: Correction> Kept<C> {
         }
         correction
     }
+
+    /// Brings the correction into the frame of a LiDAR map, which is that of a map with this history.
+    fn move_to(&mut self, lidar_map_revision: i64, history: &MapHistory) {
+        self.correction = self.in_frame_of(history);
+        self.lidar_map_revision = lidar_map_revision;
+    }
+}
+
+/// Checks a change on a thread that may block; returns the map, too.
+async fn check_apart<C: Correction>(
+    current: Current,
+    id: &str,
+    change: C::Change,
+) -> (Current, Result<(), CorrectionError>) {
+    let id = id.to_owned();
+    let check = move || {
+        let checked = C::check(&current.scene, &id, &change);
+        (current, checked)
+    };
+    match tokio::task::spawn_blocking(check).await {
+        Ok(done) => done,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    }
+}
+
+/// Returns the corrections of a level that are in the frames of other LiDAR maps than its present one.
+fn of_earlier_maps<'a, C>(
+    kept: &'a mut [Kept<C>],
+    level: &'a MapLevel,
+) -> impl Iterator<Item = &'a mut Kept<C>> {
+    kept.iter_mut().filter(move |kept| {
+        level_of_id(&kept.target) == level.level && kept.lidar_map_revision != level.lidar_map_revision
+    })
 }
 
 /// Locks the home; returns whether a revision is still the current one.

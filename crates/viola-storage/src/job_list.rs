@@ -16,6 +16,22 @@ macro_rules! newest {
     };
 }
 
+/// Selects a page of a tenant's jobs. The page has its limit before its ids are joined with the jobs: PostgreSQL's generic plan
+/// read the jobs of all tenants in the order of their ids until it had found those of the page.
+pub(super) const OF_TENANT: &str = jobs::select_jobs!(
+    "WHERE jobs.id IN (SELECT id FROM (",
+    newest!("$4"),
+    " UNION ALL ",
+    newest!("$5"),
+    " UNION ALL ",
+    newest!("$6"),
+    " UNION ALL ",
+    newest!("$7"),
+    " UNION ALL ",
+    newest!("$8"),
+    ") AS found ORDER BY id DESC LIMIT $3) ORDER BY jobs.id DESC"
+);
+
 impl Storage {
     /// Returns a page of a tenant's jobs in some states, by default in any, newest first.
     pub async fn jobs(
@@ -26,22 +42,7 @@ impl Storage {
     ) -> Result<Vec<Job>, StorageError> {
         // Sorts after every id.
         let before = page.after.map_or("~".to_owned(), |id| id.to_string());
-        let mut rows = query(jobs::select_jobs!(
-            "WHERE jobs.id IN (",
-            newest!("$4"),
-            " UNION ALL ",
-            newest!("$5"),
-            " UNION ALL ",
-            newest!("$6"),
-            " UNION ALL ",
-            newest!("$7"),
-            " UNION ALL ",
-            newest!("$8"),
-            ") ORDER BY jobs.id DESC LIMIT $3"
-        ))
-        .bind(tenant.name())
-        .bind(before)
-        .bind(i64::from(page.limit));
+        let mut rows = query(OF_TENANT).bind(tenant.name()).bind(before).bind(i64::from(page.limit));
         for state in JobState::ALL {
             let wanted = states.is_empty() || states.contains(&state);
             // NULL matches none.

@@ -12,8 +12,11 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
+use tracing::error;
 use viola_home::{MESH_TRIANGLES, Mesh};
-use viola_storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
+use viola_storage::{
+    BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, StorageError, map_file,
+};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
@@ -114,7 +117,7 @@ struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Returns the file that the worker made, if there is one.
+    /// Returns the file that the worker made, if there is one. A lost or damaged one is made again for each request.
     async fn made(&self, app: &App) -> Result<Option<BlobReader>, Error> {
         if self.format != MeshFormat::Glb || self.budget != MESH_TRIANGLES {
             return Ok(None);
@@ -122,7 +125,13 @@ impl Wanted<'_> {
         let (storage, level) = (&app.storage, self.level.level);
         let files = storage.home_map_files(self.home, self.map.revision, level, map_file::MESH).await?;
         Ok(match files.first() {
-            Some(file) => storage.read_map_file(file).await?,
+            Some(file) => match storage.read_map_file(file).await {
+                Err(damage @ StorageError::DamagedFile { .. }) => {
+                    error!(home = %self.home, %damage, "a mesh is made again for a request");
+                    None
+                }
+                blob => blob?,
+            },
             None => None,
         })
     }

@@ -166,8 +166,8 @@ impl Source {
 async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<PlanImage, Error> {
     let files = app.storage.home_map_files(home, map.revision, level, map_file::PLAN_JSON).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
-    let Some(json) = app.storage.map_file_bytes(file).await? else { return Err(missing(app, file).await) };
-    PlanImage::in_plan_json(&json).ok_or_else(|| Error::InvalidQuery {
+    let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(app, file).await) };
+    PlanImage::in_plan_json(&blob.all().await?).ok_or_else(|| Error::InvalidQuery {
         field: Some("revision"),
         detail: format!(
             "revision {} was made by an earlier version, without the frame of its picture; ask for a later one",

@@ -25,6 +25,8 @@ pub struct Earlier {
     pub home_name: Option<String>,
     /// The level's earlier LiDAR map, if the new revision of the home has another.
     pub left: Option<LeftMap>,
+    /// The histories of levels that the home had and has no more.
+    pub removed_levels: BTreeMap<LevelName, History>,
 }
 
 /// A LiDAR map that a level had at its last revision.
@@ -35,13 +37,24 @@ pub struct LeftMap {
 }
 
 impl Earlier {
-    /// Returns whether the level is described with its current LiDAR map, its corrections and the home's name.
+    /// Returns whether the level is described with its current LiDAR map, its corrections, and the home's name and
+    /// removed levels.
     pub fn is_described(&self) -> bool {
         let history = self.scene.as_ref().and_then(|scene| scene.history.as_ref());
         let is_same = |history: &MapHistory| {
-            history.corrections == self.corrections.version && history.home_name == self.home_name
+            history.corrections == self.corrections.version
+                && history.home_name == self.home_name
+                && history.removed_levels == self.removed_levels
         };
         history.is_some_and(is_same) && self.left.is_none()
+    }
+
+    /// Returns the history from which the level goes on.
+    fn history(&self, level: LevelName) -> MapHistory {
+        let ids = || self.removed_levels.get(&level).cloned().unwrap_or_else(|| History::of_level(level));
+        let first = || MapHistory { ids: ids(), ..MapHistory::default() };
+        let history = self.scene.as_ref().map_or_else(first, MapScene::history);
+        MapHistory { removed_levels: self.removed_levels.clone(), ..history }
     }
 }
 
@@ -64,8 +77,7 @@ pub fn describe(
     last: &Earlier,
 ) -> Described {
     let LevelMap { level, lidar } = map;
-    let first = || MapHistory { ids: History::of_level(level), ..MapHistory::default() };
-    let mut history = last.scene.as_ref().map_or_else(first, MapScene::history);
+    let mut history = last.history(level);
     let now_from_last = now_from_last(level, clips, last);
     let ids_before = history.ids.clone();
     let earlier = last.scene.as_ref().map(|scene| scene.earlier_objects(&now_from_last)).unwrap_or_default();
@@ -134,6 +146,22 @@ pub fn describe(
     }
 }
 
+/// Returns the histories of levels that the scenes of the last revision know, and that were removed. Each scene has those of
+/// all levels, since any other level may be removed next.
+pub fn removed_levels(
+    scenes: &BTreeMap<LevelName, MapScene>,
+    is_level: impl Fn(LevelName) -> bool,
+) -> BTreeMap<LevelName, History> {
+    let histories: Vec<_> = scenes.iter().map(|(level, scene)| (*level, scene.history())).collect();
+    let mut removed = BTreeMap::new();
+    for (_, history) in &histories {
+        removed.extend(history.removed_levels.clone());
+    }
+    let now = histories.into_iter().filter(|(level, _)| !is_level(*level));
+    removed.extend(now.map(|(level, history)| (level, history.ids.without_places())));
+    removed
+}
+
 /// Returns the transform into the frame of the new revision from that of the last one.
 fn now_from_last(level: LevelName, clips: &[PlacedClip], last: &Earlier) -> Pose2 {
     let Some(left) = &last.left else { return Pose2::IDENTITY };
@@ -181,4 +209,53 @@ fn missing_objects(
         MapObject { centre_m: bounds.centre_m, yaw_rad: bounds.yaw_rad, ..object.clone() }
     };
     before.iter().chain(&history.missing).filter(is_missing).map(moved).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_home::{Coverage, RoomSource};
+
+    /// Returns the scenes of a revision with these levels.
+    fn scenes(levels: Vec<(LevelName, MapHistory)>) -> BTreeMap<LevelName, MapScene> {
+        let scene = |history| MapScene {
+            rooms: Vec::new(),
+            objects: Vec::new(),
+            coverage: Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() },
+            history: Some(history),
+        };
+        levels.into_iter().map(|(level, history)| (level, scene(history))).collect()
+    }
+
+    /// Returns the id of a room that the history does not know.
+    fn id_of_new_room(ids: &mut History) -> String {
+        let mut rooms = [Room {
+            id: "computed".to_owned(),
+            name: None,
+            source: RoomSource::Computed,
+            area_m2: 12.0,
+            polygon_m: vec![[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]],
+            holes_m: Vec::new(),
+            label_at_m: [2.0, 1.5],
+        }];
+        ids.identify_rooms(&mut rooms);
+        rooms[0].id.clone()
+    }
+
+    #[test]
+    fn a_level_that_returns_gives_out_no_id_again() {
+        let upper: LevelName = "upper".parse().unwrap();
+        let mut history = Earlier::default().history(upper);
+        assert_eq!(id_of_new_room(&mut history.ids), "upper~1");
+        // The next revision has only the main level, and so have those after it.
+        let mut last = scenes(vec![(LevelName::MAIN, MapHistory::default()), (upper, history)]);
+        for _ in 0..3 {
+            let removed_levels = removed_levels(&last, |level| level.is_main());
+            let scene = last.remove(&LevelName::MAIN);
+            let earlier = Earlier { scene, removed_levels, ..Earlier::default() };
+            last = scenes(vec![(LevelName::MAIN, earlier.history(LevelName::MAIN))]);
+        }
+        let again = Earlier { removed_levels: removed_levels(&last, |_| true), ..Earlier::default() };
+        assert_eq!(id_of_new_room(&mut again.history(upper).ids), "upper~2");
+    }
 }

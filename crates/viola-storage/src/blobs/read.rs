@@ -19,7 +19,8 @@ pub struct BlobReader {
 }
 
 impl BlobReader {
-    async fn all(mut self) -> Result<Bytes, StorageError> {
+    /// Returns all bytes in one piece.
+    pub async fn all(mut self) -> Result<Bytes, StorageError> {
         let first = self.stream.try_next().await?.unwrap_or_default();
         if first.len() as u64 == self.size_bytes {
             return Ok(first);

@@ -2,6 +2,11 @@
 
 use super::home_maps::{align, due, revision};
 use super::*;
+use crate::corrections::Correction;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, mpsc};
+use tokio::sync::mpsc::UnboundedSender;
+use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
 use viola_home::{Coverage, ObjectCorrection, PlacedBy, Room, RoomCorrection, RoomField, RoomSource};
 
@@ -12,9 +17,11 @@ on_every_back_end!(
     a_room_is_corrected,
     a_room_grows_by_one_merge_after_another,
     rooms_are_corrected_by_the_cells_of_the_lidar_map,
+    a_list_has_the_places_of_the_present_map,
     a_room_is_divided_by_one_line,
     two_people_do_not_overwrite_each_other,
     a_home_has_so_many_corrections,
+    a_slow_check_keeps_no_other_write_waiting,
 );
 
 fn chair(id: &str, x: f64) -> MapObject {
@@ -55,16 +62,10 @@ async fn merge(storage: &Storage, seconds: i64) -> MergeClaim {
 }
 
 async fn merge_to(storage: &Storage, seconds: i64, rooms: Vec<MapRoom>) -> MergeClaim {
-    merge_of_cells(storage, seconds, rooms, Vec::new()).await
+    merge_with(storage, seconds, rooms, MapHistory::default()).await
 }
 
-/// Ends the merge with a scene whose rooms have other outlines by the cells of the LiDAR map.
-async fn merge_of_cells(
-    storage: &Storage,
-    seconds: i64,
-    rooms: Vec<MapRoom>,
-    rooms_of_cells: Vec<Room>,
-) -> MergeClaim {
+async fn merge_with(storage: &Storage, seconds: i64, rooms: Vec<MapRoom>, history: MapHistory) -> MergeClaim {
     let claim = due(storage, seconds).await.expect("the home is due");
     let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
     new.objects = vec![chair("chair-1", 1.0), chair("chair-2", 3.0)];
@@ -72,11 +73,7 @@ async fn merge_of_cells(
         rooms,
         objects: new.objects.clone(),
         coverage: Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() },
-        history: Some(MapHistory {
-            corrections: claim.corrections.version,
-            rooms_of_cells,
-            ..MapHistory::default()
-        }),
+        history: Some(MapHistory { corrections: claim.corrections.version, ..history }),
     };
     new.files = vec![(LevelName::MAIN, map_file::SCENE, serde_json::to_vec(&scene).unwrap())];
     new.has_object_changes = true;
@@ -232,13 +229,34 @@ async fn rooms_are_corrected_by_the_cells_of_the_lidar_map(storage: Storage) {
     both.polygon_m = vec![[0.0, 0.0], [8.1, 0.0], [8.1, 3.0], [0.0, 3.0]];
     let mut next = room("4", 8.2).room;
     next.label_at_m = [10.0, 1.0];
-    merge_of_cells(&storage, 400, vec![drawn, room("4", 8.2)], vec![both, next]).await;
+    let history = MapHistory { rooms_of_cells: vec![both, next], ..MapHistory::default() };
+    merge_with(&storage, 400, vec![drawn, room("4", 8.2)], history).await;
     let line = RoomChange { split_by: Some(Some([[5.0, 0.0], [5.0, 1.0]])), ..RoomChange::default() };
     let state = storage.correct::<RoomCorrection>(&home, "1", &line, |_| true, at(401)).await.unwrap();
     assert_eq!(state.kept.unwrap().correction.split.unwrap().from_m, [5.0, 0.0]);
     let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(402)).await.unwrap();
     let merge = state.kept.unwrap().correction.merge.unwrap();
     assert_eq!((merge.with_m, merge.order), (vec![[6.1, 1.5], [10.0, 1.0]], 3));
+}
+
+/// A new LiDAR map has another frame.
+async fn a_list_has_the_places_of_the_present_map(storage: Storage) {
+    let home = furnished(&storage).await;
+    let place = ObjectChange { centre_m: Some(Some([2.0, 1.0, 0.5])), ..ObjectChange::default() };
+    correct(&storage, &home, "chair-1", &place).await;
+    let name = RoomChange { name: Some(Some("Lounge".to_owned())), ..RoomChange::default() };
+    storage.correct::<RoomCorrection>(&home, "1", &name, |_| true, at(300)).await.unwrap();
+    put_map(&storage, &home, b"another map").await;
+    align(&storage, AlignmentState::Aligned).await;
+    let frames = [(1, Pose2::new(1.0, 2.0, 0.0))].into();
+    let history = MapHistory { frames, ..MapHistory::default() };
+    merge_with(&storage, 400, vec![room("1", 1.0)], history).await;
+    let all = storage.corrections(&home).await.unwrap();
+    let places = (all.objects[0].correction.centre_m, all.rooms[0].correction.at_m);
+    assert_eq!(places, (Some([3.0, 3.0, 0.5]), [3.0, 3.5]));
+    let object = storage.corrected::<ObjectCorrection>(&home, "chair-1").await.unwrap();
+    let room = storage.corrected::<RoomCorrection>(&home, "1").await.unwrap();
+    assert_eq!((object.kept, room.kept), (Some(all.objects[0].clone()), Some(all.rooms[0].clone())));
 }
 
 async fn a_room_is_divided_by_one_line(storage: Storage) {
@@ -295,4 +313,61 @@ async fn a_home_has_so_many_corrections(storage: Storage) {
     assert!(matches!(refused, Err(CorrectionError::TooMany)), "{refused:?}");
     // One that is there may still be changed.
     correct(&storage, &home, "chair-1", &renamed(Some("another name"))).await;
+}
+
+/// A correction whose check takes until the test lets it go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Slow;
+
+/// Tells the test that the check has begun, and hears that it may end.
+type Checking = Arc<(UnboundedSender<()>, Mutex<mpsc::Receiver<()>>)>;
+
+impl Correction for Slow {
+    const KIND: &'static str = "object";
+    type Target = MapObject;
+    type Change = Checking;
+
+    fn target(scene: &MapScene, id: &str) -> Option<MapObject> {
+        ObjectCorrection::target(scene, id)
+    }
+
+    fn key(_: &MapScene, id: &str) -> String {
+        id.to_owned()
+    }
+
+    fn check(_: &MapScene, _: &str, checking: &Checking) -> Result<(), CorrectionError> {
+        checking.0.send(()).unwrap();
+        checking.1.lock().unwrap().recv_timeout(LEASE).expect("the other write is done");
+        Ok(())
+    }
+
+    fn changed(
+        _: &CorrectionState<Slow>,
+        _: &Checking,
+        _: &MapScene,
+        _: i64,
+    ) -> Result<Slow, CorrectionError> {
+        Ok(Slow)
+    }
+
+    fn is_empty(&self) -> bool {
+        false
+    }
+
+    fn move_by(&mut self, _: &Pose2) {}
+}
+
+async fn a_slow_check_keeps_no_other_write_waiting(storage: Storage) {
+    let home = furnished(&storage).await;
+    let (begun, mut begins) = tokio::sync::mpsc::unbounded_channel();
+    let (done, ends) = mpsc::channel();
+    let checking = Arc::new((begun, Mutex::new(ends)));
+    let other_write = async {
+        begins.recv().await.unwrap();
+        correct(&storage, &home, "chair-2", &renamed(Some("Stool"))).await;
+        done.send(()).unwrap();
+    };
+    let slow = storage.correct::<Slow>(&home, "chair-1", &checking, |_| true, at(300));
+    let (state, ()) = tokio::join!(slow, other_write);
+    assert_eq!(state.unwrap().kept.map(|kept| kept.correction), Some(Slow));
 }

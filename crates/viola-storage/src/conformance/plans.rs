@@ -3,7 +3,7 @@
 use super::*;
 use crate::columns::Columns;
 use crate::database::query;
-use crate::{changes, clip_list, clips, home_maps, jobs, lidar_maps, tenants};
+use crate::{changes, clip_list, clips, home_maps, job_list, jobs, lidar_maps, tenants};
 use sqlx::AssertSqlSafe;
 
 /// Returns the reads of a statement, which end with the index and the columns by which SQLite finds the rows.
@@ -94,4 +94,34 @@ async fn a_search_for_a_merge_reads_no_clip_that_has_settled() {
     assert!(found.iter().all(|step| step.starts_with("SEARCH")), "{found:?}");
     let of_clips: Vec<&String> = found.iter().filter(|step| step.starts_with("SEARCH clips")).collect();
     assert!(matches!(&of_clips[..], [step] if step.contains("COVERING INDEX clips_unsettled")), "{found:?}");
+}
+
+/// PostgreSQL uses the generic plan for any values if it expects the plans of the values to cost as much.
+#[tokio::test]
+async fn a_list_of_jobs_reads_its_page_with_the_generic_plan_too() {
+    let Some(postgres) = Schema::new().await else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let storage = on(&postgres, folder.path(), None).await;
+    one_job(&storage).await;
+    let mut transaction = storage.database.begin().await.unwrap();
+    let prepare = format!("PREPARE page AS {}", job_list::OF_TENANT);
+    for statement in [
+        "INSERT INTO jobs (id, clip_id, lidar_map_id, state, progress, attempts, max_attempts, run_after, fence, version,
+            created_at, updated_at, tenant)
+        SELECT id || n, clip_id, lidar_map_id, 'failed', 1, 1, 1, 0, 0, 0, 0, 0, 'other'
+        FROM jobs, generate_series(1, 80000) AS n",
+        "ANALYZE jobs",
+        "SET LOCAL plan_cache_mode = force_generic_plan",
+        prepare.as_str(),
+    ] {
+        query(AssertSqlSafe(statement.to_owned())).execute(&mut transaction).await.unwrap();
+    }
+    let explain = query("EXPLAIN EXECUTE page ('default', '~', 200, 'queued', NULL, NULL, NULL, NULL)");
+    let rows = explain.fetch_all(&mut transaction).await.unwrap();
+    let steps: Vec<String> = rows.iter().map(|row| row.text("QUERY PLAN").unwrap()).collect();
+    let reads_all =
+        |step: &String| step.contains("Seq Scan on jobs") || step.contains("Backward using jobs_pkey");
+    assert!(!steps.iter().any(reads_all), "{steps:#?}");
+    drop(transaction);
+    postgres.remove().await;
 }

@@ -32,6 +32,10 @@ impl Correction for ObjectCorrection {
         id.to_owned()
     }
 
+    fn check(_: &MapScene, _: &str, _: &ObjectChange) -> Result<(), CorrectionError> {
+        Ok(())
+    }
+
     fn changed(
         state: &CorrectionState<ObjectCorrection>,
         change: &ObjectChange,

@@ -3,7 +3,7 @@
 use super::{Correction, CorrectionError, CorrectionState};
 use crate::{MapRoom, MapScene};
 use viola_geometry::Pose2;
-use viola_home::{RoomCorrection, RoomField, RoomMerge, RoomSplit, correct_rooms};
+use viola_home::{Room, RoomCorrection, RoomField, RoomMerge, RoomSplit, correct_rooms};
 
 /// A change of a room's correction: `None` keeps a field, and `Some(None)` withdraws it. The values were
 /// checked.
@@ -29,6 +29,22 @@ impl Correction for RoomCorrection {
     fn key(scene: &MapScene, id: &str) -> String {
         let room = RoomCorrection::target(scene, id);
         room.and_then(|room| room.correction).unwrap_or_else(|| id.to_owned())
+    }
+
+    /// Rooms can be merged if each meets those before it at a wall.
+    fn check(scene: &MapScene, id: &str, change: &RoomChange) -> Result<(), CorrectionError> {
+        let own = RoomCorrection::target(scene, id);
+        let (Some(own), Some(Some(others))) = (own, &change.merge_with) else { return Ok(()) };
+        let mut whole = scene.room_of_cells(&own).clone();
+        for id in others {
+            // A room that does not exist is refused later.
+            let Some(other) = other_room(scene, &own, id) else { break };
+            whole = viola_home::merged(&whole, other).ok_or_else(|| {
+                let detail = format!("room '{id}' does not meet room '{}' at a wall", own.room.id);
+                CorrectionError::Impossible { field: "merge_with", detail }
+            })?;
+        }
+        Ok(())
     }
 
     fn changed(
@@ -115,18 +131,15 @@ fn places_of(
     let impossible = |detail: String| CorrectionError::Impossible { field: "merge_with", detail };
     let own =
         state.shown.as_ref().ok_or_else(|| impossible("the room is a part of another one now".to_owned()))?;
-    let mut with_m = Vec::new();
-    let mut whole = scene.room_of_cells(own).clone();
-    for id in others {
-        let other = scene.rooms.iter().find(|room| room.room.id == *id && *id != own.room.id);
-        let other = other
-            .ok_or_else(|| impossible(format!("merge_with has '{id}', which is no other room of the map")))?;
-        let other = scene.room_of_cells(other);
-        let both = viola_home::merged(&whole, other);
-        whole = both.ok_or_else(|| {
-            impossible(format!("room '{id}' does not meet room '{}' at a wall", own.room.id))
-        })?;
-        with_m.push(other.label_at_m);
-    }
-    Ok(with_m)
+    let place = |id: &String| {
+        let place = other_room(scene, own, id).map(|other| other.label_at_m);
+        place.ok_or_else(|| impossible(format!("merge_with has '{id}', which is no other room of the map")))
+    };
+    others.iter().map(place).collect()
+}
+
+/// Returns the room with this id as corrections see it; `None` if it is this one.
+fn other_room<'a>(scene: &'a MapScene, own: &MapRoom, id: &str) -> Option<&'a Room> {
+    let other = scene.rooms.iter().find(|room| room.room.id == id && id != own.room.id)?;
+    Some(scene.room_of_cells(other))
 }

@@ -66,6 +66,9 @@ pub struct MapHistory {
     /// these. Empty in revisions of earlier versions.
     #[serde(default)]
     pub rooms_of_cells: Vec<Room>,
+    /// Histories of levels that were removed, without objects and rooms: such a level may be put again.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub removed_levels: BTreeMap<LevelName, History>,
 }
 
 impl MapScene {
