@@ -187,7 +187,9 @@ async fn a_map_is_made_without_damaged_files() {
     mapped(client, home, &[&a, &b, c, d, e]).await;
 
     for file in files_below(&blobs.join("home-maps")) {
-        cut(&file, fs::metadata(&file).unwrap().len() / 2);
+        // Files of earlier revisions may go meanwhile.
+        let Ok(metadata) = fs::metadata(&file) else { continue };
+        cut(&file, metadata.len() / 2);
     }
     let f = &aligned(client, home, 17).await;
     mapped(client, home, &[&a, &b, c, d, e, f]).await;

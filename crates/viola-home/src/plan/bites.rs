@@ -2,6 +2,7 @@
 
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
+use super::islands::is_unfilmed;
 use super::ring::{Ring, rings};
 
 /// Footprints of furniture: beds stand with their head at a wall. What is in a corner may also be a closet.
@@ -12,9 +13,6 @@ const MOST_IN_CORNER_M2: f64 = 2.2;
 const SHORTEST_M: f64 = 0.35;
 /// The wall on both sides of furniture is in one line within this.
 const SAME_LINE_M: f64 = 0.07;
-/// Maximum fraction of its sides where a clip saw wall at many heights, and minimum fraction that the LiDAR saw.
-const UPRIGHT_FRACTION: f64 = 0.2;
-const LIDAR_FRACTION: f64 = 0.5;
 
 /// Wall is looked for this far behind furniture: inner walls are thicker.
 const BEHIND_M: f64 = 0.03;
@@ -128,7 +126,7 @@ fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
         upright_m += side_m * evidence.upright_fraction(*side, line_m, along_m);
         lidar_m += side_m * evidence.lidar_fraction(*side, line_m, along_m);
     }
-    upright_m <= UPRIGHT_FRACTION * length_m && lidar_m >= LIDAR_FRACTION * length_m
+    is_unfilmed(length_m, upright_m, lidar_m)
 }
 
 /// Returns whether at least half of each back of a rectangle is at solid cells.

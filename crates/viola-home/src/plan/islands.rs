@@ -15,6 +15,10 @@ const LEAF_M: f64 = 1.05;
 const BESIDE_SPUR_M: [f64; 2] = [0.15, 0.3];
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
+/// Largest footprint of furniture away from walls, and its smallest width, by its area and half of its border. Larger islands may
+/// be closets.
+const FURNITURE_M2: f64 = 2.2;
+const FURNITURE_M: f64 = 0.35;
 /// Largest thickness of a pier between two doors, minimum length by its thickness, and minimum fraction of both its faces with
 /// wall. Furniture like a wall is thicker, as a rule.
 const PIER_M: f64 = 0.25;
@@ -151,8 +155,8 @@ struct Island {
     bounds: [[usize; 2]; 2],
 }
 
-/// Makes small solid islands a part of their room, except pillars and thin walls: furniture like walls is frequent. Doors end
-/// at piers, but not at pillars.
+/// Makes small solid islands and furniture that no clip saw a part of their room, except pillars and thin walls: furniture like walls
+/// is frequent. Doors end at piers, but not at pillars.
 pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     let solid = Grid { frame: cells.frame(), cells: cells.inside.iter().map(|inside| !inside).collect() };
     let (piece, count) = pieces(&solid);
@@ -182,7 +186,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
     for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         let island = &islands[*piece as usize];
         let stays = is_long_wall(island) || is_pier(cells, evidence, island.bounds);
-        if island.area_m2 < ISLAND_M2 && !stays {
+        if island.area_m2 < ISLAND_M2 && !stays || is_unfilmed_furniture(island) {
             let is_wall = island.wall_m2 >= WALL_FRACTION * island.area_m2;
             cells.pillars[at] = is_wall || is_pillar(cells, evidence, island.bounds);
             cells.inside[at] = !cells.pillars[at];
@@ -233,6 +237,22 @@ fn is_long_wall(island: &Island) -> bool {
     length_m >= LEAF_M
         && (is_as_thick(0.0..=PIER_M) && is_seen(island.upright_m)
             || is_as_thick(SPUR_M..=PARTITION_M) && is_seen(island.lidar_m))
+}
+
+/// Returns whether the LiDAR saw most of an outline, and clips saw wall at many heights at little of it.
+pub(super) fn is_unfilmed(length_m: f64, upright_m: f64, lidar_m: f64) -> bool {
+    const UPRIGHT_FRACTION: f64 = 0.2;
+    const LIDAR_FRACTION: f64 = 0.5;
+    upright_m <= UPRIGHT_FRACTION * length_m && lidar_m >= LIDAR_FRACTION * length_m
+}
+
+/// Returns whether an island is as large as furniture, and has an outline that the LiDAR saw and no clip.
+fn is_unfilmed_furniture(island: &Island) -> bool {
+    // A map without an inside has no borders.
+    island.border_m > 0.0
+        && island.area_m2 <= FURNITURE_M2
+        && island.area_m2 >= FURNITURE_M * island.border_m / 2.0
+        && is_unfilmed(island.border_m, island.upright_m, island.lidar_m)
 }
 
 /// Returns whether an island is a piece of wall, of which clips saw both faces at many heights; they seldom see the ceiling.

@@ -105,3 +105,21 @@ fn a_wall_between_furniture_and_a_room_stays() {
     let areas_m2 = areas_m2(&plan);
     assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 9.0).abs() < 0.4), "{areas_m2:?}");
 }
+
+/// A table in a room of 5 m by 4 m, of which the LiDAR saw the outline.
+#[test]
+fn furniture_away_from_walls_that_no_clip_saw_is_no_wall() {
+    let with = |[width_m, depth_m]: [f64; 2], filmed: &[MapPoint]| {
+        let [left, right, low, high] = [1.0, 1.0 + width_m, 1.0, 1.0 + depth_m];
+        let mut walls = ring(&[[0.0, 0.0], [5.0, 0.0], [5.0, 4.0], [0.0, 4.0]]);
+        walls.extend(ring(&[[left, low], [right, low], [right, high], [left, high]]));
+        let plan = plan_with(&lidar_of(&walls), filmed, &[]);
+        plan.rooms.iter().map(|room| room.outline.holes_m.len()).sum::<usize>()
+    };
+    assert_eq!(with([0.9, 1.1], &[]), 0);
+    // A closet, and a chimney whose faces a clip saw.
+    assert_eq!(with([1.6, 1.7], &[]), 1);
+    let mut faces = face(1.0, false, [1.0, 2.1], [0.1, 2.5]);
+    faces.extend(face(1.9, true, [1.0, 2.1], [0.1, 2.5]));
+    assert_eq!(with([0.9, 1.1], &faces), 1);
+}
