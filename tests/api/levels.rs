@@ -78,7 +78,7 @@ async fn a_home_without_the_level_main_shows_another_one() {
         let problem = server.get(&format!("{home}/{path}")).await.problem(404, "lidar-map-not-found");
         problem["detail"].as_str().unwrap().to_owned()
     };
-    assert!(missing("lidar-map/image.png").await.contains("PUT /v1/homes/"));
+    assert!(missing("lidar-map/image.png").await.contains("PUT .../lidar-map sends one"));
     server.put(&format!("{home}/lidar-maps/upper"), room::lidar_csv()).await.ok(201);
     server.put(&format!("{home}/lidar-maps/attic"), small_room_csv()).await.ok(201);
     let attic = server.get(&format!("{home}/lidar-maps/attic/image.png")).await;

@@ -113,6 +113,13 @@ fn furniture_away_from_walls_that_no_clip_saw_is_no_wall() {
         let [left, right, low, high] = [1.0, 1.0 + width_m, 1.0, 1.0 + depth_m];
         let mut walls = ring(&[[0.0, 0.0], [5.0, 0.0], [5.0, 4.0], [0.0, 4.0]]);
         walls.extend(ring(&[[left, low], [right, low], [right, high], [left, high]]));
+        // Lines of points 5 cm apart, which fill it.
+        walls.extend(
+            (0..)
+                .map(|i| low + 0.05 * f64::from(i))
+                .take_while(|y| *y < high)
+                .map(|y| [[left, y], [right, y]]),
+        );
         let plan = plan_with(&lidar_of(&walls), filmed, &[]);
         plan.rooms.iter().map(|room| room.outline.holes_m.len()).sum::<usize>()
     };
