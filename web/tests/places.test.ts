@@ -73,7 +73,7 @@ test("an aligned clip is headed by its answer, and its other places are folded a
     const indices = (part: FakeElement | undefined) => part?.all("li").map((place) => Number(place.getAttribute("data-alternative")));
     assert.deepEqual(indices(first), [...shown]);
     assert.equal(rest?.all("summary")[0]?.textContent ?? null, folded);
-    // Where there is no probability, there is no bar of it.
+    // A place without a probability has no bar of it.
     assert.equal(list.all("meter").length, clip.alignment?.alternatives.filter((one) => one.probability !== null).length);
   }
 });

@@ -56,7 +56,7 @@ async fn the_list_of_tenants_reads_one_row_of_each() {
     let folder = tempfile::tempdir().unwrap();
     let storage = in_folder(folder.path()).await;
     let found = plan(&storage, tenants::TENANTS).await;
-    // What the statement itself lists is scanned.
+    // The statement scans its own lists.
     let is_list =
         |step: &str| ["SCAN last", "SCAN of_", "SCAN known"].iter().any(|list| step.starts_with(list));
     let of_tables: Vec<&String> = found.iter().filter(|step| !is_list(step)).collect();
