@@ -2,15 +2,12 @@
 
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
-use super::islands::is_unfilmed;
+use super::islands::{MOST_FURNITURE_M2, SHORTEST_FURNITURE_M, is_unfilmed};
 use super::ring::{Ring, rings};
 
-/// Footprints of furniture: beds stand with their head at a wall. What is in a corner may also be a closet.
+/// Footprints of furniture at a wall: beds stand with their head there.
 const LEAST_M2: f64 = 0.12;
 const MOST_AT_WALL_M2: f64 = 4.8;
-const MOST_IN_CORNER_M2: f64 = 2.2;
-/// Recesses of windows are less deep.
-const SHORTEST_M: f64 = 0.35;
 /// The wall on both sides of furniture is in one line within this.
 const SAME_LINE_M: f64 = 0.07;
 
@@ -107,8 +104,10 @@ fn places_of(cells: &Cells, bite: &Bite) -> Vec<usize> {
 fn is_furniture(cells: &Cells, evidence: &Evidence, bite: &Bite) -> bool {
     let span_m = [0, 1].map(|axis| [bite.low[axis], bite.high[axis]].map(|line| cells.lines[axis][line]));
     let size_m = span_m.map(|[low, high]| high - low);
-    let most_m2 = if bite.sides.len() > 2 { MOST_AT_WALL_M2 } else { MOST_IN_CORNER_M2 };
-    if !(LEAST_M2..=most_m2).contains(&(size_m[0] * size_m[1])) || size_m[0].min(size_m[1]) < SHORTEST_M {
+    let most_m2 = if bite.sides.len() > 2 { MOST_AT_WALL_M2 } else { MOST_FURNITURE_M2 };
+    if !(LEAST_M2..=most_m2).contains(&(size_m[0] * size_m[1]))
+        || size_m[0].min(size_m[1]) < SHORTEST_FURNITURE_M
+    {
         return false;
     }
     if places_of(cells, bite).into_iter().any(|at| cells.inside[at] || cells.pillars[at]) {

@@ -15,10 +15,10 @@ const LEAF_M: f64 = 1.05;
 const BESIDE_SPUR_M: [f64; 2] = [0.15, 0.3];
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
-/// Largest footprint of furniture away from walls, and its smallest width, by its area and half of its border. Larger islands may
-/// be closets.
-const FURNITURE_M2: f64 = 2.2;
-const FURNITURE_M: f64 = 0.35;
+/// Largest footprint of furniture in a corner or away from walls: a larger thing may be a closet.
+pub(super) const MOST_FURNITURE_M2: f64 = 2.2;
+/// Smallest width of furniture: recesses of windows are less deep.
+pub(super) const SHORTEST_FURNITURE_M: f64 = 0.35;
 /// Largest thickness of a pier between two doors, minimum length by its thickness, and minimum fraction of both its faces with
 /// wall. Furniture like a wall is thicker, as a rule.
 const PIER_M: f64 = 0.25;
@@ -248,10 +248,10 @@ pub(super) fn is_unfilmed(length_m: f64, upright_m: f64, lidar_m: f64) -> bool {
 
 /// Returns whether an island is as large as furniture, and has an outline that the LiDAR saw and no clip.
 fn is_unfilmed_furniture(island: &Island) -> bool {
-    // A map without an inside has no borders.
+    // Its width is its area by half of its border. A map without an inside has no borders.
     island.border_m > 0.0
-        && island.area_m2 <= FURNITURE_M2
-        && island.area_m2 >= FURNITURE_M * island.border_m / 2.0
+        && island.area_m2 <= MOST_FURNITURE_M2
+        && island.area_m2 >= SHORTEST_FURNITURE_M * island.border_m / 2.0
         && is_unfilmed(island.border_m, island.upright_m, island.lidar_m)
 }
 
