@@ -14,8 +14,9 @@ import torch
 
 from network import Columns
 from pool import drawn, read
+from samples import CROP, surfaces_in
 from surfaces import AROUND, SLICES
-from train import CLASSES, CROP, class_weights, finish, halves, loss_of, rate_at, surfaces_in
+from train import CLASSES, class_weights, finish, halves, loss_of, rate_at
 from voxels import columns, varied
 
 # Rows that leave out samples, and the rule for those that stay.
@@ -23,6 +24,8 @@ SAMPLES = {
     "without crowded homes": lambda sample: not any("crowded" in name for name in sample["paths"]),
     "without objects of other homes": lambda sample: "furnished" not in sample["ways"],
     "without two surfaces in one place": lambda sample: "mixed" not in sample["ways"],
+    "without units before walls": lambda sample: "shelved" not in sample["ways"],
+    "without heaps": lambda sample: "heaped" not in sample["ways"],
     "without curtains": lambda sample: "draped" not in sample["ways"],
     "without other sensors and paths": lambda sample: "varied" not in sample["ways"],
 }

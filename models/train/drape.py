@@ -61,24 +61,31 @@ def draped(surface: dict, random: np.random.Generator) -> dict:
     return surface
 
 
-def hung(surface: dict, behind: np.ndarray, flat: np.ndarray, frame: tuple, size: tuple, random: np.random.Generator) -> dict:
-    """The surface with a curtain instead of the points `behind`. `flat` are those of the wall's plane. `frame` is a point of
-    the wall, the directions out of it and along it, and the place of each point along it from the curtain's middle."""
-    (spot, out, along, s), (width, bottom, top) = frame, size
-    xyz = surface["xyz"]
+def spread(s: np.ndarray, z: np.ndarray, flat: np.ndarray, size: tuple, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Places along and up a wall, as dense as its points `flat`, where it was seen. `s` and `z` are those of the points before
+    it and behind; `size` is the width, the bottom and the top of the part that is to be covered."""
+    width, bottom, top = size
     cell = lambda s, z: np.stack([(s + width) // SEEN_M, (z + 1) // SEEN_M], axis=-1).astype(np.int64)
-    cells = cell(s[behind], xyz[behind, 2])
+    cells = cell(s, z)
     seen = np.zeros(cells.max(axis=0) + 3, bool)
     # A quarter of a metre of glass without depth is covered as well.
     for y, x in np.ndindex(3, 3):
         seen[cells[:, 0] + y, cells[:, 1] + x] = True
-    covered = len(np.unique(cell(s[flat], xyz[flat, 2]), axis=0)) * SEEN_M**2
+    covered = len(np.unique(cells[flat], axis=0)) * SEEN_M**2
     count = int(min(flat.sum() / max(covered, 0.1), 1500) * width * (top - bottom) * 1.1)
     new_s, new_z = random.uniform(-width / 2, width / 2, count), random.uniform(bottom, top, count)
     to = cell(new_s, new_z) + 1
     kept = (to < seen.shape).all(axis=1) & (new_s > s[flat].min()) & (new_s < s[flat].max())
     kept[kept] = seen[tuple(to[kept].T)]
-    new_s, new_z = new_s[kept], new_z[kept]
+    return new_s[kept], new_z[kept]
+
+
+def hung(surface: dict, behind: np.ndarray, flat: np.ndarray, frame: tuple, size: tuple, random: np.random.Generator) -> dict:
+    """The surface with a curtain instead of the points `behind`. `flat` are those of the wall's plane. `frame` is a point of
+    the wall, the directions out of it and along it, and the place of each point along it from the curtain's middle."""
+    (spot, out, along, s), width = frame, size[0]
+    xyz = surface["xyz"]
+    new_s, new_z = spread(s[behind], xyz[behind, 2], flat[behind], size, random)
     folds = Folds(width, random)
     depth = folds(new_s, new_z)
     step = 0.01

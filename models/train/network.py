@@ -19,7 +19,10 @@ class Block(nn.Module):
         self.mix = nn.Sequential(nn.Conv2d(width, 2 * width, 1), nn.ReLU(), nn.Conv2d(2 * width, width, 1))
 
     def forward(self, x):
-        return x + self.mix(self.norm(self.spread(x)))
+        # On processors the gradient of this convolution takes six times as long with bf16.
+        with torch.autocast(x.device.type, enabled=x.is_cuda and torch.is_autocast_enabled("cuda")):
+            spread = self.spread(x if x.is_cuda else x.float())
+        return x + self.mix(self.norm(spread))
 
 
 class Columns(nn.Module):

@@ -55,12 +55,12 @@ def doubled(surface: dict, random: np.random.Generator) -> dict:
 def wavy(surface: dict, random: np.random.Generator) -> None:
     """Waves of decimetres with their normals, stronger in some places: the noise of depth has the size of the sensor's patches."""
     xyz, normal = surface["xyz"], surface["normal"]
-    count, slope = 8, random.uniform(0, 0.45)
+    count, slope = 8, random.uniform(0, 0.7)
     wavelength_m = np.exp(random.uniform(np.log(0.12), np.log(0.8), count))
     toward = random.normal(size=(count, 3))
     waves = toward / np.linalg.norm(toward, axis=1, keepdims=True) * (2 * np.pi / wavelength_m)[:, None]
-    # Its surface stays within 2 or 3 cm.
-    height_m = np.minimum(slope * wavelength_m / (2 * np.pi), 0.012) * np.sqrt(2 / count)
+    # Its surface stays within 3 or 4 cm.
+    height_m = np.minimum(slope * wavelength_m / (2 * np.pi), 0.018) * np.sqrt(2 / count)
     phase = xyz @ waves.T + random.uniform(0, 2 * np.pi, count)
     slow = random.normal(0, 1.5, (2, 3))
     where = 0.5 + 0.5 * np.sin(xyz @ slow.T + random.uniform(0, 2 * np.pi, 2)).mean(axis=1, keepdims=True)
@@ -76,6 +76,6 @@ def smeared(surface: dict, random: np.random.Generator) -> dict:
         surface = doubled(surface, random)
     if random.random() < 0.6:
         rounded(surface, random.uniform(0.03, 0.12), random.uniform(0.3, 1))
-    if random.random() < 0.7:
+    if random.random() < 0.8:
         wavy(surface, random)
     return surface

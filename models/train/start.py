@@ -21,7 +21,6 @@ def read_weights(network: Columns, path: Path) -> None:
         if name in values:
             state[name] = widened(values[name], state[name])
     for node in graph.node:
-        module = node.name.split("/")[2:-1]
         if node.op_type == "Conv" and node.name.endswith("/spread/Conv"):
             # "/down.0/down.0.1/spread/Conv" and "/up.1/spread/Conv".
             block = node.name.removesuffix("/spread/Conv").split("/")[-1]

@@ -15,8 +15,9 @@ from onnx import numpy_helper
 from torch.nn import functional
 
 from network import Columns
+from samples import surfaces_in
 from start import read_weights
-from train import CLASSES, FITTED, answers, halves, scores, surfaces_in
+from train import CLASSES, FITTED, answers, halves, scores
 
 
 def fit_temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:

@@ -14,14 +14,16 @@ import numpy as np
 import torch
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader
 
 from drape import draped
-from furnish import furnished
+from heaps import heaped
 from network import Columns
+from pool import arriving, packed, unpacked
+from samples import CROP, SHARES, Samples, surfaces_in
 from start import calibrate_norms, read_weights
-from surfaces import PLANES, UNKNOWN, VOXEL_NUMBERS, augmented, load, main_yaw, mixed, sites, turned
-from voxels import POINTS, columns, cropped, joined, varied, whole
+from surfaces import PLANES, UNKNOWN, VOXEL_NUMBERS, augmented, load, main_yaw, sites, turned
+from voxels import columns, joined, varied, whole
 
 # viola-geometry, taxonomy.rs.
 CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed", "sofa", "chair", "table", "desk",
@@ -32,69 +34,16 @@ CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed
 COARSE = ["floor", "wall", "ceiling", "bed", "sofa", "chair", "table", "cabinet", "door", "window", "other"]
 FOLDED = [{"shelf": "cabinet", "curtain": "window"}.get(name, name) for name in CLASSES]
 COARSE_OF = torch.tensor([COARSE.index(name) if name in COARSE else 10 for name in FOLDED])
-CROP = 128
 # Weight of the boxes beside the classes in the loss.
 BOX_WEIGHT = 0.3
-# Fractions of the samples: two surfaces in one place, objects of others, a curtain before a wall, another sensor or path.
-SHARES = {"mixed": 0.15, "furnished": 0.5, "draped": 0.4, "varied": 1.0}
-# Fewest labelled points of a sample.
-FEWEST = 1000
 # Samples that are used again, the latest.
-POOL = 3000
+POOL = 12_000
+# Crops whose classes are counted.
+COUNTED = 120
 # Voxels that bias and temperature are fitted to.
 FITTED = 150_000
-# Samples after which a worker looks for new surfaces.
-LOOK = 64
 # Other processors take many times longer with bf16 than with 32 bits.
 HAS_BF16 = getattr(torch.cpu, "_is_avx512_bf16_supported", lambda: False)()
-
-
-class Samples(Dataset):
-    """Crops of augmented surfaces. A sample depends on its number and the surfaces there are, so that a resumed run is the same.
-
-    `shares` are the fractions of the samples that are made in each way; a sample's `ways` tells its own, and its `paths` the
-    names of all surfaces that it was made of.
-    """
-
-    def __init__(self, folders: list[Path], seed: int, count: int, shares: dict = SHARES):
-        self.folders, self.seed, self.count, self.shares = folders, seed, count, shares
-        self.paths, self.asked = surfaces_in(folders), 0
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, number: int) -> dict:
-        self.asked += 1
-        if self.asked % LOOK == 0:
-            self.paths = surfaces_in(self.folders)
-        random = np.random.default_rng([self.seed, number])
-        while True:
-            ways = {way for way, share in self.shares.items() if random.random() < share}
-            sample = sample_of(self.paths, ways, random)
-            if sample is not None and (sample["label"] != UNKNOWN).sum() > FEWEST:
-                return {**sample, "ways": ways}
-
-
-def sample_of(paths: list[Path], ways: set[str], random: np.random.Generator) -> dict | None:
-    names = []
-
-    def drawn() -> dict:
-        path = paths[random.integers(len(paths))]
-        names.append(path.name)
-        return load(path)
-
-    surface = drawn()
-    if "furnished" in ways:
-        surface = furnished(surface, [drawn(), drawn()], random)
-    if "draped" in ways:
-        surface = draped(surface, random)
-    surfaces = [surface, drawn()] if "mixed" in ways else [surface]
-    surfaces = [augmented(surface, random, "varied" in ways) for surface in surfaces if len(surface["xyz"]) > 500]
-    surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
-    if not surfaces:
-        return None
-    surface = sites(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), random)
-    return {**cropped(surface, CROP, random), "paths": names}
 
 
 def rate_at(progress: float) -> float:
@@ -115,8 +64,8 @@ def lovasz(probabilities: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     return (errors * steps).sum(0).mean()
 
 
-def class_weights(samples: Samples) -> torch.Tensor:
-    counts = sum(np.bincount(samples[number]["label"], minlength=256)[:len(CLASSES)] for number in range(min(120, len(samples))))
+def class_weights(samples: list[dict]) -> torch.Tensor:
+    counts = sum(np.bincount(sample["label"], minlength=256)[:len(CLASSES)] for sample in samples)
     weights = 1 / np.sqrt(counts.clip(min=counts.sum() * 1e-4) / counts.sum())
     return torch.tensor(weights / weights[counts > 0].mean(), dtype=torch.float32)
 
@@ -131,6 +80,7 @@ def answers(network: torch.nn.Module, paths: list[Path], vary: bool = False) -> 
         surface = load(path)
         random = np.random.default_rng(number)
         if vary:
+            surface = heaped(surface, random) if random.random() < SHARES["heaped"] else surface
             surface = draped(surface, random) if random.random() < SHARES["draped"] else surface
             surface = augmented(surface, random)
         if len(surface["xyz"]) == 0:
@@ -139,7 +89,9 @@ def answers(network: torch.nn.Module, paths: list[Path], vary: bool = False) -> 
         points, size = whole(turned(surface, -main_yaw(surface["normal"])))
         *inputs, labels, _ = columns(joined([points], device), 1, size)
         known = labels != UNKNOWN
-        all_logits.append(network(*inputs)[0][known].float().cpu())
+        with torch.backends.cudnn.flags(benchmark=False):
+            logits = network(*inputs)[0]
+        all_logits.append(logits[known].float().cpu())
         all_labels.append(labels[known].cpu())
     return torch.cat(all_logits), torch.cat(all_labels)
 
@@ -185,10 +137,6 @@ def export(network: Columns, path: Path) -> None:
     axes = {"grid": {2: "height", 3: "width"}, **{name: {0: "voxels"} for name in names[1:] + ["logits", "box"]}}
     torch.onnx.export(network, sample, str(path), input_names=names, output_names=["logits", "box"], dynamic_axes=axes,
                       opset_version=17, dynamo=False)
-
-
-def surfaces_in(folders: list[Path]) -> list[Path]:
-    return sorted(path for folder in folders for path in folder.glob("*.surface"))
 
 
 def halves(held_out: list[Path]) -> tuple[list[Path], list[Path]]:
@@ -241,9 +189,22 @@ def finish(network: Columns, held_out: list[Path], out: Path, told: dict) -> dic
     return result
 
 
+def crops(arguments: argparse.Namespace, fresh: int, step: int):
+    """Packed crops for each step: `fresh` new ones, made by workers; of a pool those that have arrived, at times none."""
+    if arguments.pool:
+        yield from arriving(arguments.pool, fresh, arguments.seed)
+    samples = Samples(arguments.data, arguments.seed, arguments.steps * fresh)
+    loader = DataLoader(samples, fresh, sampler=range(step * fresh, arguments.steps * fresh), collate_fn=list,
+                        num_workers=arguments.workers, prefetch_factor=6)
+    for new in loader:
+        yield [packed(sample) for sample in new]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, nargs="+")
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--data", type=Path, nargs="+", help="folders of surfaces")
+    source.add_argument("--pool", type=Path, help="folder of crops that pool.py makes, also meanwhile")
     parser.add_argument("--held-out", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--steps", type=int, default=6000)
@@ -257,45 +218,47 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.manual_seed(arguments.seed)
     torch.multiprocessing.set_sharing_strategy("file_system")
+    torch.backends.cudnn.benchmark = True  # All crops have the same size.
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     held_out = surfaces_in([arguments.held_out])
     halves(held_out)  # Fails now, not after the training.
     fresh = max(1, arguments.batch // arguments.reuse)
-    samples = Samples(arguments.data, arguments.seed, arguments.steps * fresh)
     # The layout that convolutions are fastest in.
     network = Columns(len(CLASSES)).to(device, memory_format=torch.channels_last)
     smooth = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(0.998), use_buffers=True)
-    print(f"{len(samples.paths)} surfaces, {len(held_out)} held out,",
-          f"{sum(p.numel() for p in network.parameters())} parameters", flush=True)
+    print(f"{len(held_out)} surfaces held out, {sum(p.numel() for p in network.parameters())} parameters", flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), arguments.rate, weight_decay=0.02, fused=device.type == "cuda")
     parts = {"network": network, "smooth": smooth, "optimiser": optimiser}
+    checkpoint, step, spent = arguments.out.with_suffix(".checkpoint"), 0, 0.0
+    first: list[dict] = []
+    for new in crops(arguments, fresh, 0):
+        first += new
+        if len(first) >= COUNTED:
+            break
+    weights = class_weights(first).to(device)
     if arguments.start:
         read_weights(network, arguments.start)
         network.bias.zero_(), network.temperature.fill_(1)
-        calibrate_norms(network, [columns(joined([samples[4 * step + i] for i in range(4)], device), 4, (CROP, CROP))[:4]
-                                  for step in range(16)])
+        calibrate_norms(network, [columns(joined([unpacked(crop) for crop in first[4 * i:4 * i + 4]], device), 4, (CROP, CROP))[:4]
+                                  for i in range(16)])
         smooth.module.load_state_dict(network.state_dict())
-    checkpoint, step, spent = arguments.out.with_suffix(".checkpoint"), 0, 0.0
     if checkpoint.exists():
         state = torch.load(checkpoint, map_location=device)
         step, spent = state["step"], state["spent"]
         for name, part in parts.items():
             part.load_state_dict(state[name])
-    weights = class_weights(samples).to(device)
     begun, shown, pool, progress = time.time() - spent, [], [], 0.0
-    loader = DataLoader(samples, fresh, sampler=range(step * fresh, arguments.steps * fresh), collate_fn=list,
-                        num_workers=arguments.workers, prefetch_factor=6)
-    for new in loader:
+    for new in crops(arguments, fresh, step):
         spent = time.time() - begun
         progress = max(step / arguments.steps, spent / 60 / arguments.minutes)
         for group in optimiser.param_groups:
             group["lr"] = arguments.rate * rate_at(min(progress, 1.0))
         random = np.random.default_rng([arguments.seed, step, 1])
-        new = [{name: sample[name].to(device) for name in POINTS} for sample in new]
+        new = [{name: part.to(device) for name, part in crop.items()} for crop in new]
         again = [pool[i] for i in random.integers(len(pool), size=arguments.batch - len(new))] if pool else []
         pool = (pool + new)[-POOL:] if arguments.reuse > 1 else []
-        points = joined(new + again, device)
+        points = joined([unpacked(crop) for crop in new + again], device)
         if arguments.reuse > 1:
             points = varied(points, len(new + again), CROP, torch.Generator(device).manual_seed(int(random.integers(2**62))))
         *inputs, labels, boxes = columns(points, len(new + again), (CROP, CROP))
@@ -315,7 +278,7 @@ def main() -> None:
         if step % 1000 == 0 or progress >= 1:
             torch.save({"step": step, "spent": spent, **{name: part.state_dict() for name, part in parts.items()}},
                        checkpoint)
-            print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
+            print(json.dumps(scores(*answers(smooth, held_out[::8]))), flush=True)
         if progress >= 1:
             break
     finish(smooth.module, held_out, arguments.out, {"seed": arguments.seed, "steps": step})

@@ -102,15 +102,20 @@ def columns(points: dict, count: int, size: tuple[int, int]) -> tuple:
     x, y, z = voxels % width, voxels // width % height, voxels // (height * width) % SLICES
     sample = voxels // (SLICES * height * width)
 
-    grid = xyz.new_zeros(count, PLANES, height, width)
-    grid[sample, z, y, x] = 1
-    grid[sample, SLICES + z, y, x] = mean[:, 2]
+    # Channels last, as convolutions are fastest in.
+    grid = xyz.new_zeros(count, height, width, PLANES)
+    # With a border, so that every neighbour is in them.
+    high = SLICES + 2 * WINDOW
+    occupied, up = (xyz.new_zeros(count, high, height + 2, width + 2) for _ in range(2))
+    level = xyz.new_zeros(count, SLICES, height + 2, width + 2)
+    grid[sample, y, x, z] = 1
+    occupied[sample, z + WINDOW, y + 1, x + 1] = 1
+    grid[sample, y, x, SLICES + z] = mean[:, 2]
+    up[sample, z + WINDOW, y + 1, x + 1] = mean[:, 2]
     for part in range(2):
-        grid.index_put_((sample, (4 + part) * SLICES // 2 + z // 2, y, x), mean[:, part] / 2, accumulate=True)
-    # With a border, so that every neighbour is in the grid.
-    high, border = SLICES + 2 * WINDOW, (1, 1, 1, 1)
-    occupied, up = (torch.nn.functional.pad(grid[:, i * SLICES:(i + 1) * SLICES], (*border, WINDOW, WINDOW)) for i in range(2))
-    level = torch.nn.functional.pad(grid[:, 2 * SLICES:], border)
+        plane = part * SLICES // 2 + z // 2
+        grid.index_put_((sample, y, x, 2 * SLICES + plane), mean[:, part] / 2, accumulate=True)
+        level.index_put_((sample, plane, y + 1, x + 1), mean[:, part] / 2, accumulate=True)
     row, layer = width + 2, (width + 2) * (height + 2)
     here = (sample * high + z + WINDOW) * layer + (y + 1) * row + x + 1
     reach = (torch.arange(2 * WINDOW + 1, device=device) - WINDOW) * layer
@@ -121,4 +126,4 @@ def columns(points: dict, count: int, size: tuple[int, int]) -> tuple:
     own = torch.cat([at(occupied, here, reach), at(up, here, reach), at(occupied, here, near), mean[:, :2],
                      at(level, below, parts)], 1)
     column = (sample * (height // 2) + y // 2) * (width // 2) + x // 2
-    return grid, column, z * 4 + y % 2 * 2 + x % 2, own, most, box
+    return grid.permute(0, 3, 1, 2), column, z * 4 + y % 2 * 2 + x % 2, own, most, box
