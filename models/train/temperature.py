@@ -10,29 +10,12 @@ import json
 from pathlib import Path
 
 import onnx
-import torch
 from onnx import numpy_helper
-from torch.nn import functional
 
 from network import Columns
 from samples import surfaces_in
 from start import read_weights
-from train import CLASSES, FITTED, answers, halves, scores
-
-
-def fit_temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """What the logits are divided by for the least cross-entropy."""
-    log_temperature = torch.zeros((), requires_grad=True)
-    optimiser = torch.optim.LBFGS([log_temperature], max_iter=60, line_search_fn="strong_wolfe")
-
-    def loss():
-        optimiser.zero_grad()
-        value = functional.cross_entropy(logits / log_temperature.exp(), labels)
-        value.backward()
-        return value
-
-    optimiser.step(loss)
-    return log_temperature.exp().detach()
+from train import CLASSES, FITTED, answers, fit_temperature, halves, scores
 
 
 def main() -> None:
