@@ -232,6 +232,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--start", type=Path, help="ONNX file of another run, whose weights this one begins with")
     arguments = parser.parse_args()
+    if arguments.pool and arguments.reuse == 1:
+        parser.error("--pool needs a --reuse of at least 2: at times a pool has no new crops")
     torch.manual_seed(arguments.seed)
     torch.multiprocessing.set_sharing_strategy("file_system")
     torch.backends.cudnn.benchmark = True  # All crops have the same size.
