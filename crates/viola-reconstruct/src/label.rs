@@ -8,6 +8,7 @@ mod augment;
 mod class_map;
 mod columns;
 mod combine;
+mod instances;
 mod likeliest;
 mod logits;
 mod map;

@@ -47,6 +47,11 @@ impl View {
         if self.transposed { v.yx() } else { v }
     }
 
+    fn undo(&self, v: Vector2<f64>) -> Vector2<f64> {
+        let v = if self.transposed { v.yx() } else { v };
+        if self.mirrored { Vector2::new(-v.x, v.y) } else { v }
+    }
+
     fn place(&self, v: Vector2<f64>) -> Vector2<f64> {
         let shift_m = if self.between { CELL_M / 2.0 } else { 0.0 };
         self.direction(v).add_scalar(shift_m)
@@ -149,6 +154,15 @@ impl Columns {
         let column = places.iter().map(|[x, y, _]| y / 2 * (width as i64 / 2) + x / 2).collect();
         let place = places.iter().map(|[x, y, slice]| 4 * slice + 2 * (y % 2) + x % 2).collect();
         Some(Columns { height, width, grid, column, place, own, of_site })
+    }
+}
+
+/// Returns how vectors along the axes of the grid are turned to those of a surface with these normals.
+pub(super) fn surface_from_grid(normals: &[Vector3], view: &View) -> impl Fn(&Vector3) -> Vector3 {
+    let (turn, view) = (Rotation2::new(main_yaw(normals)), *view);
+    move |v| {
+        let ground = turn * view.undo(v.xy());
+        Vector3::new(ground.x, ground.y, v.z)
     }
 }
 

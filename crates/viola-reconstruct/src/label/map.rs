@@ -2,11 +2,13 @@
 
 use super::SegmentError;
 use super::combine::{self, Alone, ByClass};
+use super::instances::agree;
 use super::segments::segments;
 use super::sites::Sites;
 use super::structure;
 use super::surface::SurfaceNetwork;
 use crate::cloud::{Label, PointCloud};
+use viola_geometry::Point3;
 use viola_geometry::taxonomy::CLASSES;
 
 /// Labels of a piece of a map.
@@ -19,8 +21,8 @@ pub struct MapLabels {
 
 /// Returns the labels of the first `count` points of a piece of a map, whose z axis is up and whose floor is at 0; the
 /// others are the surface around them. The labels of `map` are those of its clips. Pictures decide in the segments that
-/// they show; in the others it is the mean of the surface network's answers for the clips and for the map. The answer for
-/// the map is left out if the network fails.
+/// they show; in the others it is the mean of the surface network's answers for the clips and for the map, agreed on within each
+/// piece of furniture. The answer for the map is left out if the network fails.
 pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork>) -> MapLabels {
     let mut sites = Sites::new(map);
     let (shapes, _) = structure::shapes(&sites);
@@ -45,12 +47,18 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
             (one, other) => one.or(other),
         }
     };
+    let mut said: Vec<Option<ByClass>> = (0..sites.len()).map(surface).collect();
+    if let Some(of_map) = &of_map {
+        let centre = |(site, at): (usize, &Point3)| of_map.to_centre(site).map(|towards_m| at + towards_m);
+        let centres_m: Vec<Option<Point3>> = sites.positions_m.iter().enumerate().map(centre).collect();
+        agree(&mut said, &centres_m);
+    }
     let pictures = |site: usize| {
         let label = &of_clips[site];
         (by_class(label).unwrap_or([0.0; CLASSES]), label.views)
     };
     // The labels of clips with pictures have heard the network already.
-    let alone = Alone::Fallback(combine::surfaced(&segments, &shapes, surface));
+    let alone = Alone::Fallback(combine::surfaced(&segments, &shapes, |site| said[site]));
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
     MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }
 }

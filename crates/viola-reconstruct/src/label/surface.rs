@@ -1,7 +1,9 @@
 //! A network that classifies the fused surface itself, without pictures.
 
 use super::SegmentError;
-use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View};
+use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View, surface_from_grid};
+use super::combine::ByClass;
+use super::instances::agree;
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
@@ -18,6 +20,9 @@ const VIEWS: [View; 4] = [
     View { mirrored: true, transposed: false, between: true },
     View { mirrored: true, transposed: true, between: true },
 ];
+
+/// Numbers of a voxel's box: from the voxel to the centre of its object, and the object's size.
+const BOX_NUMBERS: usize = 6;
 
 /// Classifies the voxels of a surface. Made by `models/train`.
 pub struct SurfaceNetwork {
@@ -40,8 +45,10 @@ impl SurfaceNetwork {
             let input = one(network.inputs(), Some(name), "input").map_err(misfit)?;
             expect(input, "input", element, &axes).map_err(misfit)?;
         }
-        let output = one(network.outputs(), Some("logits"), "output").map_err(misfit)?;
-        expect(output, "output", F32, &[None, Some(CLASSES)]).map_err(misfit)?;
+        for (name, numbers) in [("logits", CLASSES), ("box", BOX_NUMBERS)] {
+            let output = one(network.outputs(), Some(name), "output").map_err(misfit)?;
+            expect(output, "output", F32, &[None, Some(numbers)]).map_err(misfit)?;
+        }
         let name = format!("{}, {}", entry.name, network.runtime());
         let weights = entry.sha256.as_deref().unwrap_or("weights without a checksum");
         Ok(SurfaceNetwork { version: format!("{name}, {weights}"), name, network })
@@ -58,19 +65,37 @@ impl SurfaceNetwork {
         &self.name
     }
 
-    /// Returns the probability of each class for each site: the mean of the answers for all [`VIEWS`]. `sites` are in the
-    /// clip frame. None for sites outside the network's grid.
-    pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
-        let mut sums = vec![([0f32; CLASSES], 0f32); sites.len()];
+    /// Returns the probability of each class for each site: the mean of the answers for all [`VIEWS`], and of the sites of
+    /// one piece of furniture. `sites` are in the clip frame. None for sites outside the network's grid.
+    pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<ByClass>>, SegmentError> {
+        let (mut said, centres_m) = self.classify_alone(sites)?;
+        agree(&mut said, &centres_m);
+        Ok(said)
+    }
+
+    /// Returns the answer for each site by itself, and the centre of its object.
+    fn classify_alone(
+        &self,
+        sites: &Sites,
+    ) -> Result<(Vec<Option<ByClass>>, Vec<Option<Point3>>), SegmentError> {
+        let mut sums = vec![([0f32; CLASSES], Vector3::zeros(), 0f32); sites.len()];
         for view in &VIEWS {
             let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
-            for (site, (sum, count)) in sums.iter_mut().enumerate() {
-                let Some(of_view) = said.of(site) else { continue };
+            for (site, (sum, to_centre_m, count)) in sums.iter_mut().enumerate() {
+                let (Some(of_view), Some(towards_m)) = (said.of(site), said.to_centre(site)) else {
+                    continue;
+                };
                 sum.iter_mut().zip(of_view).for_each(|(sum, p)| *sum += p);
+                *to_centre_m += towards_m;
                 *count += 1.0;
             }
         }
-        Ok(sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|p| p / count))).collect())
+        let of_sites = sums.into_iter().zip(&sites.positions_m).map(|((sum, to_centre_m, count), at)| {
+            let is_told = count > 0.0;
+            let centre = at + to_centre_m / f64::from(count.max(1.0));
+            (is_told.then(|| sum.map(|p| p / count)), is_told.then_some(centre))
+        });
+        Ok(of_sites.unzip())
     }
 
     /// Returns the answer for the first `asked` places of the surface in one view only. Positions are in a frame whose
@@ -103,39 +128,50 @@ impl SurfaceNetwork {
             ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
         ];
         let outputs = self.network.run(&inputs).map_err(|error| SegmentError::Run(error.to_string()))?;
-        let logits = outputs.iter().find(|(name, _)| name == "logits").map(|(_, tensor)| tensor);
-        let logits = logits.filter(|tensor| tensor.shape == [voxels, CLASSES]).and_then(Tensor::as_f32);
-        let logits = logits.ok_or_else(|| SegmentError::Shape {
-            got: "other outputs".to_owned(),
-            want: format!("logits of {voxels} x {CLASSES}"),
-        })?;
-        if !logits.iter().all(|value| value.is_finite()) {
-            return Err(SegmentError::NotFinite);
-        }
+        let output = |name: &str, numbers: usize| {
+            let tensor = outputs.iter().find(|(output, _)| output == name).map(|(_, tensor)| tensor);
+            let values = tensor.filter(|tensor| tensor.shape == [voxels, numbers]).and_then(Tensor::as_f32);
+            let values = values.ok_or_else(|| SegmentError::Shape {
+                got: "other outputs".to_owned(),
+                want: format!("{name} of {voxels} x {numbers}"),
+            })?;
+            let is_finite = values.iter().all(|value| value.is_finite());
+            if is_finite { Ok(values) } else { Err(SegmentError::NotFinite) }
+        };
+        let (logits, boxes) = (output("logits", CLASSES)?, output("box", BOX_NUMBERS)?);
+        let turned = surface_from_grid(normals, view);
+        let to_centre = |numbers: &[f32]| turned(&Vector3::from_fn(|axis, _| f64::from(numbers[axis])));
         let of_voxel = logits.chunks_exact(CLASSES).map(softmax).collect();
-        Ok(VoxelClasses { of_voxel, of_site: columns.of_site })
+        let to_centre_m = boxes.chunks_exact(BOX_NUMBERS).map(to_centre).collect();
+        Ok(VoxelClasses { of_voxel, to_centre_m, of_site: columns.of_site })
     }
 }
 
-/// Probabilities of the classes of voxels.
+/// Probabilities of the classes of voxels, and the centres of their objects.
 pub(super) struct VoxelClasses {
-    of_voxel: Vec<[f32; CLASSES]>,
+    of_voxel: Vec<ByClass>,
+    to_centre_m: Vec<Vector3>,
     of_site: Vec<Option<u32>>,
 }
 
 impl VoxelClasses {
     /// Returns the probabilities of a site; `None` outside the network's grid.
-    pub(super) fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
+    pub(super) fn of(&self, site: usize) -> Option<ByClass> {
         self.of_site[site].map(|voxel| self.of_voxel[voxel as usize])
     }
 
+    /// Returns the vector from a site to the centre of its object; `None` outside the network's grid.
+    pub(super) fn to_centre(&self, site: usize) -> Option<Vector3> {
+        self.of_site[site].map(|voxel| self.to_centre_m[voxel as usize])
+    }
+
     #[cfg(test)]
-    fn of_sites(&self) -> Vec<Option<[f32; CLASSES]>> {
+    fn of_sites(&self) -> Vec<Option<ByClass>> {
         (0..self.of_site.len()).map(|site| self.of(site)).collect()
     }
 }
 
-fn softmax(logits: &[f32]) -> [f32; CLASSES] {
+fn softmax(logits: &[f32]) -> ByClass {
     let highest = logits.iter().copied().fold(f32::MIN, f32::max);
     let mut out = [0f32; CLASSES];
     for (p, logit) in out.iter_mut().zip(logits) {
@@ -177,6 +213,8 @@ mod tests {
         site: usize,
         class: usize,
         probability: f32,
+        #[serde(rename = "box")]
+        bounds: [f64; BOX_NUMBERS],
     }
 
     /// A network with random weights against PyTorch (`models/train/small.py`): a floor and a wall.
@@ -193,9 +231,13 @@ mod tests {
         let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
         let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
         let network = opened("columns.onnx").unwrap();
-        let classes = network.classify_as_is(&positions_m, &normals, positions_m.len()).unwrap().of_sites();
+        let said = network.classify_as_is(&positions_m, &normals, positions_m.len()).unwrap();
+        let classes = said.of_sites();
         assert!(expected.sites.len() > 10);
-        for ExpectedSite { site, class, probability } in expected.sites {
+        for ExpectedSite { site, class, probability, bounds } in expected.sites {
+            let [x, y, z, ..] = bounds;
+            let off = said.to_centre(site).unwrap() - turn * Vector3::new(x, y, z);
+            assert!(off.norm() < 1e-4, "{site}: {off}");
             let got = classes[site].expect("it is in the grid");
             let best = (0..CLASSES).max_by(|a, b| got[*a].total_cmp(&got[*b])).unwrap();
             assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
@@ -205,8 +247,11 @@ mod tests {
         let of_views: Vec<VoxelClasses> = VIEWS.iter().map(one).collect();
         assert_eq!(of_views[0].of_sites(), classes);
         let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
-        for (site, all) in network.classify(&sites).unwrap().into_iter().enumerate() {
-            let all = all.expect("it is in the grid");
+        let (alone, centres_m) = network.classify_alone(&sites).unwrap();
+        for (site, (all, centre_m)) in alone.into_iter().zip(centres_m).enumerate() {
+            let (all, centre_m) = (all.expect("it is in the grid"), centre_m.expect("as its class"));
+            let to_centres: Vector3 = of_views.iter().map(|view| view.to_centre(site).unwrap()).sum();
+            assert!((centre_m - positions_m[site] - to_centres / 4.0).norm() < 1e-6, "{site}");
             for (class, all) in all.iter().enumerate() {
                 let sum: f32 = of_views.iter().map(|view| view.of(site).unwrap()[class]).sum();
                 assert!((all - sum / 4.0).abs() < 1e-6, "{site}, class {class}");
@@ -234,6 +279,9 @@ mod tests {
             let turned: Vec<Vector3> = normals.iter().map(|n| changed(n, 0.0)).collect();
             let got = Columns::new(&positions_m, &normals, 40, &view).unwrap();
             assert_eq!(got, Columns::new(&moved, &turned, 40, &View::default()).unwrap(), "{view:?}");
+            let (v, same) = (Vector3::new(0.3, -0.7, 0.2), View::default());
+            let back = surface_from_grid(&normals, &view)(&changed(&v, 0.0));
+            assert!((back - surface_from_grid(&normals, &same)(&v)).norm() < 1e-12, "{view:?}");
         }
     }
 
