@@ -42,16 +42,18 @@ pub(super) async fn watch_home(
     let seen = seen.transpose()?;
     let after = app.storage.home_position(seen).await?;
     let stop = app.stop.clone();
-    let events = app.queue.clone().watch_home(home.clone(), after.seq).map(move |change| match change {
-        Ok(change) => {
-            let position = after.at(change.seq);
-            Event::default().event("change").id(position.to_string()).json_data(Change::from(change))
-        }
-        Err(error) => {
-            tracing::error!(%home, %error, "the events of a home end");
-            Err(axum::Error::new(error))
-        }
-    });
+    let turn = app.turns.of(&caller.tenant);
+    let events =
+        app.queue.clone().watch_home(home.clone(), after.seq, turn).map(move |change| match change {
+            Ok(change) => {
+                let position = after.at(change.seq);
+                Event::default().event("change").id(position.to_string()).json_data(Change::from(change))
+            }
+            Err(error) => {
+                tracing::error!(%home, %error, "the events of a home end");
+                Err(axum::Error::new(error))
+            }
+        });
     let events = events.take_until(stop.cancelled_owned()).take_until(access::expiry(app, caller));
     Ok(event_stream(events))
 }

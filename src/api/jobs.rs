@@ -16,6 +16,7 @@ use axum::response::{IntoResponse, Response};
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
 use uuid::Uuid;
+use viola_storage::Tenant;
 
 /// The filter of a list of jobs.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -77,12 +78,17 @@ pub(super) async fn watch_job(
     if job.state.is_final() && job.version == seen {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let events = events(app.clone(), id, seen).take_until(access::expiry(app, caller));
+    let events = events(app.clone(), &caller.tenant, id, seen).take_until(access::expiry(app, caller));
     Ok(event_stream(events))
 }
 
-fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axum::Error>> {
-    let changes = app.queue.clone().watch(id, seen).map(move |job| match job {
+fn events(
+    app: App,
+    tenant: &Tenant,
+    id: Uuid,
+    seen: i64,
+) -> impl Stream<Item = Result<Event, axum::Error>> + use<> {
+    let changes = app.queue.clone().watch(id, seen, app.turns.of(tenant)).map(move |job| match job {
         Ok(Some(job)) => {
             let name = if job.state.is_final() { "end" } else { "job" };
             let event = Event::default().event(name).id(job.version.to_string());

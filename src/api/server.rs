@@ -101,7 +101,7 @@ pub async fn serve(
         max_upload_bytes: params.max_upload_bytes,
         uploads: params.uploads,
         limits: Limits::new(&params.limits),
-        turns: Turns::default(),
+        turns: Turns::new(storage.connections().max),
         bodies: params.bodies,
         arrivals: Arrivals::new(
             params.bodies.process_bytes,

@@ -1,5 +1,6 @@
 //! Streams of the changes of homes and of jobs. One reader in each process notifies the streams of a changed home or job,
-//! and the readers of its tenant's feed, so a change costs the same however many wait for others.
+//! and the readers of its tenant's feed, so a change costs the same however many wait for others. The streams that a change
+//! wakes read in turns, for there may be thousands.
 
 use super::{POLL, Queue};
 use futures::{Stream, StreamExt};
@@ -64,17 +65,19 @@ struct Seen {
 }
 
 impl Queue {
-    /// Streams the changes of a home after a position of the feed, until the home is removed.
-    pub fn watch_home(
+    /// Streams the changes of a home after a position of the feed, until the home is removed. Each reading waits for a
+    /// `turn`, and holds it.
+    pub fn watch_home<F: Future>(
         self: Arc<Queue>,
         home: HomeId,
         after: i64,
+        turn: impl Fn() -> F + Clone,
     ) -> impl Stream<Item = Result<Change, StorageError>> {
         let changed = self.watched_homes.watch(&home);
         let parts = futures::stream::unfold(Some(after), move |after| {
-            let (queue, home, changed) = (self.clone(), home.clone(), changed.clone());
+            let (queue, home, changed, turn) = (self.clone(), home.clone(), changed.clone(), turn.clone());
             async move {
-                let changes = queue.next_changes(&home, &changed, after?).await;
+                let changes = queue.next_changes(&home, &changed, after?, turn).await;
                 let last = changes.as_ref().ok().and_then(|changes| changes.last()).map(|change| change.seq);
                 let is_removed = |change: &Change| change.kind == ChangeKind::Home && change.deleted;
                 let ends = changes.as_ref().is_ok_and(|changes| changes.iter().any(is_removed));
@@ -89,17 +92,20 @@ impl Queue {
     }
 
     /// Waits until there are changes of a home after a position.
-    async fn next_changes(
+    async fn next_changes<F: Future>(
         &self,
         home: &HomeId,
         changed: &Notify,
         after: i64,
+        turn: impl Fn() -> F,
     ) -> Result<Vec<Change>, StorageError> {
         loop {
             let mut notified = std::pin::pin!(changed.notified());
             // Listening begins before reading, so that no change is missed.
             notified.as_mut().enable();
+            let held = turn().await;
             let changes = self.storage.home_changes(home, after).await?;
+            drop(held);
             if !changes.is_empty() {
                 return Ok(changes);
             }
@@ -108,17 +114,18 @@ impl Queue {
     }
 
     /// Streams the job now, unless its version is `seen`, and again after every change, up to its final
-    /// state. `None` in the stream: the job was removed with its clip.
-    pub fn watch(
+    /// state. `None` in the stream: the job was removed with its clip. Turns as in [`Queue::watch_home`].
+    pub fn watch<F: Future>(
         self: Arc<Queue>,
         id: Uuid,
         seen: i64,
+        turn: impl Fn() -> F + Clone,
     ) -> impl Stream<Item = Result<Option<Job>, StorageError>> {
         let changed = self.watched_jobs.watch(&id);
         futures::stream::unfold(Some(seen), move |seen| {
-            let (queue, changed) = (self.clone(), changed.clone());
+            let (queue, changed, turn) = (self.clone(), changed.clone(), turn.clone());
             async move {
-                let job = queue.next_version(id, &changed, seen?).await;
+                let job = queue.next_version(id, &changed, seen?, turn).await;
                 let goes_on = matches!(&job, Ok(Some(job)) if !job.state.is_final());
                 let seen = job.as_ref().ok().and_then(|job| job.as_ref()).map(|job| job.version);
                 Some((job, seen.filter(|_| goes_on)))
@@ -127,13 +134,20 @@ impl Queue {
     }
 
     /// Waits until the job's version differs from `seen`.
-    async fn next_version(&self, id: Uuid, changed: &Notify, seen: i64) -> Result<Option<Job>, StorageError> {
+    async fn next_version<F: Future>(
+        &self,
+        id: Uuid,
+        changed: &Notify,
+        seen: i64,
+        turn: impl Fn() -> F,
+    ) -> Result<Option<Job>, StorageError> {
         loop {
             let mut notified = std::pin::pin!(changed.notified());
             // As in `next_changes`.
             notified.as_mut().enable();
+            let held = turn().await;
             match self.storage.job(id).await? {
-                Some(job) if job.version == seen => {}
+                Some(job) if job.version == seen => drop(held),
                 other => return Ok(other),
             }
             notified.await;
@@ -205,7 +219,9 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use futures::FutureExt;
+    use futures::{FutureExt, poll};
+    use std::pin::pin;
+    use tokio::sync::Semaphore;
     use viola_storage::{Storage, StorageParams, Tenant};
 
     #[tokio::test]
@@ -227,6 +243,27 @@ mod tests {
         }
         // The first reading of the feed knows no earlier one.
         assert_eq!(woken, [[true, true], [false, true], [true, false]]);
+        storage.close().await;
+    }
+
+    #[tokio::test]
+    async fn streams_read_in_turns() {
+        let folder = tempfile::tempdir().unwrap();
+        let storage = Arc::new(Storage::open(&StorageParams::in_folder(folder.path())).await.unwrap());
+        let home = "acme".parse::<Tenant>().unwrap().home(&"h".parse().unwrap());
+        storage.put_home(&home, None, |_| true, storage.now()).await.unwrap();
+        let turns = Arc::new(Semaphore::new(0));
+        let turn = {
+            let turns = turns.clone();
+            move || turns.clone().acquire_owned()
+        };
+        let queue = Arc::new(Queue::new(storage.clone()));
+        let mut changes = pin!(queue.clone().watch_home(home, 0, turn.clone()));
+        let mut job = pin!(queue.watch(Uuid::nil(), 0, turn));
+        assert!(poll!(changes.next()).is_pending() && poll!(job.next()).is_pending());
+        turns.add_permits(1);
+        assert!(changes.next().await.unwrap().unwrap().kind == ChangeKind::Home);
+        assert!(job.next().await.unwrap().unwrap().is_none(), "the turn ended with the reading");
         storage.close().await;
     }
 

@@ -144,10 +144,12 @@ impl Database {
             .synchronous(SqliteSynchronous::Full)
             .foreign_keys(true)
             .busy_timeout(Duration::from_secs(10));
-        let writer = SqlitePoolOptions::new().max_connections(1).connect_with(options.clone()).await?;
+        // A file does not break like a network, and a caller who leaves during the test would close the connection.
+        let pool =
+            |connections| SqlitePoolOptions::new().max_connections(connections).test_before_acquire(false);
+        let writer = pool(1).connect_with(options.clone()).await?;
         tables::sqlite().run(&writer).await?;
-        let reader =
-            SqlitePoolOptions::new().max_connections(READERS).connect_with(options.read_only(true)).await?;
+        let reader = pool(READERS).connect_with(options.read_only(true)).await?;
         Ok(Database::new(Pools::Sqlite { writer, reader }))
     }
 
@@ -304,6 +306,7 @@ impl Database {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use futures::poll;
 
     #[test]
     fn a_url_of_another_system_is_refused_in_words() {
@@ -325,6 +328,41 @@ mod tests {
             assert!(error.contains(part) && error.contains("--database-url"), "{url}: {error}");
             assert!(!error.contains("secret"), "{url}: {error}");
         }
+    }
+
+    /// Opening one takes milliseconds of the next request.
+    #[tokio::test]
+    async fn readers_whose_caller_left_are_used_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::open_sqlite(&folder.path().join("viola.sqlite")).await.unwrap();
+        let Pools::Sqlite { reader, .. } = &database.pools else { panic!("it is SQLite") };
+        let all = async || {
+            let mut connections = Vec::new();
+            for _ in 0..READERS {
+                connections.push(reader.acquire().await.unwrap());
+            }
+            connections
+        };
+        for connection in &mut all().await {
+            sqlx::query("PRAGMA cache_size = 77").execute(&mut **connection).await.unwrap();
+        }
+        let count = || query("SELECT COUNT(*) FROM change_counter");
+        for _ in 0..3 * READERS {
+            drop(poll!(Box::pin(database.snapshot())));
+            let mut snapshot = database.snapshot().await.unwrap();
+            drop(poll!(Box::pin(count().fetch_one(&mut snapshot))));
+            let mut alone = database.reader().await.unwrap();
+            drop(poll!(Box::pin(count().fetch_one(&mut alone))));
+        }
+        for connection in &mut all().await {
+            let pages: i64 =
+                sqlx::query_scalar("PRAGMA cache_size").fetch_one(&mut **connection).await.unwrap();
+            assert_eq!(pages, 77, "it is another connection");
+            // Fails within a transaction.
+            sqlx::query("BEGIN").execute(&mut **connection).await.unwrap();
+            sqlx::query("ROLLBACK").execute(&mut **connection).await.unwrap();
+        }
+        database.close().await;
     }
 
     /// Otherwise the driver logs a line for each table that exists already.

@@ -4,7 +4,8 @@
 //! counts transactions and does not see this: its next ones are savepoints of one that is never committed.
 //! SQLite's transactions therefore begin and end here by plain statements: `BEGIN` fails within a
 //! transaction, and `COMMIT` without one. A connection returns to its pool only if every statement on it
-//! succeeded. Any other one is closed, which rolls back; the pool opens a new one.
+//! succeeded. Any other one is closed, which rolls back; the pool opens a new one. A reader whose caller left returns, too:
+//! SQLite ends its statement, and opening takes milliseconds of a request of somebody else.
 
 use super::fault::DatabaseFault;
 use super::health::WriteHealth;
@@ -18,12 +19,20 @@ use std::sync::Arc;
 pub struct Connection {
     /// `None` once the transaction has ended.
     link: Option<Link>,
-    /// True if all statements so far succeeded.
-    is_sound: bool,
+    state: State,
     /// True if a statement changed rows.
     has_changed: bool,
     /// Set for connections that write.
     health: Option<Arc<WriteHealth>>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    /// All statements so far succeeded.
+    Sound,
+    /// A statement runs, or its caller left.
+    Running,
+    Failed,
 }
 
 enum Link {
@@ -46,7 +55,7 @@ pub(super) enum Executor<'c> {
 
 impl Connection {
     fn new(link: Link, health: Option<Arc<WriteHealth>>) -> Connection {
-        Connection { link: Some(link), is_sound: true, has_changed: false, health }
+        Connection { link: Some(link), state: State::Sound, has_changed: false, health }
     }
 
     /// Returns a connection for single statements.
@@ -60,9 +69,12 @@ impl Connection {
     }
 
     /// Returns the connection for one statement, whose result goes to [`Connection::ended`]. A cancelled
-    /// statement leaves the connection unsound.
+    /// statement leaves the connection running.
     pub(super) fn executor(&mut self) -> Result<Executor<'_>, sqlx::Error> {
-        let is_sound = std::mem::replace(&mut self.is_sound, false);
+        let is_sound = self.state == State::Sound;
+        if is_sound {
+            self.state = State::Running;
+        }
         match &mut self.link {
             Some(link) if is_sound => Ok(match link {
                 Link::Sqlite { connection, .. } => Executor::Sqlite(connection),
@@ -76,8 +88,11 @@ impl Connection {
     /// Records the result of a statement.
     pub(super) async fn ended<T>(&mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
         match &result {
-            Ok(_) => self.is_sound = true,
-            Err(error) => note(self.health.as_deref(), error),
+            Ok(_) => self.state = State::Sound,
+            Err(error) => {
+                self.state = State::Failed;
+                note(self.health.as_deref(), error);
+            }
         }
         if result.as_ref().err().is_some_and(DatabaseFault::is_of_old_statement) {
             self.forget_statements().await;
@@ -103,7 +118,7 @@ impl Connection {
     }
 
     async fn commit(&mut self) -> Result<(), sqlx::Error> {
-        self.is_sound = false;
+        self.state = State::Running;
         match &mut self.link {
             Some(Link::Sqlite { connection, in_transaction: in_transaction @ true }) => {
                 sqlx::query("COMMIT").execute(&mut **connection).await?;
@@ -131,7 +146,8 @@ impl Drop for Connection {
     fn drop(&mut self) {
         // The driver of PostgreSQL rolls back by itself, and tests a connection before it is used again.
         let Some(Link::Sqlite { mut connection, in_transaction }) = self.link.take() else { return };
-        if !self.is_sound {
+        let is_of_reader = self.health.is_none();
+        if self.state == State::Failed || self.state == State::Running && !is_of_reader {
             connection.close_on_drop();
         } else if in_transaction {
             tokio::spawn(async move {
@@ -154,8 +170,10 @@ impl Transaction {
         let connection = pool.acquire().await;
         let connection = connection.inspect_err(|error| note(health.as_deref(), error))?;
         let mut begun = Connection::new(Link::Sqlite { connection, in_transaction: false }, health);
-        begun.is_sound = false;
+        begun.state = State::Running;
         if let Some(Link::Sqlite { connection, in_transaction }) = &mut begun.link {
+            // The statement takes effect even if the caller leaves now.
+            *in_transaction = true;
             let ran = sqlx::query(statement).execute(&mut **connection).await;
             *in_transaction = ran.is_ok();
             begun.ended(ran).await?;
@@ -174,7 +192,7 @@ impl Transaction {
     /// they have not, and never will.
     pub async fn commit(mut self) -> Result<(), StorageError> {
         let connection = &mut self.0;
-        if !connection.is_sound {
+        if connection.state != State::Sound {
             return Err(undone().into());
         }
         let committed = connection.commit().await;
