@@ -2,8 +2,9 @@
 //! them.
 
 use super::places::{FairPlace, FairPlaces};
+use futures::future::BoxFuture;
 use std::future::Future;
-use std::pin::{Pin, pin};
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -36,10 +37,7 @@ impl Turns {
     }
 
     /// Returns what waits for a turn of the tenant, for streams that outlive their request.
-    pub fn of(
-        &self,
-        tenant: &Tenant,
-    ) -> impl Fn() -> Pin<Box<dyn Future<Output = Turn> + Send>> + Clone + use<> {
+    pub fn of(&self, tenant: &Tenant) -> impl Fn() -> BoxFuture<'static, Turn> + Clone + use<> {
         let (turns, tenant) = (self.clone(), tenant.clone());
         move || {
             let (turns, tenant) = (turns.clone(), tenant.clone());

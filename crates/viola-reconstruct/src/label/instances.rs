@@ -98,11 +98,11 @@ impl Centres {
 
     /// Returns the cells at most [`REACH`] away, with the cell itself.
     fn around(&self, cell: u32) -> impl Iterator<Item = u32> {
-        let [x, y, z] = self.keys[cell as usize];
-        let steps = || -REACH..=REACH;
-        let keys = steps().flat_map(move |dx| {
-            steps().flat_map(move |dy| steps().map(move |dz| [x + dx, y + dy, z.saturating_add(dz)]))
-        });
+        const SIDE: i32 = 2 * REACH + 1;
+        let key = self.keys[cell as usize];
+        let steps = (0..SIDE.pow(3)).map(|i| [i / SIDE / SIDE, i / SIDE % SIDE, i % SIDE]);
+        // A network may name a centre beyond all numbers.
+        let keys = steps.map(move |step| [0, 1, 2].map(|axis| key[axis].saturating_add(step[axis] - REACH)));
         keys.filter_map(|key| self.of_key.get(&key).copied())
     }
 }
@@ -163,6 +163,10 @@ mod tests {
         let peaks = centres.peaks();
         let peak = |i: usize| peaks[cells[i] as usize];
         assert!((1..4).all(|i| peak(i) == peak(0)) && peak(4) == peak(5) && peak(0) != peak(4), "{peaks:?}");
-        assert_eq!(Centres::default().peaks(), []);
+        assert!(Centres::default().peaks().is_empty());
+        let mut far = Centres::default();
+        let end = |x: f64| Point3::new(x, -1e30, 1e30);
+        let cells = [1e30, -1e30].map(|x| far.count(&end(x), 1.0));
+        assert_eq!(far.peaks(), cells);
     }
 }

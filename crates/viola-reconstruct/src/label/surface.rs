@@ -68,16 +68,13 @@ impl SurfaceNetwork {
     /// Returns the probability of each class for each site: the mean of the answers for all [`VIEWS`], and of the sites of
     /// one piece of furniture. `sites` are in the clip frame. None for sites outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<ByClass>>, SegmentError> {
-        let (mut said, centres_m) = self.classify_alone(sites)?;
+        let OfSites { mut said, centres_m } = self.classify_alone(sites)?;
         agree(&mut said, &centres_m);
         Ok(said)
     }
 
     /// Returns the answer for each site by itself, and the centre of its object.
-    fn classify_alone(
-        &self,
-        sites: &Sites,
-    ) -> Result<(Vec<Option<ByClass>>, Vec<Option<Point3>>), SegmentError> {
+    fn classify_alone(&self, sites: &Sites) -> Result<OfSites, SegmentError> {
         let mut sums = vec![([0f32; CLASSES], Vector3::zeros(), 0f32); sites.len()];
         for view in &VIEWS {
             let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
@@ -95,7 +92,8 @@ impl SurfaceNetwork {
             let centre = at + to_centre_m / f64::from(count.max(1.0));
             (is_told.then(|| sum.map(|p| p / count)), is_told.then_some(centre))
         });
-        Ok(of_sites.unzip())
+        let (said, centres_m) = of_sites.unzip();
+        Ok(OfSites { said, centres_m })
     }
 
     /// Returns the answer for the first `asked` places of the surface in one view only. Positions are in a frame whose
@@ -145,6 +143,12 @@ impl SurfaceNetwork {
         let to_centre_m = boxes.chunks_exact(BOX_NUMBERS).map(to_centre).collect();
         Ok(VoxelClasses { of_voxel, to_centre_m, of_site: columns.of_site })
     }
+}
+
+/// Probabilities of the classes of sites, and the centres of their objects.
+struct OfSites {
+    said: Vec<Option<ByClass>>,
+    centres_m: Vec<Option<Point3>>,
 }
 
 /// Probabilities of the classes of voxels, and the centres of their objects.
@@ -247,8 +251,8 @@ mod tests {
         let of_views: Vec<VoxelClasses> = VIEWS.iter().map(one).collect();
         assert_eq!(of_views[0].of_sites(), classes);
         let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
-        let (alone, centres_m) = network.classify_alone(&sites).unwrap();
-        for (site, (all, centre_m)) in alone.into_iter().zip(centres_m).enumerate() {
+        let OfSites { said, centres_m } = network.classify_alone(&sites).unwrap();
+        for (site, (all, centre_m)) in said.into_iter().zip(centres_m).enumerate() {
             let (all, centre_m) = (all.expect("it is in the grid"), centre_m.expect("as its class"));
             let to_centres: Vector3 = of_views.iter().map(|view| view.to_centre(site).unwrap()).sum();
             assert!((centre_m - positions_m[site] - to_centres / 4.0).norm() < 1e-6, "{site}");
