@@ -1,13 +1,10 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::likeliest::{likeliest, likeliest_in_structure};
+use super::likeliest::{ByClass, likeliest, likeliest_in_structure};
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;
 use viola_geometry::taxonomy::{CLASSES, Class};
-
-/// A value for each class: probabilities, or sums of votes.
-pub(super) type ByClass = [f32; CLASSES];
 
 /// Maximum number of pictures that count for a site's weight in its segment.
 const MAX_VIEWS: f32 = 20.0;

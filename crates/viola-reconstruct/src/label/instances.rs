@@ -1,6 +1,6 @@
 //! Pieces of furniture as the surface network tells them: sites that name the same centre decide their class together.
 
-use super::combine::ByClass;
+use super::likeliest::ByClass;
 use rustc_hash::FxHashMap;
 use viola_geometry::Point3;
 use viola_geometry::taxonomy::{CLASSES, Class};

@@ -3,6 +3,9 @@
 use crate::cloud::{Label, OTHER_CLASSES};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
+/// A value for each class: probabilities, or sums of votes.
+pub(super) type ByClass = [f32; CLASSES];
+
 /// Returns the class with the largest sum in the family with the largest sum; its fraction of all sums is
 /// its probability.
 pub(super) fn likeliest(sums: &[f32], views: u16) -> Label {

@@ -1,8 +1,9 @@
 //! Labels of a home's map: its surface shows more of each object than a clip does.
 
 use super::SegmentError;
-use super::combine::{self, Alone, ByClass};
+use super::combine::{self, Alone};
 use super::instances::agree;
+use super::likeliest::ByClass;
 use super::segments::segments;
 use super::sites::Sites;
 use super::structure;

@@ -2,8 +2,8 @@
 
 use super::SegmentError;
 use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View, surface_from_grid};
-use super::combine::ByClass;
 use super::instances::agree;
+use super::likeliest::ByClass;
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
