@@ -1,4 +1,5 @@
-//! Pieces of furniture as the surface network tells them: sites that name the same centre decide their class together.
+//! Pieces of furniture as the surface network tells them: sites that name the same centre decide their class together. The
+//! weights in the program name centres of the right height above or below each site (docs/experiments.md, Surface network).
 
 use super::likeliest::ByClass;
 use rustc_hash::FxHashMap;
