@@ -1,5 +1,6 @@
 //! Pieces of furniture as the surface network tells them: sites that name the same centre decide their class together. The
-//! weights in the program name centres of the right height above or below each site (docs/experiments.md, Surface network).
+//! weights in the program know the height of a centre only; its place on the floor is that of the site (docs/experiments.md,
+//! Surface network).
 
 use super::likeliest::ByClass;
 use rustc_hash::FxHashMap;
