@@ -6,6 +6,10 @@ use std::time::{Duration, Instant};
 /// Longer than any wait takes on a busy machine with two cores.
 pub const DEADLINE: Duration = Duration::from_secs(300);
 
+/// Pauses between two questions: a twentieth of the wait so far, because the questions of several tests would slow down what
+/// they wait for.
+const PAUSES: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(50)];
+
 /// Asks repeatedly until there is an answer.
 pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut ask: impl FnMut() -> F) -> T {
     let begun = Instant::now();
@@ -13,7 +17,8 @@ pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut ask: i
         if let Some(answer) = ask().await {
             return answer;
         }
-        assert!(begun.elapsed() < DEADLINE, "after {DEADLINE:?} still not so: {what}");
-        tokio::time::sleep(Duration::from_millis(5)).await;
+        let waited = begun.elapsed();
+        assert!(waited < DEADLINE, "after {DEADLINE:?} still not so: {what}");
+        tokio::time::sleep((waited / 20).clamp(PAUSES[0], PAUSES[1])).await;
     }
 }
