@@ -157,7 +157,7 @@ impl Door {
             () = self.stop.cancelled() => return,
         };
         let Ok(Ok(lane)) = lane else { return debug!("a connection sent nothing") };
-        place.came();
+        place.came(lane.tenant());
         let begin = match lane {
             Lane::Tenant(tenant) => self.tenants.begin(tenant.name()).await,
             Lane::Network(network) => self.unknown.begin(&network.to_string()).await,

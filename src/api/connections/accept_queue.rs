@@ -29,6 +29,15 @@ pub(super) enum Lane {
     Network(IpAddr),
 }
 
+impl Lane {
+    pub fn tenant(&self) -> Option<&Tenant> {
+        match self {
+            Lane::Tenant(tenant) => Some(tenant),
+            Lane::Network(_) => None,
+        }
+    }
+}
+
 /// Limits of the connections that begin at once.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AcceptQueueParams {

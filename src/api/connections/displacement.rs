@@ -2,15 +2,17 @@
 //! that have waited longest for their client are closed, of the same network or else of the largest one. So a client that
 //! holds connections without using them displaces its own. A connection whose request came whole waits for the service and
 //! not for its client: it goes only if all of them do, and after those that are new. A request that waits for others of its
-//! tenant waits for its client.
+//! tenant waits for its client. A tenant with few connections keeps them as long as others wait for their clients: one of an
+//! upload that is read late looks like one that is held.
 
 use crate::api::peer::network;
 use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
+use viola_storage::Tenant;
 
 /// All open connections.
 pub(super) struct OpenConnections {
@@ -32,6 +34,8 @@ struct Member {
     unanswered: AtomicUsize,
     /// True until its first bytes came.
     is_new: AtomicBool,
+    /// Tenant of its first request, once it came, if its credentials were valid before.
+    tenant: OnceLock<Tenant>,
     /// Time of the last byte in either direction, in milliseconds since `begun`.
     moved_ms: AtomicU64,
     displaced: CancellationToken,
@@ -56,6 +60,7 @@ impl OpenConnections {
         let member = Arc::new(Member {
             unanswered: AtomicUsize::new(0),
             is_new: AtomicBool::new(true),
+            tenant: OnceLock::new(),
             moved_ms: self.now_ms().into(),
             displaced: CancellationToken::new(),
         });
@@ -92,17 +97,24 @@ enum Waits {
     ForClient,
     /// Nothing came yet, and it is younger than [`NEW_MS`]: its first bytes may be here unread.
     New,
+    /// For its client, which is a tenant with few connections.
+    ForOneOfFew,
     ForService,
 }
 
 const NEW_MS: u64 = 1000;
 
+/// Inverse of the fraction of a network's connections up to which a tenant has few.
+const FEW: usize = 16;
+
 impl Member {
-    fn waits(&self, now_ms: u64) -> (Waits, u64) {
+    /// Returns what it waits for, and since when.
+    fn waits(&self, now_ms: u64, is_of_few: bool) -> (Waits, u64) {
         let moved_ms = self.moved_ms.load(Ordering::Relaxed);
         let is_new = self.is_new.load(Ordering::Relaxed) && now_ms < moved_ms + NEW_MS;
         let waits = match self.unanswered.load(Ordering::Relaxed) {
             0 if is_new => Waits::New,
+            0 if is_of_few => Waits::ForOneOfFew,
             0 => Waits::ForClient,
             _ => Waits::ForService,
         };
@@ -115,8 +127,17 @@ const TOGETHER: usize = 32;
 
 fn displace(members: &mut HashMap<IpAddr, HashMap<u64, Arc<Member>>>, network: IpAddr, now_ms: u64) {
     let Some(of_network) = members.get_mut(&network) else { return };
-    let mut waiting: Vec<_> =
-        of_network.iter().map(|(number, member)| (member.waits(now_ms), *number)).collect();
+    let mut of_tenants: HashMap<&Tenant, usize> = HashMap::new();
+    let tenants = of_network.values().filter_map(|member| member.tenant.get());
+    tenants.for_each(|tenant| *of_tenants.entry(tenant).or_default() += 1);
+    let most = of_network.len() / FEW;
+    // Another thread may tell a tenant meanwhile.
+    let has_few = |tenant: &Tenant| of_tenants.get(tenant).is_none_or(|count| *count <= most);
+    let is_of_few = |member: &Member| member.tenant.get().is_some_and(has_few);
+    let mut waiting: Vec<_> = of_network
+        .iter()
+        .map(|(number, member)| (member.waits(now_ms, is_of_few(member)), *number))
+        .collect();
     let count = waiting.len().div_ceil(TOGETHER);
     if count == 0 {
         return;
@@ -130,8 +151,11 @@ fn displace(members: &mut HashMap<IpAddr, HashMap<u64, Arc<Member>>>, network: I
 }
 
 impl Place {
-    /// Records that the first bytes came, which tell what the connection waits for.
-    pub fn came(&self) {
+    /// Records that the first bytes came, which tell what the connection waits for and may tell its tenant.
+    pub fn came(&self, tenant: Option<&Tenant>) {
+        if let Some(tenant) = tenant {
+            self.member.tenant.get_or_init(|| tenant.clone());
+        }
         self.member.is_new.store(false, Ordering::Relaxed);
     }
 
@@ -222,7 +246,7 @@ mod tests {
     }
 
     fn set(place: &Place, moved_ms: u64) {
-        place.came();
+        place.came(None);
         place.member.moved_ms.store(moved_ms, Ordering::Relaxed);
     }
 
@@ -251,9 +275,39 @@ mod tests {
         set(&used, u64::MAX);
         let third = connections.enter(address);
         assert!(is_displaced(&used) && !is_displaced(&new));
-        let waits = |now_ms| new.member.waits(now_ms).0;
+        let waits = |now_ms| new.member.waits(now_ms, false).0;
         assert!(waits(0) == Waits::New && waits(2 * NEW_MS) == Waits::ForClient);
         drop(third);
+    }
+
+    #[test]
+    fn a_tenant_with_few_connections_keeps_them() {
+        let connections = OpenConnections::new(100, 2 * FEW);
+        let address = "192.0.2.1".parse().unwrap();
+        let enter = |tenant: Option<&str>, moved_ms: u64| {
+            let place = connections.enter(address);
+            let tenant = tenant.map(|name| Tenant::try_from(name.to_owned()).unwrap());
+            place.came(tenant.as_ref());
+            place.member.moved_ms.store(moved_ms, Ordering::Relaxed);
+            place
+        };
+        let few = [0, 1].map(|at| enter(Some("few"), at));
+        let unknown = enter(None, 2);
+        let many: Vec<_> = (few.len() + 1..2 * FEW).map(|at| enter(Some("many"), at as u64)).collect();
+        let new = connections.enter(address);
+        assert!(is_displaced(&unknown) && !few.iter().chain(&many).any(|place| is_displaced(place)));
+        drop(unknown);
+        let _next = connections.enter(address);
+        assert!(
+            is_displaced(&many[0]) && !is_displaced(&new) && !few.iter().any(|place| is_displaced(place))
+        );
+        // With one more they are not few.
+        drop(many);
+        let more: Vec<_> = (2..2 * FEW - 2).map(|at| enter(Some("few"), at as u64)).collect();
+        let _last = connections.enter(address);
+        assert!(
+            is_displaced(&few[0]) && !is_displaced(&few[1]) && !more.iter().any(|place| is_displaced(place))
+        );
     }
 
     #[test]
