@@ -2,8 +2,8 @@
 //! that have waited longest for their client are closed, of the same network or else of the largest one. So a client that
 //! holds connections without using them displaces its own. A connection whose request came whole waits for the service and
 //! not for its client: it goes only if all of them do, and after those that are new. A request that waits for others of its
-//! tenant waits for its client. A tenant with few connections keeps them as long as others wait for their clients: one of an
-//! upload that is read late looks like one that is held.
+//! tenant waits for its client. A tenant with few connections keeps them as long as others wait for their clients: if
+//! the service reads an upload late, its connection looks like one that its client holds.
 
 use crate::api::peer::network;
 use std::collections::HashMap;
