@@ -31,28 +31,36 @@ export function lossSteps({ page, base, go, file, shot }) {
   /** As while the service is upgraded behind a proxy. */
   async function aRefusedStreamIsOpenedAgain() {
     const events = `${home}/events`;
-    await page.route(events, (route) => route.fulfill({ status: 502, body: "" }));
+    let isRefused = true;
+    await page.route(events, (route) => (isRefused ? route.fulfill({ status: 502, body: "" }) : route.continue()));
     const refused = page.waitForResponse((answer) => answer.url() === events && answer.status() === 502);
     await go("#/");
     await showHome();
     await refused;
     const opened = page.waitForResponse((answer) => answer.url() === events && answer.status() === 200);
-    await page.unroute(events);
+    isRefused = false;
     await opened;
+    await page.unroute(events);
   }
 
   /** An upload outlives its page, waits for the network, and sends only what the service lacks. */
   async function aBrokenUploadResumes() {
     const uploads = `${base}/v1/uploads**`;
     const [made, resumed] = [[], []];
-    page.on("request", (request) => {
-      if (!request.url().startsWith(`${base}/v1/uploads`)) return;
+    // One handler for all attempts: the browser tells nobody of a request that is sent between two handlers.
+    let [isReached, isBroken] = [false, false];
+    await page.route(uploads, (route) => {
+      const request = route.request();
+      const offset = request.headers()["upload-offset"] ?? "";
       if (request.method() === "POST") made.push(request.headers()["upload-metadata"]);
-      else resumed.push(`${request.method()} ${request.headers()["upload-offset"] ?? ""}`.trim());
+      else resumed.push(`${request.method()} ${offset}`.trim());
+      // The second part breaks once.
+      const breaks = isReached && !isBroken && Number(offset) > 0;
+      isBroken ||= breaks;
+      return isReached && !breaks ? route.continue() : route.abort();
     });
     const clip = await file("normal", "clip_0.zip");
     const files = ["first.zip", "next.zip"].map((name) => ({ name, bytes: clip.bytes }));
-    await page.route(uploads, (route) => route.abort());
     await dropFiles(page, files);
     await page.locator(".uploads li", { hasText: "first.zip" }).getByText("waits for the service").waitFor();
     await page.locator(".uploads li", { hasText: "next.zip" }).getByText("waits", { exact: true }).waitFor();
@@ -61,14 +69,7 @@ export function lossSteps({ page, base, go, file, shot }) {
     await go("#/");
     await page.getByRole("heading", { level: 1, name: "Homes" }).waitFor();
     await showHome();
-    // The second part breaks once.
-    let isBroken = false;
-    await page.unroute(uploads);
-    await page.route(uploads, (route) => {
-      const breaks = !isBroken && Number(route.request().headers()["upload-offset"] ?? 0) > 0;
-      isBroken ||= breaks;
-      return breaks ? route.abort() : route.continue();
-    });
+    isReached = true;
     await page.evaluate(() => dispatchEvent(new Event("online")));
     await page.waitForFunction(() => document.querySelectorAll(".uploads li").length === 0);
     await page.unroute(uploads);
