@@ -21,9 +21,9 @@ pub struct MapLabels {
 }
 
 /// Returns the labels of the first `count` points of a piece of a map, whose z axis is up and whose floor is at 0; the
-/// others are the surface around them. The labels of `map` are those of its clips. Pictures decide in the segments that
-/// they show; in the others it is the mean of the surface network's answers for the clips and for the map, agreed on within each
-/// piece of furniture. The answer for the map is left out if the network fails.
+/// others are the surface around them. The labels of `map` are those of its clips. In the segments that pictures show, the
+/// surface network's answer for the map votes beside them; in the others it is the mean of its answers for the clips and for
+/// the map. Pieces of furniture agree on both. The answer for the map is left out if the network fails.
 pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork>) -> MapLabels {
     let mut sites = Sites::new(map);
     let (shapes, _) = structure::shapes(&sites);
@@ -58,8 +58,9 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
         let label = &of_clips[site];
         (by_class(label).unwrap_or([0.0; CLASSES]), label.views)
     };
-    // The labels of clips with pictures have heard the network already.
-    let alone = Alone::Fallback(combine::surfaced(&segments, &shapes, |site| said[site]));
+    let surfaced = combine::surfaced(&segments, &shapes, |site| said[site]);
+    // Pictures have heard the network's answers for the clips.
+    let alone = if of_map.is_some() { Alone::Voter(surfaced) } else { Alone::Fallback(surfaced) };
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
     MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }
 }
@@ -79,4 +80,52 @@ fn by_class(label: &Label) -> Option<ByClass> {
     let mut out = [0f32; CLASSES];
     label.fractions().for_each(|(class, fraction)| out[class as usize] += f32::from(fraction) / 255.0);
     (out.iter().sum::<f32>() > 0.0).then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::surface::tests::opened;
+    use super::*;
+    use crate::cloud::CloudPoint;
+    use viola_geometry::taxonomy::Class;
+
+    /// A floor with a block on it; all points have the same label.
+    fn surface(label: Label) -> PointCloud {
+        const STEP_M: f32 = 0.03;
+        let at = |i: i32| i as f32 * STEP_M;
+        let point =
+            |position_m, normal| CloudPoint { position_m, normal, color: [128; 3], label, weight: 100 };
+        let square = |side: i32, z_m: f32| {
+            let place = move |i: i32| [at(i % side), at(i / side), z_m];
+            (0..side * side).map(move |i| point(place(i), [0.0, 0.0, 1.0]))
+        };
+        let side = (0..20 * 20).map(|i| point([at(i % 20), 0.0, at(i / 20)], [0.0, -1.0, 0.0]));
+        PointCloud { points: square(60, 0.0).chain(square(20, 0.6)).chain(side).collect(), voxel_m: 0.03 }
+    }
+
+    #[test]
+    fn the_network_decides_between_classes_that_pictures_leave_open() {
+        let network = opened("columns.onnx").unwrap();
+        let labels = |label| {
+            let map = surface(label);
+            label_map(&map, map.points.len(), Some(&network)).labels
+        };
+        let probability = |label: &Label, class: Class| {
+            label.fractions().find(|(other, _)| *other == class).map_or(0, |(_, fraction)| fraction)
+        };
+        let by_network = labels(Label::NONE);
+        let pairs = [(Class::Sofa, Class::Chair), (Class::Bed, Class::Plant), (Class::Chair, Class::Toilet)];
+        let mut decided = 0;
+        for (one, other) in pairs {
+            let open = Label::new(one, 0.5, 3).with_others([(other, 0.5)]);
+            for (label, heard) in labels(open).iter().zip(&by_network) {
+                let (p, q) = (probability(heard, one), probability(heard, other));
+                if p.abs_diff(q) > 2 {
+                    decided += 1;
+                    assert_eq!(label.class, if p > q { one } else { other }, "{p} {q}");
+                }
+            }
+        }
+        assert!(decided > 100, "{decided}");
+    }
 }
