@@ -12,8 +12,8 @@ use viola_lab::evaluate::Oracle;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, clip_in_memory};
 use viola_network::RuntimeParams;
 use viola_network::manifest::Manifest;
-use viola_reconstruct::LabelParams;
-use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter, SurfaceNetwork};
+use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter, SurfaceNetwork, label_map};
+use viola_reconstruct::{Label, LabelParams};
 use viola_testing::process::viola;
 
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
@@ -131,6 +131,34 @@ fn a_surface_network_labels_without_pictures() {
     assert_ne!(seen.cloud_in_clip, plain.cloud_in_clip);
     // The floor and the scan do not depend on it.
     assert_eq!((seen.floor, seen.scan), (plain.floor, plain.scan));
+}
+
+/// Pictures that leave two classes open: the network's answer for the map decides.
+#[test]
+fn a_surface_network_votes_beside_the_pictures_of_a_map() {
+    let network = surface_network("columns.onnx");
+    let seen = observe(&clip_in_memory(simulated(Set::Normal, 3, 6)), LabelParams::default()).cloud_in_clip;
+    let labels = |label: Label| {
+        let mut map = seen.clone();
+        map.points.iter_mut().for_each(|point| point.label = label);
+        label_map(&map, map.points.len(), Some(&network)).labels
+    };
+    let by_network = labels(Label::NONE);
+    let mut decided = 0;
+    for (one, other) in
+        [(Class::Sofa, Class::Chair), (Class::Bed, Class::Plant), (Class::Chair, Class::Toilet)]
+    {
+        let open = Label::new(one, 0.5, 3).with_others([(other, 0.5)]);
+        for (label, heard) in labels(open).iter().zip(&by_network) {
+            let fraction = |class| heard.fractions().find(|(said, _)| *said == class).map_or(0, |(_, f)| f);
+            let (p, q) = (fraction(one), fraction(other));
+            if p.abs_diff(q) > 2 {
+                decided += 1;
+                assert_eq!(label.class, if p > q { one } else { other }, "{p} {q}");
+            }
+        }
+    }
+    assert!(decided > 100, "{decided}");
 }
 
 /// The answer must not depend on the number of threads.

@@ -186,7 +186,7 @@ fn softmax(logits: &[f32]) -> ByClass {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::super::columns::SLICES;
     use super::*;
     use crate::label::columns::CELL_M;
@@ -197,8 +197,7 @@ pub(super) mod tests {
     use viola_network::RuntimeParams;
     use viola_network::manifest::{self, Manifest, Task};
 
-    /// Returns a network of `tests/models`.
-    pub(in super::super) fn opened(file: &str) -> Result<SurfaceNetwork, String> {
+    fn opened(file: &str) -> Result<SurfaceNetwork, String> {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/models");
         let network = viola_network::open(&models.join(file), &RuntimeParams::default());
         let manifest = Manifest::built_in().unwrap();
