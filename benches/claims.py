@@ -400,7 +400,7 @@ PARTS = [
     },
     {
         "name": "compile", "title": "Compiling", "needs": [],
-        "note": "From the edit of a line to a running development binary. README has the time of the first build.",
+        "note": "From the edit of a line to a running development binary.",
         "runs": {"a route": "benches/edit.sh 'a route' src/api/homes.rs StatusCode::CREATED StatusCode::ACCEPTED",
                  "the search": "benches/edit.sh 'the search' crates/viola-align/src/search.rs 'hits: 128,' 'hits: 129,'"},
         "settings": {"all": {}}, "minutes": {"all": 5},

@@ -82,7 +82,7 @@ enum Command {
     /// Serve the HTTP API, with workers in the same process.
     #[command(after_help = config::HELP)]
     Serve(serve::ServeArguments),
-    /// Run the jobs of servers that share a PostgreSQL database.
+    /// Run the jobs and send the webhooks of servers that share a PostgreSQL database.
     #[command(after_help = config::HELP)]
     Work(work::WorkArguments),
     /// Remove expired uploads and the files that killed processes left behind.

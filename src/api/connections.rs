@@ -49,11 +49,11 @@ pub struct ConnectionParams {
     /// Timeout for a client that reads no byte of a waiting answer; then the connection is closed. Slow
     /// readers and event streams without news are not affected.
     pub write: Duration,
-    /// Maximum number of connections. A further one displaces the one of the largest network that has waited longest for
-    /// its client.
+    /// Maximum number of connections. A further one displaces those of the largest network that have waited longest for
+    /// their clients: one in 32.
     pub most: usize,
-    /// Maximum number of connections of one address (IPv6: of one network of 64 bits). A further one displaces the one of
-    /// this address that has waited longest for its client.
+    /// Maximum number of connections of one address (IPv6: of one network of 64 bits). A further one displaces one in 32
+    /// of this address.
     pub most_of_network: usize,
 }
 

@@ -119,7 +119,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`. Send one of the two
 /// always: a repeated upload then makes no second clip.
 ///
-/// With `sha256`, the same request for the same home returns the upload that it began, whatever has arrived of it: go on at
+/// With `sha256`, the same request for the same home returns the upload that it began, whatever has arrived of it: continue at
 /// the `Upload-Offset` of the answer. A file with another SHA-256 is refused.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a

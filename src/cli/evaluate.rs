@@ -1,4 +1,4 @@
-//! `viola evaluate`: the paper's protocol on data with a known truth.
+//! `viola evaluate`: poses, classes, homes, clips placed together, changes and tracking against a known truth.
 
 mod changes;
 mod each_home;
@@ -38,7 +38,7 @@ pub struct EvaluateArguments {
     #[arg(long, group = "source")]
     scene: Option<PathBuf>,
     /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed, storeys, drifted,
-    /// glass, crowded.
+    /// glass, crowded; separated by commas.
     #[arg(long, group = "source", value_delimiter = ',')]
     set: Vec<Set>,
     /// LiDAR map with free cells, instead of a scene: clips are drawn inside it. May be given several times.
@@ -57,7 +57,7 @@ pub struct EvaluateArguments {
     /// chance. They replace a network, because simulated pictures are too plain for one.
     #[arg(
         long,
-        value_name = "SHARE",
+        value_name = "FRACTION",
         value_parser = share,
         conflicts_with_all = ["scene", "map", "labels", "joint", "track"]
     )]
@@ -101,7 +101,7 @@ pub struct EvaluateArguments {
     /// JSON file with the true map_from_world {x_m, y_m, yaw_rad}.
     #[arg(long, requires = "lidar", conflicts_with_all = ["set", "map", "labels", "track"])]
     truth: Option<PathBuf>,
-    /// Lengths of the clips in frames; default: 60. For each length, the scene is cut into half-overlapping excerpts.
+    /// Lengths of the clips in frames, separated by commas; default: 60. For each length, the scene is cut into half-overlapping excerpts.
     #[arg(long, value_delimiter = ',', value_parser = numbers::frames)]
     frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
@@ -135,7 +135,7 @@ pub struct EvaluateArguments {
     trajectories: Vec<PathBuf>,
     #[command(flatten)]
     networks: NetworkArguments,
-    /// Names of the methods to compare.
+    /// Names of the methods to compare, separated by commas. A wrong name lists all.
     #[arg(
         long,
         default_value = "viola",

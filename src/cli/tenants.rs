@@ -16,7 +16,7 @@ pub struct TenantsArguments {
 
 #[derive(Subcommand)]
 enum TenantsCommand {
-    /// List the tenants that have any data.
+    /// List the tenants with a key, with data, or with limits of their own.
     List(ListArguments),
     /// Set the limits of a tenant; those that are not given become the service's.
     Set(SetArguments),

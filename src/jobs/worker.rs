@@ -365,7 +365,7 @@ impl Attempt<'_> {
                 }
             }
         };
-        // The work goes on while a heartbeat waits for the database: it may hold the connection for which the heartbeat waits.
+        // The work continues while a heartbeat waits for the database: it may hold the connection for which the heartbeat waits.
         tokio::select! {
             result = work => Ok(result),
             lost = heartbeats => Err(lost),

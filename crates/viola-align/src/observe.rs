@@ -1,4 +1,4 @@
-//! Stages 1-6: from a clip to its virtual scan.
+//! Stages 2 to 6: from an opened clip to its virtual scan.
 
 mod remarks;
 

@@ -1,5 +1,5 @@
-//! Transforms, cameras, planes, grids and distance fields, and arithmetic that several crates share. No I/O; metres
-//! and radians throughout.
+//! Transforms, cameras, planes, grids and distance fields, classes, names of levels, progress and cancellation, and
+//! arithmetic that several crates share. No I/O; metres and radians throughout.
 //!
 //! Transforms are named by their spaces so that they cancel: `map_from_clip * clip_from_camera` is a
 //! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is the frame of the

@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 pub enum Stage {
     /// Open the container and read the poses and the intrinsics.
     Decode,
-    /// Follow the camera through the pictures of a clip without poses.
+    /// Follow the camera of a clip without poses, or refine poses that drift.
     Track,
     /// Decode the key frames and fuse them into a signed distance map.
     Fuse,
-    /// Label the key frames with the network, if there is one.
+    /// Label the surface by pictures, shapes and networks.
     Label,
     /// Find the floor plane.
     Floor,

@@ -1,4 +1,5 @@
-//! Simulated homes with exact truth, the evaluation, and the paper's own method as its baseline.
+//! Simulated homes with exact truth, the evaluation, the paper's own method as its baseline, and labelled surfaces for
+//! training.
 
 pub mod evaluate;
 mod mesh;

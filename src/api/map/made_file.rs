@@ -76,7 +76,7 @@ pub(super) async fn make(
     let spool = spool(points, tiles).await?;
     let out = points.app.storage.scratch_file()?;
     let made = apart(move || {
-        // The work goes on if the client leaves, so it holds the place.
+        // The work continues if the client leaves, so it holds the place.
         let _place = place;
         let mut file = out.try_clone()?;
         write(out, spool)?;

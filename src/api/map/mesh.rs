@@ -152,7 +152,7 @@ impl Wanted<'_> {
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);
         let make = move || {
-            // The work goes on if the client leaves, so it holds the place.
+            // The work continues if the client leaves, so it holds the place.
             let _place = place;
             format.write(&surface.mesh(budget))
         };

@@ -87,7 +87,7 @@ pub(in crate::api) async fn get_map_robot(
         sources.push(Source::read(&app, &home, &map, level, format).await?);
     }
     let make = move || {
-        // The work goes on if the client leaves, so it holds the place.
+        // The work continues if the client leaves, so it holds the place.
         let _place = place;
         write(format, &sources)
     };

@@ -21,7 +21,7 @@ answer! {
     enum Role from viola_storage::Role {
         /// Upload clips and follow their jobs: for an app on a phone.
         Uploader,
-        /// Read everything, change nothing.
+        /// Read everything except webhooks, change nothing.
         Reader,
         /// Everything.
         Admin,

@@ -98,7 +98,7 @@ impl TenantTasks {
             let task = self.tasks.spawn(async move {
                 for id in ids {
                     let _place = places.acquire().await;
-                    // A reader that panics loses its claim, which counts as a lost attempt. The others go on.
+                    // A reader that panics loses its claim, which counts as a lost attempt. The others continue.
                     let made = AssertUnwindSafe(make(id)).catch_unwind();
                     if made.await.is_err() {
                         error!(upload = %id, "making a clip of an upload panicked");

@@ -9,7 +9,8 @@ use viola_storage::{
 
 #[derive(Args)]
 pub struct StoreArguments {
-    /// Data folder, created if it is missing. It holds everything that is not in PostgreSQL or S3.
+    /// Data folder. It holds everything that is not in PostgreSQL or S3. `serve`, `work`, `migrate` and `keys create` make a
+    /// missing one; the other commands refuse it.
     #[arg(long, value_name = "DIR", env = "VIOLA_DATA", default_value = "viola-data")]
     data: PathBuf,
     /// PostgreSQL database: postgres://USER:PASSWORD@HOST/DATABASE. Many processes may share it. Default:

@@ -49,7 +49,7 @@ impl Earlier {
         history.is_some_and(is_same) && self.left.is_none()
     }
 
-    /// Returns the history from which the level goes on.
+    /// Returns the history from which the level continues.
     fn history(&self, level: LevelName) -> MapHistory {
         let ids = || self.removed_levels.get(&level).cloned().unwrap_or_else(|| History::of_level(level));
         let first = || MapHistory { ids: ids(), ..MapHistory::default() };

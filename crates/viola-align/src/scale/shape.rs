@@ -69,7 +69,7 @@ impl Shape {
         (effort.heights_m.start() / self.camera_height, effort.heights_m.end() / self.camera_height)
     }
 
-    /// Returns the loss of a scale by itself, for a clip with so many hits.
+    /// Returns the loss of a scale by itself, for a clip with `hits` hits.
     ///
     /// Hits are measured in the clip's unit, where their density is that in metres times the scale. Without this
     /// factor a clip fits any wall if it is small enough.

@@ -99,7 +99,7 @@ impl CovarianceModel {
 }
 
 impl Model {
-    /// Returns the temperature for a clip of so many hits. The mean of more hits has less noise.
+    /// Returns the temperature for a clip with `hits` hits. The mean of more hits has less noise.
     pub fn temperature_m(&self, hits: usize) -> f64 {
         self.temperature_m * (TYPICAL_HITS / hits.max(1) as f64).sqrt()
     }

@@ -18,7 +18,7 @@ const LONGEST_RATIO: f64 = 1.5;
 /// Least difference of the sizes of such an object, as of [`unlike`], and most of what is added by its sides.
 const OF_PART: f64 = 3.0;
 const MOST_OF_SIDES: f64 = 2.0;
-/// A side counts at most as so many tolerances.
+/// Maximum that a side counts, in tolerances.
 const MOST_OFF: f64 = 3.0;
 /// Lower score of a pair whose classes differ: more than all differences of two objects of one class, which are up to
 /// [`OF_PART`] and [`MOST_OF_SIDES`] in thousandths, and [`MOST_OF_DISTANCE`].

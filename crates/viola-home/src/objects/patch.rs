@@ -1,4 +1,4 @@
-//! Patches of a wall that a network takes for furniture: the wall goes on in the same plane on both sides, or on one side and above.
+//! Patches of a wall that a network takes for furniture: the wall continues in the same plane on both sides, or on one side and above.
 
 use super::cells::Cells;
 use super::fragment::Fragment;

@@ -140,7 +140,7 @@ fn has_wall_behind(cells: &Cells, bite: &Bite, span_m: &[[f64; 2]; 2]) -> bool {
     })
 }
 
-/// Returns a rectangle without the wall at one of its sides, if that goes on behind a doorway: furniture stands before it.
+/// Returns a rectangle without the wall at one of its sides, if that continues behind a doorway: furniture stands before it.
 /// `None` if nothing is left.
 fn without_wall(cells: &Cells, mut bite: Bite) -> Option<Bite> {
     let [front, beside @ ..] = bite.sides.as_slice() else { return Some(bite) };

@@ -54,7 +54,7 @@ const WINDOW_M: [f64; 2] = [0.35, 6.0];
 const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
 /// A thin wall within a room, with a free end and at most this long, may be an open leaf.
 const LEAF_M: f64 = 1.05;
-/// Its room goes on this far beyond the free end.
+/// Its room continues this far beyond the free end.
 const BEYOND_END_M: f64 = 0.1;
 /// Shortest front with a window: shorter ones are sides of recesses and of pillars, which see the frame beside them from its
 /// end.

@@ -12,7 +12,7 @@ const THICKNESS_M: [f64; 2] = [0.04, 0.5];
 /// Width of doorways; wider gaps are open plan.
 pub(super) const DOOR_M: [f64; 2] = [0.45, 1.35];
 const WIDEST_M: f64 = 4.5;
-/// A wall goes on beside a gap if there is space this far beyond the gap's end: less than a wall is thick.
+/// A wall continues beside a gap if there is space this far beyond the gap's end: less than a wall is thick.
 const STUB_M: f64 = 0.05;
 /// Minimum fraction of a gap's width with wall above it.
 const LINTEL_FRACTION: f64 = 0.5;
@@ -32,7 +32,7 @@ pub(super) struct Gap {
     pub thickness_m: f64,
     /// Wall was seen above it.
     pub has_lintel: bool,
-    /// The wall goes on at its ends.
+    /// The wall continues at its ends.
     pub stubs: [bool; 2],
     /// Computed rooms meet in it.
     pub is_passage: bool,
@@ -118,7 +118,7 @@ impl Span {
         })
     }
 
-    /// Returns whether the wall goes on beside the gap, as seen from either side.
+    /// Returns whether the wall continues beside the gap, as seen from either side.
     fn has_stub(&self, cells: &Cells, at_end: bool) -> bool {
         let (step, beyond_m) = if at_end { (self.to, STUB_M) } else { (self.from, -STUB_M) };
         let across = self.lines.map(|line| cells.lines[self.axis][line]);
