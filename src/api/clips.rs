@@ -128,7 +128,7 @@ pub(super) async fn add_clip(
     let (title, file_name) = (names::title(query.title)?, names::file_name(query.filename)?);
     // A dry run stores nothing, and neither does a retry.
     let is_retry = match &idempotency_key {
-        Some(key) => app.storage.is_key_used(&home, key).await?,
+        Some(key) => app.storage.bytes_of_key(&home, key).await?.is_some(),
         None => false,
     };
     if !dry_run && !is_retry {

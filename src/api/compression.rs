@@ -42,6 +42,25 @@ pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
     }
 }
 
+/// Removes what forbids an answer without compression: it would be answered by 406 after its change was made. A server may
+/// ignore it (RFC 9110, section 12.5.3).
+fn allow_identity(headers: &mut HeaderMap) {
+    let forbids = |coding: &str| {
+        let (name, weight) = coding.split_once(';').unwrap_or((coding, ""));
+        let weight = weight.trim().to_ascii_lowercase();
+        let weight = weight.strip_prefix("q=").and_then(|weight| weight.trim().parse::<f32>().ok());
+        matches!(name.trim().to_ascii_lowercase().as_str(), "identity" | "*") && weight == Some(0.0)
+    };
+    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    let (forbidding, kept): (Vec<&str>, Vec<&str>) =
+        accepted.flat_map(|value| value.split(',')).partition(|coding| forbids(coding));
+    if !forbidding.is_empty() {
+        let kept = HeaderValue::from_str(&kept.join(",")).ok();
+        headers.remove(header::ACCEPT_ENCODING);
+        headers.extend(kept.map(|kept| (header::ACCEPT_ENCODING, kept)));
+    }
+}
+
 /// Returns the turns of the answers that are compressed while they are sent: half of the processors are left to others.
 pub(super) fn turns() -> Arc<Semaphore> {
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -50,7 +69,12 @@ pub(super) fn turns() -> Arc<Semaphore> {
 
 /// Middleware around [`compression`]. Compressed answers take turns. Their entity tags become weak, since the answer has
 /// other bytes without compression (RFC 9110, section 8.8.3.3).
-pub(super) async fn in_turns(State(turns): State<Arc<Semaphore>>, request: Request, next: Next) -> Response {
+pub(super) async fn in_turns(
+    State(turns): State<Arc<Semaphore>>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    allow_identity(request.headers_mut());
     let mut answer = next.run(request).await;
     if !answer.headers().contains_key(header::CONTENT_ENCODING) {
         return answer;

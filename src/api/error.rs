@@ -303,13 +303,13 @@ impl Error {
             return problem.clone();
         }
         let (status, code, title) = self.mapping();
-        let is_bound = matches!(
-            self,
+        let is_bound = match self {
             Error::Storage(StorageError::TenantFull { .. })
-                | Error::TooManyExports { .. }
-                | Error::Upload(UploadRefusal::Waits { .. } | UploadRefusal::Stalled(_))
-                | Error::Defence(_)
-        );
+            | Error::TooManyExports { .. }
+            | Error::Defence(_) => true,
+            Error::Upload(refusal) => refusal.retry_after().is_some(),
+            _ => false,
+        };
         let is_service_fault = status.is_server_error() && !is_bound;
         let detail = if is_service_fault {
             tracing::error!(code, cause = %self, "a request failed");

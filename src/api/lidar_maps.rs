@@ -93,7 +93,7 @@ pub(super) async fn restore_lidar_map(
     let mut from_current = None;
     if !lidar_map::is_current(&app, &home, level, &earlier.sha256).await? {
         app.limits.check_quota(&app.storage, &caller.tenant, earlier.size_bytes).await?;
-        let file = app.storage.lidar_map_file(earlier.id()).await?;
+        let file = app.storage.earlier_lidar_map_file(&home, &earlier).await?;
         from_current = lidar_map::from_current(&app, &home, level, file).await;
     }
     to_the_end(async move {

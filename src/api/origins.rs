@@ -46,8 +46,8 @@ fn refuse_foreign_session(method: &Method, headers: &HeaderMap, allowed: &[Origi
     }
     match headers.get(header::ORIGIN) {
         Some(origin) if allowed.iter().any(|allowed| allowed.is(origin)) => Ok(()),
-        Some(origin) => Err(Defence::ForeignOrigin(shown(origin.as_bytes()))),
-        None => Err(Defence::ForeignOrigin("a page of another site".to_owned())),
+        Some(origin) => Err(Defence::ForeignSession(shown(origin.as_bytes()))),
+        None => Err(Defence::ForeignSession("a page of another site".to_owned())),
     }
 }
 

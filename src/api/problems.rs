@@ -29,7 +29,7 @@ const KEY_PROBLEMS: [(&str, &str); 3] = [
     ),
     (
         "403",
-        "The key's role or home does not allow it: `forbidden`. Or a service without keys was called by another name or by a page of another site: `foreign-host`, `foreign-origin`",
+        "The key's role or home does not allow it: `forbidden`. Or a service without keys was called by another name or by a page of another site, or such a page used the session of a browser: `foreign-host`, `foreign-origin`",
     ),
     (
         "429",

@@ -63,6 +63,10 @@ pub(super) async fn put_session(
     headers: HeaderMap,
     Json(body): Json<SessionBody>,
 ) -> Result<(StatusCode, HeaderMap), Error> {
+    if body.key.is_empty() {
+        let detail = "it is the key as `viola keys create` printed it".to_owned();
+        return Err(Error::InvalidBody { field: Some("key".to_owned()), detail });
+    }
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
     let key = access::key(&app, peer::client(&extensions, &headers), &secret).await?;
     let begin = app.storage.begin_session(key.id, app.storage.now());

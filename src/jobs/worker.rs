@@ -197,6 +197,8 @@ impl Attempt<'_> {
         let took = begun.elapsed();
         metrics::ended(&outcome, ending.as_ref(), kept.as_ref().ok().copied(), took);
         let seconds = took.as_secs_f64();
+        // A clip that was removed meanwhile has no file: that is no fault of this machine.
+        let is_lost = matches!(kept, Ok(false));
         match kept {
             Ok(true) => {
                 let detail = ending.as_ref().and_then(detail);
@@ -205,7 +207,7 @@ impl Attempt<'_> {
             Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
-        matches!(ending, Some(AttemptEnd::Fault(Fault::System)))
+        !is_lost && matches!(ending, Some(AttemptEnd::Fault(Fault::System)))
     }
 
     /// Returns the code of the end of a job that was taken from this worker; `lost` if it runs on elsewhere, or is removed.

@@ -41,6 +41,17 @@ async fn text_is_compressed_for_those_who_accept_it() {
     assert_eq!(server.send(short).await.header("content-encoding"), "");
 }
 
+/// A change was made and then answered by 406.
+#[tokio::test]
+async fn a_client_that_forbids_plain_answers_gets_one() {
+    let server = Server::without_workers().await;
+    for (encoding, packed) in [("identity;q=0", ""), ("*;q=0", ""), ("gzip, identity; q=0.0", "gzip")] {
+        let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
+        let answer = server.send(request).await;
+        assert_eq!((answer.status, answer.header("content-encoding")), (200, packed), "{encoding}");
+    }
+}
+
 #[tokio::test]
 async fn pages_of_named_origins_may_call_and_no_others() {
     let server =

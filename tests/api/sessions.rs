@@ -30,6 +30,9 @@ async fn a_browser_has_a_session_of_its_own() {
     let (key, secret) = server.key("acme", Role::Reader, None).await;
     sign_in(&server, "viola_0").await.problem(401, "key-invalid");
     sign_in(&server, &format!("viola_{}", "0".repeat(64))).await.problem(401, "key-invalid");
+    // Without a key, none is blamed.
+    let no_body = server.send(server.request(Method::PUT, "/v1/session")).await;
+    assert_eq!(no_body.problem(422, "invalid-body")["field"], "key");
     let (first, second) = (sign_in(&server, secret.show()).await, sign_in(&server, secret.show()).await);
     let set = first.header("set-cookie").to_owned();
     for part in ["HttpOnly", "SameSite=Strict", "Path=/", "Max-Age=43200"] {

@@ -132,6 +132,22 @@ async fn a_slow_client_is_acknowledged_on_its_way() {
     check_made(&server, server.head(&upload).await.header("viola-clip"), &clip).await;
 }
 
+/// The bytes before a pause of the network are durable before the next ones come.
+#[tokio::test]
+async fn a_paused_client_is_acknowledged_in_its_pause() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.uploads.piece_age = Duration::from_millis(50);
+    })
+    .await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let connection = server.patch_partly(&upload, 0, &clip, 100);
+    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    drop(connection);
+}
+
 #[tokio::test]
 async fn the_newer_of_two_writers_goes_on() {
     let server = Server::without_workers().await;
@@ -217,4 +233,5 @@ async fn a_server_that_stops_keeps_what_arrived() {
     let mut answer = String::new();
     connection.read_to_string(&mut answer).unwrap();
     assert!(answer.starts_with("HTTP/1.1 503 ") && answer.contains("problem:stopping"), "{answer}");
+    assert!(answer.contains("retry in a few seconds"), "{answer}");
 }

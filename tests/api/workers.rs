@@ -119,6 +119,40 @@ async fn a_worker_rests_after_a_fault() {
     assert!(calls[1].duration_since(calls[0]) >= REST);
 }
 
+/// The job of a removed clip finds no file, which is no fault of the machine.
+#[tokio::test]
+async fn a_worker_does_not_rest_after_a_removed_clip() {
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    static IS_REMOVED: AtomicBool = AtomicBool::new(false);
+    fn first_is_removed(
+        clip: &Path,
+        map: &[LevelFile],
+        params: &JobParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, AlignJobError> {
+        if CALLS.fetch_add(1, Ordering::SeqCst) > 0 {
+            return align_clip(clip, map, params, progress);
+        }
+        while !IS_REMOVED.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let source = rustix::io::Errno::NOENT.into();
+        Err(ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into())
+    }
+    let server = Server::with(|params| {
+        params.worker.method = first_is_removed;
+        params.worker.retry =
+            RetryPolicy { first_delay: Duration::from_secs(3600), ..RetryPolicy::default() };
+    })
+    .await;
+    let removed = upload(&server).await;
+    eventually("its job has begun", || async { (CALLS.load(Ordering::SeqCst) > 0).then_some(()) }).await;
+    server.delete(&removed).await.ok(204);
+    IS_REMOVED.store(true, Ordering::SeqCst);
+    let clip = upload(&server).await;
+    assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
+}
+
 #[tokio::test]
 async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
     let server = server(align_clip, Duration::from_secs(30)).await;

@@ -147,6 +147,11 @@ impl StorageError {
             | StorageError::NoDatabase { .. } => true,
             StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
             StorageError::Blobs(_) => true,
+            // Until somebody gives the right back.
+            StorageError::File { source, .. } => {
+                use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+                matches!(source.kind(), PermissionDenied | ReadOnlyFilesystem)
+            }
             _ => false,
         }
     }
@@ -196,6 +201,17 @@ impl StorageError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_that_cannot_be_written_may_be_writable_later() {
+        use std::io::ErrorKind as K;
+        for (kind, is_transient) in
+            [(K::PermissionDenied, true), (K::ReadOnlyFilesystem, true), (K::NotFound, false)]
+        {
+            let error = StorageError::File { path: "blobs".into(), source: kind.into() };
+            assert_eq!(error.is_transient(), is_transient, "{error}");
+        }
+    }
 
     #[test]
     fn errors_of_the_driver_are_told_in_words() {

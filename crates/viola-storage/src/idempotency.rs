@@ -13,9 +13,15 @@ pub(super) struct Used {
 }
 
 impl Storage {
-    /// Returns whether a clip was uploaded to a home with this key.
-    pub async fn is_key_used(&self, home: &HomeId, key: &str) -> Result<bool, StorageError> {
-        Ok(find(&mut self.database.reader().await?, home, key).await?.is_some())
+    /// Returns the size of the clip that was uploaded to a home with this key; `None` if there is none.
+    pub async fn bytes_of_key(&self, home: &HomeId, key: &str) -> Result<Option<u64>, StorageError> {
+        let row = query(
+            "SELECT clips.size_bytes FROM idempotency_keys JOIN clips ON clips.id = idempotency_keys.clip_id
+            WHERE idempotency_keys.home_id = $1 AND idempotency_key = $2",
+        );
+        let row = row.bind(home.key()).bind(key);
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        row.map(|row| row.count("size_bytes")).transpose()
     }
 }
 

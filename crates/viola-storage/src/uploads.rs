@@ -112,6 +112,8 @@ pub struct NewUpload {
     pub length_bytes: Option<u64>,
     /// Names the bytes of the file, if its sender knows their SHA-256: equal requests with it have one upload.
     pub content_key: Option<String>,
+    /// The home has a clip of this key, at least as large: the upload repeats it, and needs no room.
+    pub is_stored: bool,
 }
 
 /// Limits of uploads.
@@ -231,9 +233,9 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
-        check_counts(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits).await?;
+        check_counts(&mut transaction, &new.tenant, new.home.as_ref(), 0, limits, now).await?;
         let announced_bytes = new.length_bytes.unwrap_or(0);
-        let quota = QuotaCheck::Enforce { max_bytes };
+        let quota = if new.is_stored { QuotaCheck::Counted } else { QuotaCheck::Enforce { max_bytes } };
         quota::check(&mut transaction, new.tenant.name(), announced_bytes, quota).await?;
         let id = Uuid::now_v7();
         insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
@@ -279,12 +281,14 @@ async fn check_counts(
     home: Option<&HomeId>,
     joined: u64,
     limits: &UploadLimits,
+    now: Timestamp,
 ) -> Result<(), UploadError> {
+    // Expired ones are removed later.
     let of_tenant = query(
         "SELECT COUNT(*) AS uploads, (SELECT max_uploads FROM tenant_limits WHERE tenant = $1) AS own FROM uploads
-        WHERE tenant = $1 AND state IN ('arriving', 'arrived')",
+        WHERE tenant = $1 AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",
     );
-    let of_tenant = of_tenant.bind(tenant.name()).fetch_one(transaction).await?;
+    let of_tenant = of_tenant.bind(tenant.name()).bind(now.as_millisecond()).fetch_one(transaction).await?;
     let limit = of_tenant.maybe_number("own")?.map_or(limits.in_tenant, i64::unsigned_abs);
     if of_tenant.count::<u64>("uploads")?.saturating_sub(joined) >= limit {
         return Err(UploadError::TooMany { limit, place: "of this tenant" });
@@ -294,9 +298,11 @@ async fn check_counts(
         return Err(StorageError::NoSuchHome.into());
     }
     let of_home = query(
-        "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1 AND state IN ('arriving', 'arrived')",
+        "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1
+        AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",
     );
-    let in_home: u64 = of_home.bind(home.key()).fetch_one(transaction).await?.count("uploads")?;
+    let of_home = of_home.bind(home.key()).bind(now.as_millisecond());
+    let in_home: u64 = of_home.fetch_one(transaction).await?.count("uploads")?;
     if in_home >= limits.in_home {
         return Err(UploadError::TooMany { limit: limits.in_home, place: "in this home" });
     }

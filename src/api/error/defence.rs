@@ -19,6 +19,11 @@ pub(in crate::api) enum Defence {
          the origin with --cors-origin, or create a key with `viola keys create`"
     )]
     ForeignOrigin(String),
+    #[error(
+        "the request comes from a page of another origin ({0}) with the session of a browser; send the key as `Authorization: \
+         Bearer`, or allow the origin with --cors-origin"
+    )]
+    ForeignSession(String),
     #[error("the session has ended; sign in again")]
     SessionEnded,
     #[error("too many keys from this address were not valid; wait {} s", .wait.as_secs() + 1)]
@@ -42,7 +47,7 @@ impl Defence {
         use StatusCode as S;
         match self {
             Defence::ForeignHost(_) => (S::FORBIDDEN, "foreign_host", "The host name is not the service's"),
-            Defence::ForeignOrigin(_) => {
+            Defence::ForeignOrigin(_) | Defence::ForeignSession(_) => {
                 (S::FORBIDDEN, "foreign_origin", "Pages of other origins may not call the service")
             }
             Defence::SessionEnded => (S::UNAUTHORIZED, "session_ended", "The session has ended"),
@@ -67,7 +72,7 @@ impl Defence {
     pub(super) fn field(&self) -> Option<&'static str> {
         match self {
             Defence::ForeignHost(_) => Some("Host"),
-            Defence::ForeignOrigin(_) => Some("Origin"),
+            Defence::ForeignOrigin(_) | Defence::ForeignSession(_) => Some("Origin"),
             Defence::SessionEnded => Some("Cookie"),
             Defence::TooManyFailures { .. }
             | Defence::ReadersBusy { .. }

@@ -15,7 +15,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use futures::{Stream, StreamExt};
+use futures::{Stream, StreamExt, TryStreamExt};
 use serde::Deserialize;
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -231,7 +231,8 @@ impl Points {
                 Ok(Bytes::from(if format == Streamed::Glb { Glb::tile(&bytes) } else { bytes }))
             }
         });
-        futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles)
+        let points = futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles);
+        points.inspect_err(|error| tracing::error!(%error, "points broke off"))
     }
 
     pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {

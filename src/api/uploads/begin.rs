@@ -38,7 +38,7 @@ pub(super) async fn begin(
     let is_partial = concat == Concat::Partial;
     let length = headers::length(sent)?.ok_or_else(headers::no_length)?;
     headers::check_length(length, app.max_upload_bytes)?;
-    let new = NewUpload {
+    let mut new = NewUpload {
         kind: if is_partial { UploadKind::Partial } else { UploadKind::Whole },
         tenant,
         home: if is_partial { None } else { Some(caller.home(&metadata.home()?)?) },
@@ -46,6 +46,7 @@ pub(super) async fn begin(
         concat: is_partial.then(|| "partial".to_owned()),
         length_bytes: length.known(),
         content_key: metadata.content_key().filter(|_| !is_partial),
+        is_stored: false,
     };
     let (checksum, now) = (checksum::asked_for(sent)?, app.storage.now());
     let has_only_key = metadata.idempotency_key.is_some() && !has_body;
@@ -55,6 +56,10 @@ pub(super) async fn begin(
         return Ok((begun, None));
     }
     let (limits, max_bytes) = (&app.uploads.limits, app.limits.storage_bytes);
+    if let (Some(home), Some(key), Some(bytes)) = (&new.home, metadata.clip_key(), new.length_bytes) {
+        // No longer one: the clip may be removed before this one is complete.
+        new.is_stored = app.storage.bytes_of_key(home, &key).await?.is_some_and(|stored| bytes <= stored);
+    }
     let id = app.storage.create_upload(new.clone(), limits, max_bytes, now).await?.id;
     // Of equal requests at the same time, each creates an upload, and all continue with the oldest.
     if let Some(oldest) = begun_before(app, &new, has_only_key, now).await?.filter(|oldest| *oldest != id) {

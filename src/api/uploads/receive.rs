@@ -6,7 +6,8 @@ use crate::api::App;
 use crate::api::bodies::Pace;
 use crate::api::error::Error;
 use crate::api::metrics;
-use axum::body::Body;
+use axum::body::{Body, BodyDataStream};
+use bytes::Bytes;
 use std::time::Instant;
 use uuid::Uuid;
 use viola_storage::{Incoming, UploadWriter};
@@ -54,11 +55,9 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
     let mut chunks = body.into_data_stream();
     let mut pace = Pace::new(app.bodies.window);
     let ended = loop {
-        let next = tokio::select! {
-            next = pace.next(&mut chunks) => next,
-            () = app.stop.cancelled() => break Err(UploadRefusal::Stopping.into()),
-        };
-        let chunk = match next {
+        let has_checksum = checksum.is_some();
+        let chunk = match next_chunk(app, &mut pace, &mut chunks, &mut writer, &mut piece, has_checksum).await
+        {
             Ok(Some(chunk)) => chunk,
             Ok(None) => break Ok(()),
             Err(error) => break Err(error),
@@ -92,6 +91,28 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
             ended?;
             checksum.check()?;
             keep(app, &mut writer, piece).await
+        }
+    }
+}
+
+/// Returns the next chunk, none at the end. A piece that is old enough is kept meanwhile, because a network may pause for
+/// long; one of a body with a checksum is not.
+async fn next_chunk(
+    app: &App,
+    pace: &mut Pace,
+    chunks: &mut BodyDataStream,
+    writer: &mut UploadWriter,
+    piece: &mut Option<Piece>,
+    has_checksum: bool,
+) -> Result<Option<Bytes>, Error> {
+    let mut next = std::pin::pin!(pace.next(chunks));
+    loop {
+        let left = |piece: &Piece| app.uploads.piece_age.saturating_sub(piece.begun.elapsed());
+        let due = piece.as_ref().filter(|_| !has_checksum).map(left);
+        tokio::select! {
+            next = &mut next => return next,
+            () = app.stop.cancelled() => return Err(UploadRefusal::Stopping.into()),
+            () = tokio::time::sleep(due.unwrap_or_default()), if due.is_some() => keep(app, writer, piece.take()).await?,
         }
     }
 }

@@ -125,6 +125,8 @@ impl UploadRefusal {
         match self {
             UploadRefusal::Waits { pause, .. } => Some(*pause),
             UploadRefusal::Stalled(_) => Some(Duration::from_secs(1)),
+            // Another process of the service may take it, or the next one when it has started.
+            UploadRefusal::Stopping => Some(Duration::from_secs(2)),
             _ => None,
         }
     }

@@ -106,6 +106,7 @@ async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
         concat: None,
         length_bytes: Some(4),
         content_key: None,
+        is_stored: false,
     };
     let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     let mut writer = storage.begin_append(id, 0, None, &limits, at(-HOUR)).await.unwrap();

@@ -33,6 +33,7 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
         concat: Some("partial".to_owned()),
         length_bytes: Some(8),
         content_key: None,
+        is_stored: false,
     };
     let limits = UploadLimits::default();
     let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
@@ -212,6 +213,7 @@ async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut stora
             concat: Some("partial".to_owned()),
             length_bytes: Some(8),
             content_key: None,
+            is_stored: false,
         };
         let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
         let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();

@@ -11,6 +11,7 @@ on_every_back_end!(
     announced_bytes_count_until_they_have_arrived,
     old_lidar_maps_go,
     uploads_are_limited_for_each_tenant,
+    a_repeated_upload_of_a_stored_clip_needs_no_room,
     uploads_at_once_do_not_fill_the_same_room,
     a_used_key_gives_no_room,
     lidar_maps_have_no_room_beyond_the_quota,
@@ -63,7 +64,7 @@ fn upload(tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
     let concat = Some("partial".to_owned());
     let (metadata, tenant) = (String::new(), tenant.clone());
     let (kind, home, content_key) = (UploadKind::Partial, None, None);
-    NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key }
+    NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key, is_stored: false }
 }
 
 async fn announced_bytes_count_until_they_have_arrived(storage: Storage) {
@@ -127,6 +128,17 @@ async fn uploads_are_limited_for_each_tenant(storage: Storage) {
     assert_eq!((count(&acme).await, count(&bolt).await), (1, 0));
     storage.set_tenant_limits(&acme, &TenantLimits::default()).await.unwrap();
     assert_eq!(storage.tenant_limits(&acme).await.unwrap(), TenantLimits::default());
+    // Expired uploads do not count, even before they are removed.
+    let later = at(2 * limits.patience.as_secs() as i64);
+    storage.create_upload(upload(&bolt, Some(1)), &limits, None, later).await.unwrap();
+}
+
+async fn a_repeated_upload_of_a_stored_clip_needs_no_room(storage: Storage) {
+    let (tenant, limits) = (Tenant::default(), UploadLimits::default());
+    for (is_stored, fits) in [(false, false), (true, true)] {
+        let new = NewUpload { is_stored, ..upload(&tenant, Some(60)) };
+        assert_eq!(storage.create_upload(new, &limits, Some(50), at(0)).await.is_ok(), fits, "{is_stored}");
+    }
 }
 
 async fn uploads_at_once_do_not_fill_the_same_room(storage: Storage) {

@@ -363,4 +363,8 @@ async fn an_earlier_lidar_map_comes_back(storage: Storage) {
     let refused = storage.restore_lidar_map(&id, &first, None, None, expected, at(7)).await;
     assert!(matches!(refused, Err(StorageError::Changed { .. })));
     assert_eq!(storage.lidar_map(&id, LevelName::MAIN).await.unwrap(), current);
+    // Its files go with the home.
+    assert!(storage.delete_home(&id, |_| true, at(8)).await.is_ok());
+    let late = storage.restore_lidar_map(&id, &first, None, None, |_| true, at(9)).await;
+    assert!(matches!(late, Err(StorageError::NoLidarMap)), "{late:?}");
 }

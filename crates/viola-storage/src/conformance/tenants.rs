@@ -108,6 +108,7 @@ async fn parts_are_joined_within_a_tenant(storage: Storage) {
         concat: Some("partial".to_owned()),
         length_bytes: Some(4),
         content_key: None,
+        is_stored: false,
     };
     let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     assert_eq!(storage.upload_owner(part).await.unwrap(), Some((acme.clone(), None)));

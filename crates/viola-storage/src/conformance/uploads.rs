@@ -31,7 +31,7 @@ async fn begin_of(storage: &Storage, tenant: Tenant, kind: UploadKind, length_by
     storage.put_home(&of, None, |_| true, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
     let (metadata, concat, content_key) = ("home aA==".to_owned(), None, None);
-    let new = NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key };
+    let new = NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key, is_stored: false };
     storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id
 }
 
@@ -297,6 +297,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
             concat: None,
             length_bytes: None,
             content_key: None,
+            is_stored: false,
         };
         storage.create_upload(new, &limits(), None, at(0)).await.unwrap();
     }
@@ -327,6 +328,7 @@ async fn the_same_content_has_one_upload(storage: Storage) {
         concat: None,
         length_bytes,
         content_key: content_key.map(str::to_owned),
+        is_stored: false,
     };
     let storage = &storage;
     let same = async |new: NewUpload, seconds| storage.same_upload(&new, at(seconds)).await.unwrap();

@@ -107,8 +107,10 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let id = Uuid::now_v7();
-        let file = self.blobs.read_all(&file_key(earlier.id)).await?;
-        let image = self.blobs.read_all(&image_key(earlier.id)).await?;
+        let file = self.blobs.read_all(&file_key(earlier.id)).await;
+        let file = self.unless_gone(home, earlier, file).await?;
+        let image = self.blobs.read_all(&image_key(earlier.id)).await;
+        let image = self.unless_gone(home, earlier, image).await?;
         let row = NewRow {
             id,
             level: earlier.level,
@@ -126,6 +128,29 @@ impl Storage {
             self.blobs.put(&image_key, image.to_vec())
         );
         self.add_row(home, row, file.and(image), expected, now).await
+    }
+
+    /// Returns the file of an earlier revision.
+    pub async fn earlier_lidar_map_file(
+        &self,
+        home: &HomeId,
+        earlier: &LidarMapRevision,
+    ) -> Result<bytes::Bytes, StorageError> {
+        let file = self.lidar_map_file(earlier.id).await;
+        self.unless_gone(home, earlier, file).await
+    }
+
+    /// Returns what was `read` of an earlier revision. A file that is missing may be gone with its home or its level.
+    async fn unless_gone<T>(
+        &self,
+        home: &HomeId,
+        earlier: &LidarMapRevision,
+        read: Result<T, StorageError>,
+    ) -> Result<T, StorageError> {
+        if read.is_err() && self.lidar_map_revision(home, earlier.level, earlier.revision).await?.is_none() {
+            return Err(StorageError::NoLidarMap);
+        }
+        read
     }
 
     /// Adds the row of a revision whose blobs were `stored`. Removes them if it is not added.

@@ -39,7 +39,7 @@ impl Storage {
             return Ok(earlier);
         }
         let parts = joining.parts.len() as u64;
-        check_counts(&mut transaction, &joining.tenant, Some(&joining.home), parts, limits).await?;
+        check_counts(&mut transaction, &joining.tenant, Some(&joining.home), parts, limits, now).await?;
         let id = Uuid::now_v7();
         let new = NewUpload {
             kind: UploadKind::Final,
@@ -49,6 +49,7 @@ impl Storage {
             concat: Some(joining.concat.clone()),
             length_bytes: None,
             content_key: None,
+            is_stored: false,
         };
         let expires_at = later(now, limits.patience);
         insert(&mut transaction, id, &new, expires_at, now).await?;
