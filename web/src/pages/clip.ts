@@ -6,7 +6,7 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
-import { hasWrongFiles, isDoubtful, isForeign } from "../clip/plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign, mayLieElsewhere } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
@@ -280,7 +280,8 @@ function noGround(): Ground {
 function confirmDoubtful(clip: Clip, index: number, probability: number | null): Promise<boolean> {
   const isWrong = hasWrongFiles(clip);
   const title = probability === null || isWrong ? `Choose place ${index + 1}?` : `Place ${index + 1} is only ${percent(probability)} probable. Choose it?`;
-  const why = isWrong ? "Units or camera poses of the files are wrong." : "The clip may be of another home.";
+  const doubt = mayLieElsewhere(clip) ? "The clip may be of another home." : "Another place may be the right one.";
+  const why = isWrong ? "Units or camera poses of the files are wrong." : doubt;
   const text = `${why} At a wrong place it puts walls and furniture into the map that are not there. ` +
     "Compare the pictures with the place first. You can withdraw the choice later.";
   return confirm(title, text, `Choose place ${index + 1}`);
