@@ -1,7 +1,7 @@
 // Advice about a clip that has no certain place: the next step, by the reasons of the service.
 
 import type { Clip } from "../types.ts";
-import { isForeign, mayBeForeign, OF_FILES } from "./plausible.ts";
+import { isForeign, isPlaced, mayBeForeign, OF_FILES } from "./plausible.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
@@ -74,13 +74,13 @@ const ADVICE_ON_CHOICE: Record<string, string> = {
 
 /** The advice for a reason; null if the page has none. */
 export function adviceFor(code: string): string | null {
-  return ADVICE[code] ?? null;
+  return ADVICE[code] ?? ADVICE_ON_CHOICE[code] ?? (code === "not_this_home" ? FOREIGN : null);
 }
 
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
-  if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
+  if (isPlaced(clip) || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set<string>(clip.reasons.map(({ code }) => code));
   const of = (wanted: string[]) => wanted.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
   const ofFiles = of(OF_FILES);
@@ -95,4 +95,13 @@ export function adviceOf(clip: Clip): string[] {
   if (clip.state !== "failed") return [];
   // The other codes are those of the readers of files, which end before there is an answer.
   return [clip.alignment || codes.size === 0 ? FILM_AGAIN : DAMAGED];
+}
+
+/** The advice about one reason of a clip, where there is room for one; null if the clip needs none. */
+export function adviceOn(clip: Clip, code: string | undefined): string | null {
+  const list = adviceOf(clip);
+  const own = adviceFor(code ?? "");
+  if (list.length === 0 || (own && list.includes(own))) return list.length > 0 ? own : null;
+  const ofOthers = new Set(clip.reasons.map((reason) => adviceFor(reason.code)));
+  return list.find((text) => !ofOthers.has(text)) ?? own;
 }

@@ -17,15 +17,20 @@ export function hasWrongFiles({ reasons }: Clip): boolean {
   return reasons.some(({ code }) => OF_FILES.includes(code));
 }
 
+/** True if the map has a place of the clip. An unclear clip may still have one of an earlier map, until the next map is made. */
+export function isPlaced({ state, placement }: Clip): boolean {
+  return state === "aligned" || placement?.by === "neighbours";
+}
+
 /** True if the clip is probably of another home by its answer. */
 export function isForeign(clip: Clip): boolean {
-  return !clip.choice && !clip.placement && clip.reasons.some(({ code }) => code === "not_this_home");
+  return !clip.choice && !isPlaced(clip) && clip.reasons.some(({ code }) => code === "not_this_home");
 }
 
 /** True if no place stands out: eight places that are equally probable may all be wrong, and the clip of another home. */
 export function mayBeForeign(clip: Clip): boolean {
   const places = clip.alignment?.alternatives ?? [];
-  if (clip.state !== "ambiguous" || clip.choice || clip.placement || isForeign(clip)) return false;
+  if (clip.state !== "ambiguous" || clip.choice || isPlaced(clip) || isForeign(clip)) return false;
   return places.length > 0 && !places.some(isProbable);
 }
 

@@ -1,7 +1,7 @@
 // The clips of a home at a glance: state, reason, progress, and whether their points are shown.
 
 import { deleteClip } from "../api.ts";
-import { adviceOf } from "../clip/advice.ts";
+import { adviceOn } from "../clip/advice.ts";
 import { lastAnswerFigure } from "../clip/last.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { css } from "../cloud/colours.ts";
@@ -130,7 +130,7 @@ export class ClipsPanel {
     const level = levelId && levelWord(levelId);
     const same = twin ? `Same recording as ${named(this.data.nameOf(twin))}` : null;
     const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
-    const [advice] = adviceOf(clip);
+    const advice = adviceOn(clip, reason?.code);
     const last = lastAnswerFigure(clip);
     const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
