@@ -5,7 +5,7 @@ import { isDoubtful } from "../src/clip/plausible.ts";
 import { chosenOf, poseInForce } from "../src/clip/pose.ts";
 import { reasonsOf } from "../src/clip/reasons.ts";
 import type { Clip } from "../src/types.ts";
-import { stateMeaning } from "../src/words.ts";
+import { clipStateMeaning, clipStateWord, stateMeaning } from "../src/words.ts";
 
 const pose = (x_m: number, yaw_rad = 0) => ({ x_m, y_m: 0, yaw_rad });
 
@@ -119,6 +119,16 @@ test("a row has the advice about the reason that it shows", () => {
     if (advice) assert.match(told ?? "", advice);
     else assert.equal(told, null);
   }
+});
+
+test("a stopped clip says so, and names the button that places it", () => {
+  const of = (code: string) => clipWith({ state: "uploaded", reasons: [{ code, detail: "the job was cancelled; align the clip to queue it again" }] });
+  const [stopped, waiting] = [of("cancelled"), of("no_lidar_map")];
+  assert.deepEqual([clipStateWord(stopped), clipStateWord(waiting)], ["Stopped", "Waiting"]);
+  assert.deepEqual([clipStateMeaning(stopped), clipStateMeaning(waiting)], ["It is not being placed.", "It waits for a LiDAR map."]);
+  assert.deepEqual(reasonsOf(stopped).map(({ text }) => text), ["a person stopped it"]);
+  assert.deepEqual(adviceOf(stopped), ["Press “Find its place again”."]);
+  assert.equal(adviceOn(stopped, "cancelled"), "Press “Find its place again” on its page.");
 });
 
 test("a fault of the filming comes before the doubt that the clip is of another home", () => {

@@ -5,7 +5,7 @@ import { isForeign, isPlaced, mayBeForeign, OF_FILES } from "./plausible.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
-const NOT_THE_CLIP = "The clip is not at fault. Press “Find its place again” on its page later.";
+const NOT_THE_CLIP = "The clip is not at fault. Press “Find its place again” later.";
 const SLOWER = "Film again and move more slowly.";
 const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
 const SEVERAL_CLIPS = "Split the recording into several clips, one for each room.";
@@ -48,7 +48,7 @@ const ADVICE: Record<string, string> = {
   worker_lost: NOT_THE_CLIP,
   storage_error: NOT_THE_CLIP,
   internal_error: NOT_THE_CLIP,
-  cancelled: "Press “Find its place again” on its page.",
+  cancelled: "Press “Find its place again”.",
   superseded: "Nothing is to be done: the clip is being placed again.",
   worker_died: "The recording may be too large for this machine. Split it into several clips.",
   too_large: SEVERAL_CLIPS,
@@ -69,7 +69,7 @@ const OF_FILMING = [
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
   choice_carried_over: "Check its place once: it moved with the LiDAR map.",
-  choice_without_result: "Press “Find its place again” on its page; the choice then holds.",
+  choice_without_result: "Press “Find its place again”; the choice then holds.",
 };
 
 /** The advice for a reason; null if the page has none. */
@@ -97,8 +97,12 @@ export function adviceOf(clip: Clip): string[] {
   return [clip.alignment || codes.size === 0 ? FILM_AGAIN : DAMAGED];
 }
 
-/** The advice about one reason of a clip, where there is room for one; null if the clip needs none. */
+/** The advice about the first reason of a clip, for a list without the buttons of its page; null if the clip needs none. */
 export function adviceOn(clip: Clip, code: string | undefined): string | null {
+  return firstAdvice(clip, code)?.replace("“Find its place again”", "“Find its place again” on its page") ?? null;
+}
+
+function firstAdvice(clip: Clip, code: string | undefined): string | null {
   const list = adviceOf(clip);
   const own = adviceFor(code ?? "");
   if (list.length === 0 || (own && list.includes(own))) return list.length > 0 ? own : null;

@@ -27,6 +27,7 @@ export interface Told {
 export function reasonsOf(clip: Clip): Told[] {
   const textOf = (code: string, detail: string) => {
     if (code === "chosen_by_person") return choiceOf(clip, detail);
+    if (code === "cancelled") return "a person stopped it";
     const text = OF_PLACES.has(code) ? detail.replace(/\bpose(s?)\b/g, "place$1") : detail;
     return adviceFor(code) !== null ? withoutAdvice(text) : text;
   };

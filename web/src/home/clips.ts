@@ -13,7 +13,9 @@ import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
-import { isUnderWay, jobWord, levelWord, many, named, percent, STATES, stateMeaning, stateTitle, stateWord, time } from "../words.ts";
+import {
+  clipStateMeaning, clipStateWord, isUnderWay, jobWord, levelWord, many, named, percent, STATES, stateTitle, stateWord, time,
+} from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { type Looks, put } from "./looks.ts";
 
@@ -71,7 +73,7 @@ export class ClipsPanel {
   private tellChanges(clips: Clip[]): void {
     clips.forEach((clip) => {
       const before = this.states.get(clip.id);
-      if (before && before !== clip.state) this.said.textContent = `${named(this.data.nameOf(clip))}: ${stateWord(clip.state)}`;
+      if (before && before !== clip.state) this.said.textContent = `${named(this.data.nameOf(clip))}: ${clipStateWord(clip)}`;
       this.states.set(clip.id, clip.state);
     });
   }
@@ -124,7 +126,7 @@ export class ClipsPanel {
     const [reason] = reasonsOf(clip);
     const isKnown = clip.state === "aligned" || isUnderWay(clip);
     // A queued clip has a reason if a fault of the service holds it up.
-    const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : stateMeaning(clip.state)));
+    const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : clipStateMeaning(clip)));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
@@ -137,7 +139,7 @@ export class ClipsPanel {
       // The title is the same link.
       h("a", { href: toClip(clip.home, clip.id), tabindex: -1, "aria-hidden": "true" }, thumbnail(clip, name)),
       h("div", { class: "clip-head" },
-        show, title, stateBadge(clip.state),
+        show, title, stateBadge(clip),
         mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
       clip.state === "aligning" ? h("p", { class: "progress" }, bar, stage) : null,

@@ -20,7 +20,7 @@ import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip, ClipState, Home } from "../types.ts";
-import { clipName, isUnderWay, jobWord, named, percent, stateMeaning, stateWord } from "../words.ts";
+import { clipName, clipStateMeaning, clipStateWord, isUnderWay, jobWord, named, percent } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const FOREIGN = "No place in this home explains it.";
@@ -124,7 +124,7 @@ class ClipPage {
       this.bar.value = job.progress;
       this.stage.textContent = jobWord(job);
     }
-    if (this.state && this.state !== this.clip.state) this.said.textContent = stateWord(this.clip.state);
+    if (this.state && this.state !== this.clip.state) this.said.textContent = clipStateWord(this.clip);
     this.state = this.clip.state;
     const drawn = JSON.stringify([lasting, job?.id]);
     if (drawn === this.drawn) return;
@@ -136,7 +136,7 @@ class ClipPage {
     if (this.answer !== answerName(clip)) this.ground = noGround();
     this.answer = answerName(clip);
     putAgain(this.head, h("div", { class: "head" },
-      h("h1", { dir: "auto" }, name), stateBadge(clip.state), mayChange() && this.actions(),
+      h("h1", { dir: "auto" }, name), stateBadge(clip), mayChange() && this.actions(),
       clip.duplicate_of && h("p", { class: "hint" }, "Same recording as ",
         h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin", dir: "auto" }, this.twin ?? "another clip"))));
     this.drawVerdict();
@@ -161,7 +161,7 @@ class ClipPage {
       thumbnail(clip, this.name),
       h("div", { class: "verdict-text" },
         clip.state === "aligning" ? h("p", { class: "progress" }, this.bar, this.stage) : null,
-        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) && !hasWrongFiles(clip) ? FOREIGN : stateMeaning(clip.state)),
+        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) && !hasWrongFiles(clip) ? FOREIGN : clipStateMeaning(clip)),
         lastAnswerNote(clip) && h("p", {}, lastAnswerNote(clip)),
         reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
         ...advice));
