@@ -69,6 +69,22 @@ test("a choice in the new LiDAR map is not compared with places in the previous 
   assert.equal(chosenOf({ ...aligned, choice } as Clip), 0);
 });
 
+test("clips have switches in the points of the map and none in its surface", () => {
+  const data = {
+    clips: [aligned, { ...aligned, id: "d" }], map: { clips: [{ clip: "c" }] }, hasLevels: false, indexOf: () => 0, nameOf: () => "Hall",
+    colourOf: () => [0, 0, 0],
+  } as unknown as HomeData;
+  const looks = new Looks();
+  const { element } = new ClipsPanel(data, looks, () => {});
+  const switches = () => fake(element).all("input").map((input) => [Reflect.get(input, "disabled"), Reflect.get(input, "title")]);
+  const inPoints = [[true, "Not in the map"], [false, "Show in the map"]];
+  assert.deepEqual(switches(), inPoints);
+  looks.change((looks) => (looks.body = "surface"));
+  assert.deepEqual(switches(), [[true, "Not in the map"], [true, "The surface shows all clips"]]);
+  looks.change((looks) => (looks.body = "points"));
+  assert.deepEqual(switches(), inPoints);
+});
+
 test("the list of clips shows the last answer", () => {
   const clip = waiting();
   const data = {

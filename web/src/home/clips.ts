@@ -22,6 +22,9 @@ import { type Looks, put } from "./looks.ts";
 interface Row {
   drawn: string;
   element: HTMLElement;
+  show: HTMLInputElement;
+  /** The reason why the clip cannot be switched on and off; null if it can. */
+  reason: string | null;
   bar: HTMLProgressElement;
   stage: HTMLElement;
 }
@@ -40,6 +43,7 @@ export class ClipsPanel {
     private readonly onDeleted: () => void,
   ) {
     this.element = h("div", {}, this.filters, this.list, this.said);
+    looks.onChange(() => this.drawSwitches());
     this.draw();
   }
 
@@ -60,6 +64,7 @@ export class ClipsPanel {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
     }
     for (const id of this.rows.keys()) if (!clips.some((clip) => clip.id === id)) this.rows.delete(id);
+    this.drawSwitches();
   }
 
   /** Moves the bar of a clip without drawing anything again. */
@@ -68,6 +73,14 @@ export class ClipsPanel {
     if (!row) return;
     row.bar.value = job.progress;
     row.stage.textContent = jobWord(job);
+  }
+
+  /** The surface has no clips. */
+  private drawSwitches(): void {
+    for (const { show, reason } of this.rows.values()) {
+      show.disabled = reason !== null || this.looks.isSurface;
+      show.title = reason ?? (this.looks.isSurface ? "The surface shows all clips" : "Show in the map");
+    }
   }
 
   private tellChanges(clips: Clip[]): void {
@@ -115,8 +128,8 @@ export class ClipsPanel {
     const bar = h("progress", { max: 1, value: 0, "aria-label": `Progress of ${name}` });
     const stage = h("span", { class: "hint" });
     const show = h("input", {
-      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), disabled: !inMap, "data-key": `show ${clip.id}`,
-      "aria-label": `Show ${name} in the map`, title: inMap ? "Show in the map" : "Not in the map",
+      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), "data-key": `show ${clip.id}`,
+      "aria-label": `Show ${name} in the map`,
     });
     show.style.accentColor = css(this.data.colourOf(clip.id));
     show.addEventListener("change", () => this.looks.change((looks) => put(looks.hiddenClips, clip.id, !show.checked)));
@@ -146,7 +159,7 @@ export class ClipsPanel {
       last ? h("p", { class: "hint" }, last) : null,
       why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
       advice ? h("p", { class: "advice" }, advice) : null);
-    return { drawn, element, bar, stage };
+    return { drawn, element, show, reason: inMap ? null : "Not in the map", bar, stage };
   }
 
   private async remove(clip: Clip, name: string, button: HTMLButtonElement): Promise<void> {
