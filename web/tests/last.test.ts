@@ -85,6 +85,20 @@ test("clips have switches in the points of the map and none in its surface", () 
   assert.deepEqual(switches(), inPoints);
 });
 
+test("a clip whose file the home has already names the clip that the map uses", () => {
+  const twin = { ...aligned, id: "d", title: "Again", duplicate_of: "c" };
+  for (const [inMap, told] of [
+    [["c"], "Same recording as Hall, which the map uses"], [["c", "d"], "Same recording as Hall"], [[], "Same recording as Hall"],
+  ] as const) {
+    const data = {
+      clips: [aligned, twin], map: { clips: inMap.map((clip) => ({ clip })) }, hasLevels: false, indexOf: () => 0,
+      nameOf: ({ title }: Clip) => title, colourOf: () => [0, 0, 0],
+    } as unknown as HomeData;
+    const notes = fake(new ClipsPanel(data, new Looks(), () => {}).element).all("p").filter(({ className }) => className === "same hint");
+    assert.deepEqual(notes.map(({ textContent }) => textContent), [told]);
+  }
+});
+
 test("the list of clips shows the last answer", () => {
   const clip = waiting();
   const data = {

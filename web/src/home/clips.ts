@@ -108,9 +108,9 @@ export class ClipsPanel {
   }
 
   private row(clip: Clip): HTMLElement {
-    const inMap = this.data.map?.clips.some((other) => other.clip === clip.id) ?? false;
+    const inMap = this.isInMap(clip.id);
     const { job: _, updated_at: __, ...lasting } = clip;
-    const drawn = JSON.stringify([lasting, this.data.indexOf(clip.id), inMap, this.data.hasLevels]);
+    const drawn = JSON.stringify([lasting, this.data.indexOf(clip.id), inMap, this.data.hasLevels, this.sameAs(clip)]);
     const old = this.rows.get(clip.id);
     if (old && old.drawn === drawn) {
       if (clip.job) this.progress(clip.id, clip.job);
@@ -122,9 +122,20 @@ export class ClipsPanel {
     return row.element;
   }
 
+  private isInMap(id: string | null): boolean {
+    return this.data.map?.clips.some(({ clip }) => clip === id) ?? false;
+  }
+
+  /** The note of a clip whose file the home has already; null for any other. */
+  private sameAs({ id, duplicate_of }: Clip): string | null {
+    const twin = this.data.clips.find((clip) => clip.id === duplicate_of);
+    if (!twin) return null;
+    const isUsed = this.isInMap(twin.id) && !this.isInMap(id);
+    return `Same recording as ${named(this.data.nameOf(twin))}${isUsed ? ", which the map uses" : ""}`;
+  }
+
   private make(clip: Clip, inMap: boolean, drawn: string): Row {
     const name = this.data.nameOf(clip);
-    const twin = this.data.clips.find(({ id }) => id === clip.duplicate_of);
     const bar = h("progress", { max: 1, value: 0, "aria-label": `Progress of ${name}` });
     const stage = h("span", { class: "hint" });
     const show = h("input", {
@@ -143,8 +154,8 @@ export class ClipsPanel {
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
-    const same = twin ? `Same recording as ${named(this.data.nameOf(twin))}` : null;
-    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
+    const same = this.sameAs(clip);
+    const when = [sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
     const advice = adviceOn(clip, reason?.code);
     const last = lastAnswerFigure(clip);
     const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
@@ -155,6 +166,7 @@ export class ClipsPanel {
         show, title, stateBadge(clip),
         mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
+      same ? h("p", { class: "same hint", title: same }, same) : null,
       clip.state === "aligning" ? h("p", { class: "progress" }, bar, stage) : null,
       last ? h("p", { class: "hint" }, last) : null,
       why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
