@@ -66,6 +66,13 @@ export function delay_s(retryAfter: string | null): number | null {
   return /^\d+$/.test(retryAfter ?? "") ? Number(retryAfter) : null;
 }
 
+let onAnswered = (): void => {};
+
+/** Calls back after each answer of the service that is no failure. */
+export function onAnswer(listen: () => void): void {
+  onAnswered = listen;
+}
+
 async function ask(path: string, options: RequestInit): Promise<Response> {
   let answer: Response;
   try {
@@ -75,7 +82,10 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     throw new Refusal(0, `${explanation(0, "")} Check the network of this device.`);
   }
   // 304 comes only to a request with a condition.
-  if (answer.ok || answer.status === 304) return answer;
+  if (answer.ok || answer.status === 304) {
+    onAnswered();
+    return answer;
+  }
   throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
 }
 
