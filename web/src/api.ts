@@ -49,9 +49,9 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
   try {
     const problem: unknown = JSON.parse(body);
     if (typeof problem === "object" && problem !== null) {
-      const { type, detail, title } = problem as { type?: unknown; detail?: unknown; title?: unknown };
+      const { type, field, detail, title } = problem as { type?: unknown; field?: unknown; detail?: unknown; title?: unknown };
       const own = [detail, title].find((text): text is string => typeof text === "string" && text !== "");
-      const words = wordsFor(type);
+      const words = wordsFor(type, field);
       if (words) return new Refusal(status, words, delay, own ?? null);
       if (own) return new Refusal(status, own, delay);
     }

@@ -16,6 +16,7 @@ import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
 import { thumbnail } from "../parts/thumbnail.ts";
+import { wordsFor } from "../problems.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
@@ -24,12 +25,15 @@ import { clipName, clipStateMeaning, clipStateWord, isUnderWay, jobWord, named, 
 import { type Place, setCrumbs } from "./page.ts";
 
 const FOREIGN = "No place in this home explains it.";
+/** The form of the ids of clips; no clip has another one. */
+const ID = /^[\da-f]{8}-?([\da-f]{4}-?){3}[\da-f]{12}$/i;
 /** Of the name of a clip. */
 const MOST_LETTERS = 200;
 
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
+  if (!ID.test(id)) throw new api.Refusal(404, wordsFor("urn:viola:problem:clip-not-found") ?? "");
   const [first, all, of] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal), api.home(home, signal)]);
   const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
