@@ -49,7 +49,7 @@ test("homes that need attention come first, also those of later pages", () => {
 
 test("an object is found by the words that people use for it", () => {
   const things = ["sofa", "refrigerator", "television", "lamp", "box", "desk"].map((name) =>
-    ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9 })) as unknown as Thing[];
+    ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9, corrected: [] })) as unknown as Thing[];
   const data = { rooms: [], robotRooms: [], things, classNamed: () => undefined } as unknown as HomeData;
   const panel = new ThingsPanel(data, new Looks(), () => {});
   body.replaceChildren(fake(panel.element));
