@@ -49,9 +49,9 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
   try {
     const problem: unknown = JSON.parse(body);
     if (typeof problem === "object" && problem !== null) {
-      const { type, detail, title } = problem as { type?: unknown; detail?: unknown; title?: unknown };
+      const { type, field, detail, title } = problem as { type?: unknown; field?: unknown; detail?: unknown; title?: unknown };
       const own = [detail, title].find((text): text is string => typeof text === "string" && text !== "");
-      const words = wordsFor(type);
+      const words = wordsFor(type, field);
       if (words) return new Refusal(status, words, delay, own ?? null);
       if (own) return new Refusal(status, own, delay);
     }
@@ -66,6 +66,13 @@ export function delay_s(retryAfter: string | null): number | null {
   return /^\d+$/.test(retryAfter ?? "") ? Number(retryAfter) : null;
 }
 
+let onAnswered = (): void => {};
+
+/** Calls back after each answer of the service that is no failure. */
+export function onAnswer(listen: () => void): void {
+  onAnswered = listen;
+}
+
 async function ask(path: string, options: RequestInit): Promise<Response> {
   let answer: Response;
   try {
@@ -75,7 +82,10 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     throw new Refusal(0, `${explanation(0, "")} Check the network of this device.`);
   }
   // 304 comes only to a request with a condition.
-  if (answer.ok || answer.status === 304) return answer;
+  if (answer.ok || answer.status === 304) {
+    onAnswered();
+    return answer;
+  }
   throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
 }
 

@@ -50,6 +50,23 @@ export function stateMeaning(state: ClipState): string {
   return STATE_MEANING[state] ?? "";
 }
 
+type Stoppable = Pick<Clip, "state" | "reasons">;
+
+/** True if a person stopped the clip, so that it waits for a person and not for a LiDAR map. */
+function isStopped({ state, reasons }: Stoppable): boolean {
+  return state === "uploaded" && reasons.some(({ code }) => code === "cancelled");
+}
+
+export function clipStateWord(clip: Stoppable): string {
+  return isStopped(clip) ? "Stopped" : stateWord(clip.state);
+}
+
+/** The meaning of a clip's state; its reasons say more. */
+export function clipStateMeaning(clip: Stoppable): string {
+  if (isStopped(clip)) return "It is not being placed.";
+  return clip.state === "uploaded" ? "It waits for a LiDAR map." : stateMeaning(clip.state);
+}
+
 /** The meaning of a state with its name in the API, for the title of a badge. */
 export function stateTitle(state: ClipState): string {
   return `${stateMeaning(state)} (${state})`;

@@ -1,11 +1,11 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { adviceOf } from "../src/clip/advice.ts";
+import { adviceOf, adviceOn } from "../src/clip/advice.ts";
 import { isDoubtful } from "../src/clip/plausible.ts";
 import { chosenOf, poseInForce } from "../src/clip/pose.ts";
 import { reasonsOf } from "../src/clip/reasons.ts";
 import type { Clip } from "../src/types.ts";
-import { stateMeaning } from "../src/words.ts";
+import { clipStateMeaning, clipStateWord, stateMeaning } from "../src/words.ts";
 
 const pose = (x_m: number, yaw_rad = 0) => ({ x_m, y_m: 0, yaw_rad });
 
@@ -91,6 +91,44 @@ test("the doubt about the home is told first, and facts of the recording last", 
   // A clip that its neighbours placed is of this home.
   const placed = ["decided_by_neighbours", "several_modes", "not_this_home"];
   assert.deepEqual(told(placed, { placement: placement("neighbours", 5) }), placed);
+});
+
+test("an unclear clip has its words and its advice also while an earlier map has a place of it", () => {
+  const reasons = ["several_modes", "not_this_home"].map((code) => ({ code, detail: `${code} has 3 poses; film more of the room` }));
+  for (const by of ["person", "alignment"]) {
+    const clip = clipWith({ state: "ambiguous", reasons, placement: placement(by, 5) });
+    assert.deepEqual(reasonsOf(clip).map(({ text }) => text), ["not_this_home has 3 places", "several_modes has 3 places"]);
+    assert.match(adviceOf(clip)[0] ?? "", /^Probably not this home/);
+  }
+});
+
+test("a row has the advice about the reason that it shows", () => {
+  for (const [state, probability, codes, reason, advice] of [
+    ["ambiguous", 0.4, ["weak_evidence", "several_modes"], "weak_evidence", /lower half/],
+    ["ambiguous", 0.4, ["several_modes", "not_this_home"], "not_this_home", /^Probably not this home/],
+    ["ambiguous", 0.1, ["several_modes", "no_floor"], "several_modes", /^It may be of another home/],
+    ["ambiguous", 0.1, ["no_floor", "several_modes"], "no_floor", /floor in sight/],
+    ["ambiguous", 0.4, ["weak_evidence", "several_scales", "several_modes", "search_incomplete"], "weak_evidence", /lower half/],
+    ["failed", 0, ["a_new_code"], "a_new_code", /^Film again/],
+    ["aligned", 0.9, ["track_dark"], "track_dark", null],
+  ] as const) {
+    const given = codes.map((code) => ({ code, detail: code }));
+    const clip = clipWith({ state, reasons: given, alignment: { alternatives: [{ probability }] } });
+    assert.equal(reasonsOf(clip)[0]?.code, reason);
+    const told = adviceOn(clip, reason);
+    if (advice) assert.match(told ?? "", advice);
+    else assert.equal(told, null);
+  }
+});
+
+test("a stopped clip says so, and names the button that places it", () => {
+  const of = (code: string) => clipWith({ state: "uploaded", reasons: [{ code, detail: "the job was cancelled; align the clip to queue it again" }] });
+  const [stopped, waiting] = [of("cancelled"), of("no_lidar_map")];
+  assert.deepEqual([clipStateWord(stopped), clipStateWord(waiting)], ["Stopped", "Waiting"]);
+  assert.deepEqual([clipStateMeaning(stopped), clipStateMeaning(waiting)], ["It is not being placed.", "It waits for a LiDAR map."]);
+  assert.deepEqual(reasonsOf(stopped).map(({ text }) => text), ["a person stopped it"]);
+  assert.deepEqual(adviceOf(stopped), ["Press “Find its place again”."]);
+  assert.equal(adviceOn(stopped, "cancelled"), "Press “Find its place again” on its page.");
 });
 
 test("a fault of the filming comes before the doubt that the clip is of another home", () => {

@@ -38,7 +38,7 @@ function panels() {
   };
   const click = (element: FakeElement, clicks: number) => element.dispatchEvent(Object.assign(new Event("click"), { detail: clicks }));
   const escape = () => globalThis.dispatchEvent(Object.assign(new Event("keydown", { cancelable: true }), { key: "Escape" }));
-  return { page, looks, measure, details, card, find, click, escape };
+  return { page, data, looks, measure, details, card, find, click, escape };
 }
 
 const focused = () => document.activeElement as unknown as FakeElement;
@@ -54,6 +54,18 @@ test("a selection by keys leads to its card, and Escape leads back to the row", 
   escape();
   assert.equal(card.hidden, true);
   assert.equal(focused(), find("object sofa-1"));
+  page.abort();
+});
+
+test("a class that a person set has no confidence", () => {
+  const { page, data, details, looks, card, find } = panels();
+  const told = () => [/Class(.*)Size/.exec(card.textContent)?.[1], find("object sofa-1").textContent];
+  looks.select({ kind: "object", id: "sofa-1" });
+  assert.deepEqual(told(), ["Sofa, 90 % sure", "SofaKitchen · 90 %"]);
+  data.things = data.things.map((thing) => ({ ...thing, corrected: ["class"] }));
+  details.draw();
+  looks.change(() => {});
+  assert.deepEqual(told(), ["Sofa, set by a person", "SofaKitchen · set by a person"]);
   page.abort();
 });
 

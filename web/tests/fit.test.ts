@@ -36,4 +36,12 @@ test("a scene fills the free part of a picture and no more", () => {
 test("tools leave a low picture a part for the scene", () => {
   const { bottom, top } = freePart(390, 200, 150);
   assert.ok(top - bottom >= 0.79 && top < 1, `${bottom} to ${top}`);
+  const both = freePart(390, 200, 150, 60);
+  assert.ok(both.top - both.bottom >= 0.79 && both.bottom >= bottom, `${both.bottom} to ${both.top}`);
+});
+
+test("notes at the bottom of a picture have no scene below them", () => {
+  const [free, noted] = [freePart(390, 520, 80), freePart(390, 520, 80, 40)];
+  assert.equal(noted.top, free.top);
+  assert.ok(Math.abs(noted.bottom - free.bottom - 80 / 520) < 1e-9, `${free.bottom} to ${noted.bottom}`);
 });

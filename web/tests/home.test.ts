@@ -1,6 +1,8 @@
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 import { home, makeHome, Refusal } from "../src/api.ts";
+import { emptyPoints } from "../src/cloud/ply.ts";
+import { Cloud } from "../src/cloud/points.ts";
 import { Looks } from "../src/home/looks.ts";
 import { progress } from "../src/home/measure.ts";
 import { roomName, withoutLevel } from "../src/home/selection.ts";
@@ -79,6 +81,26 @@ test("a view is read as it is written", () => {
   assert.deepEqual(read(new URLSearchParams("part=1_2_3&from=1_2_x_4_5_6"), again), { from: null, part: null });
   read(new URLSearchParams("clips=nonsense"), again);
   assert.equal(again.clips, "ambiguous");
+});
+
+test("a home without colour is shown by class until a coloured point comes", () => {
+  const cloud = new Cloud(3, true);
+  const looks = new Looks();
+  const add = (at: number, tint: number[]) => {
+    const points = emptyPoints(tint.length / 4);
+    points.tint.set(tint);
+    cloud.add(at, points);
+    looks.noteColour(cloud.hasColour);
+  };
+  // The number of views is no colour.
+  add(0, [0, 0, 0, 9]);
+  assert.deepEqual([looks.colouring, looks.colourings], ["class", ["class", "clip", "probability"]]);
+  assert.match(looks.reasonAgainst("colour") ?? "", /colour/);
+  // The surface has neither clips nor, here, colours.
+  looks.change((looks) => [looks.colouring, looks.body] = ["clip", "surface"]);
+  assert.deepEqual([looks.colouring, looks.colourings], ["class", ["class"]]);
+  add(1, [0, 0, 0, 1, 0, 5, 0, 1]);
+  assert.deepEqual([looks.colouring, looks.reasonAgainst("colour")], ["colour", null]);
 });
 
 test("rooms without a name are numbered within their level", () => {

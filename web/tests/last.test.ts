@@ -69,6 +69,36 @@ test("a choice in the new LiDAR map is not compared with places in the previous 
   assert.equal(chosenOf({ ...aligned, choice } as Clip), 0);
 });
 
+test("clips have switches in the points of the map and none in its surface", () => {
+  const data = {
+    clips: [aligned, { ...aligned, id: "d" }], map: { clips: [{ clip: "c" }] }, hasLevels: false, indexOf: () => 0, nameOf: () => "Hall",
+    colourOf: () => [0, 0, 0],
+  } as unknown as HomeData;
+  const looks = new Looks();
+  const { element } = new ClipsPanel(data, looks, () => {});
+  const switches = () => fake(element).all("input").map((input) => [Reflect.get(input, "disabled"), Reflect.get(input, "title")]);
+  const inPoints = [[true, "Not in the map"], [false, "Show in the map"]];
+  assert.deepEqual(switches(), inPoints);
+  looks.change((looks) => (looks.body = "surface"));
+  assert.deepEqual(switches(), [[true, "Not in the map"], [true, "The surface shows all clips"]]);
+  looks.change((looks) => (looks.body = "points"));
+  assert.deepEqual(switches(), inPoints);
+});
+
+test("a clip whose file the home has already names the clip that the map uses", () => {
+  const twin = { ...aligned, id: "d", title: "Again", duplicate_of: "c" };
+  for (const [inMap, told] of [
+    [["c"], "Same recording as Hall, which the map uses"], [["c", "d"], "Same recording as Hall"], [[], "Same recording as Hall"],
+  ] as const) {
+    const data = {
+      clips: [aligned, twin], map: { clips: inMap.map((clip) => ({ clip })) }, hasLevels: false, indexOf: () => 0,
+      nameOf: ({ title }: Clip) => title, colourOf: () => [0, 0, 0],
+    } as unknown as HomeData;
+    const notes = fake(new ClipsPanel(data, new Looks(), () => {}).element).all("p").filter(({ className }) => className === "same hint");
+    assert.deepEqual(notes.map(({ textContent }) => textContent), [told]);
+  }
+});
+
 test("the list of clips shows the last answer", () => {
   const clip = waiting();
   const data = {

@@ -21,7 +21,8 @@ test("the reasons for attention are told with the next step", () => {
   for (const [needs_attention, counts, lidar_map_revision, told] of [
     [[], {}, 1, []],
     [["waiting"], { uploaded: 2 }, null, ["2 clips wait for the LiDAR map: add it"]],
-    [["waiting"], { uploaded: 1 }, 3, ["1 clip was stopped: start it again"]],
+    [["waiting"], { uploaded: 1 }, 3, ["1 clip was stopped: find its place again"]],
+    [["waiting"], { uploaded: 2 }, 3, ["2 clips were stopped: find their places again"]],
     [["ambiguous", "failed"], { ambiguous: 1, failed: 3 }, 1,
       ["1 clip has no certain place: choose it, or film again", "3 clips have no place: see why"]],
     [["service_fault"], { queued: 2 }, 1, ["clips wait because of a fault of the service, which tries again: if it lasts, tell the operator"]],
@@ -48,7 +49,7 @@ test("homes that need attention come first, also those of later pages", () => {
 
 test("an object is found by the words that people use for it", () => {
   const things = ["sofa", "refrigerator", "television", "lamp", "box", "desk"].map((name) =>
-    ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9 })) as unknown as Thing[];
+    ({ id: `${name}-1`, class: name, name: null, room: null, confidence: 0.9, corrected: [] })) as unknown as Thing[];
   const data = { rooms: [], robotRooms: [], things, classNamed: () => undefined } as unknown as HomeData;
   const panel = new ThingsPanel(data, new Looks(), () => {});
   body.replaceChildren(fake(panel.element));

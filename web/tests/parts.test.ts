@@ -167,6 +167,15 @@ test("problems that only programs understand are told in plain words", () => {
   assert.deepEqual([known.detail, known.retryAfter_s, other.message, other.detail], [detail, 7, detail, null]);
 });
 
+test("the words of a problem may be about one field", () => {
+  const told = (code: string, field: string | null) =>
+    refusalOf(422, JSON.stringify({ type: `urn:viola:problem:${code}`, title: "No", detail: `${field} is wrong`, field }), null).message;
+  assert.match(told("invalid-body", "split_by"), /^The line does not divide the room/);
+  assert.equal(told("invalid-body", "from_m"), "from_m is wrong");
+  assert.equal(told("home-not-found", "home"), told("home-not-found", null));
+  assert.equal(told("invalid-path", "clip"), told("clip-not-found", null));
+});
+
 test("a clip without a certain place gets advice, and any other none", () => {
   const clip = (state: string, codes: string[], probability: number | null = null) => ({
     state, choice: null, placement: null, reasons: codes.map((code) => ({ code, detail: code })),

@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { adviceOf } from "../src/clip/advice.ts";
 import { alternatives, headingOf } from "../src/clip/alternatives.ts";
 import { files, hasPoints } from "../src/clip/facts.ts";
-import { isDoubtful, mayBeForeign } from "../src/clip/plausible.ts";
+import { isDoubtful, mayBeForeign, mayLieElsewhere } from "../src/clip/plausible.ts";
 import { reasonsOf } from "../src/clip/reasons.ts";
 import type { Clip } from "../src/types.ts";
 
@@ -38,6 +38,20 @@ test("a clip with equal places may be of another home, and its places ask again"
   assert.ok(one && isDoubtful({ ...sure, reasons: [{ code: "not_this_home", detail: "" }] }, one));
 });
 
+test("a place is obvious only if it is more probable than not and few homes are left", () => {
+  for (const [probabilities, isObvious, isElsewhere, none] of [
+    [[0.7, 0.1], true, false, "20 %"], [[0.6, 0.02], false, true, "38 %"], [[0.45, 0.45], false, false, "10 %"],
+    [[0.5, 0.495], true, false, null], [[null, null], true, false, null],
+  ] as const) {
+    const clip = clipWith([...probabilities]);
+    const list = fake(alternatives(clip, { lidars: [], pictures: new Map(), scan: null }, () => {}));
+    assert.equal(list.all("button").some((button) => button.className === "primary"), isObvious, probabilities.join());
+    assert.equal(mayLieElsewhere(clip), isElsewhere, probabilities.join());
+    const told = list.all("p").find((part) => part.className === "none-right")?.textContent ?? null;
+    assert.equal(told, none && `None of these places: ${none}`);
+  }
+});
+
 test("advice is given once, and a pose is called a place", () => {
   const several = {
     code: "several_modes",
@@ -62,7 +76,7 @@ test("an aligned clip is headed by its answer, and its other places are folded a
     [clipWith([0.98], { state: "aligned" }), "Its place", [0], null],
     [clipWith([0.5, 0.4], { state: "aligned", choice: chosen }), "Its place: place 2, chosen by a person", [1], "1 other place that was compared"],
     [clipWith([0.5, 0.4]), "2 places that may be right", [0, 1], null],
-    [clipWith([0.5, 0.4, 0.001]), "3 places that may be right", [0, 1], "1 place of less than 1 %"],
+    [clipWith([0.5, 0.4, 0.001]), "2 places that may be right", [0, 1], "1 place of less than 1 %"],
     [clipWith([0.5]), "The place that was found", [0], null],
     [clipWith([null], { state: "failed" }), "Places that were tried", [0], null],
     [clipWith([null, null, null], { state: "failed" }), "Places that were tried", [0], "2 other places that were compared"],

@@ -1,11 +1,11 @@
 // Advice about a clip that has no certain place: the next step, by the reasons of the service.
 
 import type { Clip } from "../types.ts";
-import { isForeign, mayBeForeign, OF_FILES } from "./plausible.ts";
+import { isForeign, isPlaced, mayBeForeign, OF_FILES } from "./plausible.ts";
 
 const FILM_AGAIN = "Film again: slowly, for at least half a minute, with walls, corners and the floor in sight.";
 const DAMAGED = "The file is damaged or incomplete. Export the recording again, and send it.";
-const NOT_THE_CLIP = "The clip is not at fault. Press “Find its place again” on its page later.";
+const NOT_THE_CLIP = "The clip is not at fault. Press “Find its place again” later.";
 const SLOWER = "Film again and move more slowly.";
 const CLOSER = "Stay between 0.5 and 4 m from walls and furniture (depth from 0.15 to 5 m is used).";
 const SEVERAL_CLIPS = "Split the recording into several clips, one for each room.";
@@ -48,7 +48,7 @@ const ADVICE: Record<string, string> = {
   worker_lost: NOT_THE_CLIP,
   storage_error: NOT_THE_CLIP,
   internal_error: NOT_THE_CLIP,
-  cancelled: "Press “Find its place again” on its page.",
+  cancelled: "Press “Find its place again”.",
   superseded: "Nothing is to be done: the clip is being placed again.",
   worker_died: "The recording may be too large for this machine. Split it into several clips.",
   too_large: SEVERAL_CLIPS,
@@ -69,18 +69,18 @@ const OF_FILMING = [
 const ADVICE_ON_CHOICE: Record<string, string> = {
   choice_of_earlier_lidar_map: "Check its place in the LiDAR map. Choose it again, or withdraw the choice.",
   choice_carried_over: "Check its place once: it moved with the LiDAR map.",
-  choice_without_result: "Press “Find its place again” on its page; the choice then holds.",
+  choice_without_result: "Press “Find its place again”; the choice then holds.",
 };
 
 /** The advice for a reason; null if the page has none. */
 export function adviceFor(code: string): string | null {
-  return ADVICE[code] ?? null;
+  return ADVICE[code] ?? ADVICE_ON_CHOICE[code] ?? (code === "not_this_home" ? FOREIGN : null);
 }
 
 /** The next steps of a person; empty if the clip has its place, or will have. */
 export function adviceOf(clip: Clip): string[] {
   if (clip.choice) return clip.reasons.flatMap(({ code }) => ADVICE_ON_CHOICE[code] ?? []);
-  if (clip.placement || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
+  if (isPlaced(clip) || !["ambiguous", "failed", "uploaded"].includes(clip.state)) return [];
   const codes = new Set<string>(clip.reasons.map(({ code }) => code));
   const of = (wanted: string[]) => wanted.filter((code) => codes.has(code)).flatMap((code) => ADVICE[code] ?? []);
   const ofFiles = of(OF_FILES);
@@ -95,4 +95,17 @@ export function adviceOf(clip: Clip): string[] {
   if (clip.state !== "failed") return [];
   // The other codes are those of the readers of files, which end before there is an answer.
   return [clip.alignment || codes.size === 0 ? FILM_AGAIN : DAMAGED];
+}
+
+/** The advice about the first reason of a clip, for a list without the buttons of its page; null if the clip needs none. */
+export function adviceOn(clip: Clip, code: string | undefined): string | null {
+  return firstAdvice(clip, code)?.replace("“Find its place again”", "“Find its place again” on its page") ?? null;
+}
+
+function firstAdvice(clip: Clip, code: string | undefined): string | null {
+  const list = adviceOf(clip);
+  const own = adviceFor(code ?? "");
+  if (list.length === 0 || (own && list.includes(own))) return list.length > 0 ? own : null;
+  const ofOthers = new Set(clip.reasons.map((reason) => adviceFor(reason.code)));
+  return list.find((text) => !ofOthers.has(text)) ?? own;
 }

@@ -8,7 +8,7 @@ import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Scan } from "../types.ts";
 import { decimal, degrees, levelWord, many, metres, percent } from "../words.ts";
 import { isLast, isOfEarlierMap } from "./last.ts";
-import { hasWrongFiles, isDoubtful, isForeign, mayBeForeign } from "./plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign, mayBeForeign, noneIsRight } from "./plausible.ts";
 import { chosenOf, poseInForce } from "./pose.ts";
 
 /** Places less probable than this are folded away. */
@@ -44,14 +44,15 @@ function planAt(ground: Ground, isEarlier: boolean, { level, map_from_clip: at }
 
 /** The heading of the places: the answer, if there is one. */
 export function headingOf(clip: Clip): string {
-  const count = clip.alignment?.alternatives.length ?? 0;
+  const places = clip.alignment?.alternatives ?? [];
+  const count = places.filter(({ probability }) => (probability ?? 1) >= UNLIKELY).length;
   const chosen = chosenOf(clip);
   if (isLast(clip)) return chosen === null ? "Places of the last answer" : "Its last place";
   if (clip.state === "failed" || isForeign(clip) || (chosen === null && hasWrongFiles(clip))) return "Places that were tried";
   if (chosen !== null) return clip.choice ? `Its place: place ${chosen + 1}, chosen by a person` : "Its place";
   if (poseInForce(clip)) return "Places of the newest answer; the clip lies elsewhere";
   if (mayBeForeign(clip)) return "Places that were tried; none stands out";
-  return count === 1 ? "The place that was found" : `${count} places that may be right`;
+  return places.length === 1 ? "The place that was found" : `${many(count, "place")} that may be right`;
 }
 
 /** One figure for each alternative, those that are not the answer folded away. `onChoose` is null where nothing can be chosen. */
@@ -79,7 +80,9 @@ export function alternatives(
     h("ol", { class: "alternatives" }, ...others));
   const why = isEarlier && h("p", { class: "hint" },
     "Drawn without walls: the new LiDAR map may lie elsewhere. The pictures show the previous one.");
-  return h("div", {}, why, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
+  const none = areCompared ? null : noneIsRight(clip);
+  const missing = none !== null && none >= UNLIKELY && h("p", { class: "none-right" }, `None of these places: ${percent(none)}`);
+  return h("div", {}, why, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null, missing);
 }
 
 function card(

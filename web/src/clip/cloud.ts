@@ -1,15 +1,15 @@
 // A clip's own points, shown when one asks for them: they are megabytes.
 
 import { classes, clipPath } from "../api.ts";
-import { COLOURING_WORDS, type Colouring } from "../cloud/colours.ts";
+import { COLOURING_WORDS, type Colouring, NO_COLOUR } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
-import { load } from "../cloud/points.ts";
+import { type Cloud, load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { around, type Point2 } from "../frames.ts";
 import { messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
-import { oneOf } from "../parts/switches.ts";
+import { oneOf, showChoice } from "../parts/switches.ts";
 import { isSessionEnd } from "../session.ts";
 import type { Clip } from "../types.ts";
 import { count, percent } from "../words.ts";
@@ -78,9 +78,9 @@ export class ClipCloud {
     if (signal.aborted) return;
     const view = viewOf(signal);
     const status = new StatusLine("stage-facts");
+    const colours = coloursOf(view);
     const toolbar = h("div", { class: "toolbar" },
-      oneOf("cloud-colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), "colour",
-        (colouring) => view.setColouring(colouring)),
+      colours.element,
       h("button", { type: "button", class: "tool", onclick: () => view.fit() }, "Fit"));
     put(this.element, h("h2", {}, "Points"),
       h("div", { class: "stage small" }, h("div", { class: "views" }, view.element), toolbar, status.shown, status.said));
@@ -90,6 +90,7 @@ export class ClipCloud {
       begun: (cloud) => view.setCloud(cloud, VOXEL_M),
       grown: (cloud) => {
         const isWhole = cloud.shown >= cloud.count;
+        colours.show(cloud);
         status.show(isWhole ? `${count(cloud.count)} points` : percent(cloud.shown / cloud.count));
         view.draw();
       },
@@ -109,6 +110,19 @@ export class ClipCloud {
       failed: (error) => this.fail(clip, error),
     }, signal);
   }
+}
+
+/** The switch of the colouring. Points without any colour are shown by class. */
+function coloursOf(view: CloudView): { element: HTMLElement; show: (cloud: Cloud) => void } {
+  let wanted: Colouring = "colour";
+  const words = COLOURINGS.map((name): [Colouring, string] => [name, COLOURING_WORDS[name]]);
+  const element = oneOf("cloud-colouring", "Colour points by", words, wanted, (colouring) => view.setColouring(wanted = colouring));
+  const show = ({ hasColour }: Cloud) => {
+    const colouring = wanted === "colour" && !hasColour ? "class" : wanted;
+    view.setColouring(colouring);
+    showChoice(element, colouring, (name) => (name === "colour" && !hasColour ? NO_COLOUR : null));
+  };
+  return { element, show };
 }
 
 function viewOf(signal: AbortSignal): CloudView {

@@ -34,7 +34,7 @@ export function recording(clip: Clip): HTMLElement {
     ["Length", info.duration_s ? seconds(info.duration_s) : null],
     ["Pictures", [colour, `depth ${info.depth_width} × ${info.depth_height}`].filter(Boolean).join(", ")],
     ["Size", bytes(clip.size_bytes)],
-    ["Notes", info.notes.join(" ")],
+    ["Notes", info.notes.join("; ")],
   ]);
 }
 

@@ -1,8 +1,8 @@
 // The reasons of a clip's state, in the words of the page.
 
 import type { Clip } from "../types.ts";
-import { adviceFor, adviceOf } from "./advice.ts";
-import { OF_FILES } from "./plausible.ts";
+import { adviceFor } from "./advice.ts";
+import { isPlaced, OF_FILES } from "./plausible.ts";
 import { chosenOf } from "./pose.ts";
 
 /** Codes of reasons that ask a person to look at a choice again. */
@@ -25,17 +25,17 @@ export interface Told {
  * home follow, and then what a person can change.
  */
 export function reasonsOf(clip: Clip): Told[] {
-  const given = adviceOf(clip);
   const textOf = (code: string, detail: string) => {
     if (code === "chosen_by_person") return choiceOf(clip, detail);
+    if (code === "cancelled") return "a person stopped it";
     const text = OF_PLACES.has(code) ? detail.replace(/\bpose(s?)\b/g, "place$1") : detail;
-    return given.length > 0 && adviceFor(code) !== null ? withoutAdvice(text) : text;
+    return adviceFor(code) !== null ? withoutAdvice(text) : text;
   };
   const told = clip.reasons.map(({ code, detail }) => ({ code, text: textOf(code, detail), isWarning: WARNINGS.has(code) }));
   const rank = ({ code, isWarning }: Told) => {
     if (isWarning) return 0;
     if (OF_FILES.includes(code)) return 1;
-    if (clip.placement) return 2;
+    if (isPlaced(clip)) return 2;
     return OF_HOME.includes(code) ? 2 : adviceFor(code) !== null ? 3 : 4;
   };
   return told.sort((a, b) => rank(a) - rank(b));

@@ -10,6 +10,9 @@ export const COLOURING_WORDS: Record<Colouring, string> = {
   probability: "Probability",
 };
 
+/** The reason why points cannot be shown in colour. */
+export const NO_COLOUR = "No clip here was filmed with colour";
+
 export type Rgb = [number, number, number];
 
 /** `#rrggbb` as three numbers up to 255; grey for anything else. */

@@ -5,7 +5,7 @@ import type { Viewpoint } from "./stage.ts";
 
 /** Between the points and the edges of the picture: half of a name may stand there. */
 const EDGE_PX = 28;
-/** A low picture keeps this fraction of its height for the points below the tools. */
+/** A low picture keeps this fraction of its height for the points between the tools and the notes. */
 const LEAST_HEIGHT = 0.6;
 /** The size of a picture of one object or room beside its own size, and its least size. */
 const SURROUNDINGS = 1.3;
@@ -19,10 +19,12 @@ export interface Part {
   top: number;
 }
 
-/** Returns the part of a picture that no tools cover; they lie at its top. */
-export function freePart(width_px: number, height_px: number, covered_px: number): Part {
+/** Returns the part of a picture that neither the tools at its top nor the notes at its bottom cover. */
+export function freePart(width_px: number, height_px: number, tools_px: number, notes_px = 0): Part {
   const [x, y] = [Math.max(0.2, 1 - (2 * EDGE_PX) / width_px), Math.max(0.2, 1 - (2 * EDGE_PX) / height_px)];
-  return { left: -x, right: x, bottom: -y, top: Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * covered_px) / height_px) };
+  const top = Math.max(-y + 2 * LEAST_HEIGHT, y - (2 * tools_px) / height_px);
+  const bottom = Math.min(top - 2 * LEAST_HEIGHT, -y + (2 * notes_px) / height_px);
+  return { left: -x, right: x, bottom, top };
 }
 
 /** Returns the points of an object or a room, farther apart: a person sees the things around it. */

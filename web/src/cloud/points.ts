@@ -23,6 +23,8 @@ export interface Arrival {
 export class Cloud {
   readonly geometry = new THREE.BufferGeometry();
   shown = 0;
+  /** True if a point that arrived has a colour; black points have none. */
+  hasColour = false;
   /** The start and the number of points of each piece that arrived; within it points are scattered. */
   private readonly pieces: { start: number; count: number }[] = [];
   private readonly points: Points;
@@ -54,6 +56,7 @@ export class Cloud {
       attribute.needsUpdate = true;
     }
     const count = more.position.length / 3;
+    this.hasColour ||= isColoured(more);
     this.pieces.push({ start: at, count });
     this.shown = at + count;
   }
@@ -72,6 +75,11 @@ export class Cloud {
   get raw(): Points {
     return this.points;
   }
+}
+
+/** The fourth value of a tint is no colour. */
+function isColoured({ tint }: Points): boolean {
+  return tint.some((value, i) => value > 0 && i % 4 < 3);
 }
 
 /** Loads the first of the addresses that has points, unless they are those with the `ETag` that is known. */

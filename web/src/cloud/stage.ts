@@ -171,13 +171,16 @@ export class Stage {
     this.draw();
   }
 
-  /** The nearest viewpoint in a direction that has all points below the tools. */
+  /** The nearest viewpoint in a direction that has all points between the tools and the notes. */
   private framed(points: readonly THREE.Vector3[], towardsEye: THREE.Vector3): Viewpoint {
     const { width, height } = this.size();
     const up = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
-    const tools = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
-    const covered_px = tools ? tools.offsetTop + tools.offsetHeight : 0;
-    return fitted(points, towardsEye, [(up * width) / height, up], freePart(width, height, covered_px));
+    const part = (name: string) => this.element.closest(".stage")?.querySelector<HTMLElement>(name);
+    const [tools, notes] = [part(".toolbar"), part(".stage-notes")];
+    const tools_px = tools ? tools.offsetTop + tools.offsetHeight : 0;
+    // On a wide page the notes are in a corner.
+    const notes_px = notes && notes.offsetWidth > width / 2 ? notes.offsetHeight : 0;
+    return fitted(points, towardsEye, [(up * width) / height, up], freePart(width, height, tools_px, notes_px));
   }
 
   /** Fits the depth range and the zoom to a sphere. */

@@ -11,7 +11,7 @@ export function attentionOf({ needs_attention, clips_by_state, lidar_map_revisio
   const words: Record<string, string> = {
     waiting: lidar_map_revision === null
       ? `${many(uploaded, "clip")} ${uploaded === 1 ? "waits" : "wait"} for the LiDAR map: add it`
-      : `${many(uploaded, "clip")} ${uploaded === 1 ? "was" : "were"} stopped: start ${uploaded === 1 ? "it" : "them"} again`,
+      : `${many(uploaded, "clip")} ${uploaded === 1 ? "was" : "were"} stopped: find ${uploaded === 1 ? "its place" : "their places"} again`,
     ambiguous: `${many(ambiguous, "clip")} ${ambiguous === 1 ? "has" : "have"} no certain place: choose it, or film again`,
     failed: `${many(failed, "clip")} ${failed === 1 ? "has" : "have"} no place: see why`,
     service_fault: "clips wait because of a fault of the service, which tries again: if it lasts, tell the operator",

@@ -1,7 +1,7 @@
 // The clips of a home at a glance: state, reason, progress, and whether their points are shown.
 
 import { deleteClip } from "../api.ts";
-import { adviceOf } from "../clip/advice.ts";
+import { adviceOn } from "../clip/advice.ts";
 import { lastAnswerFigure } from "../clip/last.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { css } from "../cloud/colours.ts";
@@ -13,13 +13,18 @@ import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
-import { isUnderWay, jobWord, levelWord, many, named, percent, STATES, stateMeaning, stateTitle, stateWord, time } from "../words.ts";
+import {
+  clipStateMeaning, clipStateWord, isUnderWay, jobWord, levelWord, many, named, percent, STATES, stateTitle, stateWord, time,
+} from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { type Looks, put } from "./looks.ts";
 
 interface Row {
   drawn: string;
   element: HTMLElement;
+  show: HTMLInputElement;
+  /** The reason why the clip cannot be switched on and off; null if it can. */
+  reason: string | null;
   bar: HTMLProgressElement;
   stage: HTMLElement;
 }
@@ -38,6 +43,7 @@ export class ClipsPanel {
     private readonly onDeleted: () => void,
   ) {
     this.element = h("div", {}, this.filters, this.list, this.said);
+    looks.onChange(() => this.drawSwitches());
     this.draw();
   }
 
@@ -58,6 +64,7 @@ export class ClipsPanel {
       keepFocus(this.list, () => this.list.replaceChildren(...rows));
     }
     for (const id of this.rows.keys()) if (!clips.some((clip) => clip.id === id)) this.rows.delete(id);
+    this.drawSwitches();
   }
 
   /** Moves the bar of a clip without drawing anything again. */
@@ -68,10 +75,18 @@ export class ClipsPanel {
     row.stage.textContent = jobWord(job);
   }
 
+  /** The surface has no clips. */
+  private drawSwitches(): void {
+    for (const { show, reason } of this.rows.values()) {
+      show.disabled = reason !== null || this.looks.isSurface;
+      show.title = reason ?? (this.looks.isSurface ? "The surface shows all clips" : "Show in the map");
+    }
+  }
+
   private tellChanges(clips: Clip[]): void {
     clips.forEach((clip) => {
       const before = this.states.get(clip.id);
-      if (before && before !== clip.state) this.said.textContent = `${named(this.data.nameOf(clip))}: ${stateWord(clip.state)}`;
+      if (before && before !== clip.state) this.said.textContent = `${named(this.data.nameOf(clip))}: ${clipStateWord(clip)}`;
       this.states.set(clip.id, clip.state);
     });
   }
@@ -93,9 +108,9 @@ export class ClipsPanel {
   }
 
   private row(clip: Clip): HTMLElement {
-    const inMap = this.data.map?.clips.some((other) => other.clip === clip.id) ?? false;
+    const inMap = this.isInMap(clip.id);
     const { job: _, updated_at: __, ...lasting } = clip;
-    const drawn = JSON.stringify([lasting, this.data.indexOf(clip.id), inMap, this.data.hasLevels]);
+    const drawn = JSON.stringify([lasting, this.data.indexOf(clip.id), inMap, this.data.hasLevels, this.sameAs(clip)]);
     const old = this.rows.get(clip.id);
     if (old && old.drawn === drawn) {
       if (clip.job) this.progress(clip.id, clip.job);
@@ -107,14 +122,25 @@ export class ClipsPanel {
     return row.element;
   }
 
+  private isInMap(id: string | null): boolean {
+    return this.data.map?.clips.some(({ clip }) => clip === id) ?? false;
+  }
+
+  /** The note of a clip whose file the home has already; null for any other. */
+  private sameAs({ id, duplicate_of }: Clip): string | null {
+    const twin = this.data.clips.find((clip) => clip.id === duplicate_of);
+    if (!twin) return null;
+    const isUsed = this.isInMap(twin.id) && !this.isInMap(id);
+    return `Same recording as ${named(this.data.nameOf(twin))}${isUsed ? ", which the map uses" : ""}`;
+  }
+
   private make(clip: Clip, inMap: boolean, drawn: string): Row {
     const name = this.data.nameOf(clip);
-    const twin = this.data.clips.find(({ id }) => id === clip.duplicate_of);
     const bar = h("progress", { max: 1, value: 0, "aria-label": `Progress of ${name}` });
     const stage = h("span", { class: "hint" });
     const show = h("input", {
-      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), disabled: !inMap, "data-key": `show ${clip.id}`,
-      "aria-label": `Show ${name} in the map`, title: inMap ? "Show in the map" : "Not in the map",
+      type: "checkbox", checked: !this.looks.hiddenClips.has(clip.id), "data-key": `show ${clip.id}`,
+      "aria-label": `Show ${name} in the map`,
     });
     show.style.accentColor = css(this.data.colourOf(clip.id));
     show.addEventListener("change", () => this.looks.change((looks) => put(looks.hiddenClips, clip.id, !show.checked)));
@@ -124,27 +150,28 @@ export class ClipsPanel {
     const [reason] = reasonsOf(clip);
     const isKnown = clip.state === "aligned" || isUnderWay(clip);
     // A queued clip has a reason if a fault of the service holds it up.
-    const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : stateMeaning(clip.state)));
+    const why = clip.state === "aligning" ? null : (reason?.text ?? (isKnown ? null : clipStateMeaning(clip)));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
     const levelId = this.data.hasLevels ? this.data.levelOf(clip) : null;
     const level = levelId && levelWord(levelId);
-    const same = twin ? `Same recording as ${named(this.data.nameOf(twin))}` : null;
-    const when = [same, sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
-    const [advice] = adviceOf(clip);
+    const same = this.sameAs(clip);
+    const when = [sure, level, time(clip.recorded_at ?? clip.created_at), many(clip.info.frames, "frame")];
+    const advice = adviceOn(clip, reason?.code);
     const last = lastAnswerFigure(clip);
     const title = h("a", { class: "title", title: name, dir: "auto", href: toClip(clip.home, clip.id), "data-key": `title ${clip.id}` }, name);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
       // The title is the same link.
       h("a", { href: toClip(clip.home, clip.id), tabindex: -1, "aria-hidden": "true" }, thumbnail(clip, name)),
       h("div", { class: "clip-head" },
-        show, title, stateBadge(clip.state),
+        show, title, stateBadge(clip),
         mayChange() && remove),
       h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
+      same ? h("p", { class: "same hint", title: same }, same) : null,
       clip.state === "aligning" ? h("p", { class: "progress" }, bar, stage) : null,
       last ? h("p", { class: "hint" }, last) : null,
       why ? h("p", { class: reason?.isWarning ? "reason warning" : "reason" }, why) : null,
       advice ? h("p", { class: "advice" }, advice) : null);
-    return { drawn, element, bar, stage };
+    return { drawn, element, show, reason: inMap ? null : "Not in the map", bar, stage };
   }
 
   private async remove(clip: Clip, name: string, button: HTMLButtonElement): Promise<void> {

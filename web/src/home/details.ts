@@ -11,7 +11,7 @@ import { area, decimal, named, percent, plain, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import type { Measure } from "./measure.ts";
-import { robotRoomOf, roomName, roomOf, thingName, thingOf } from "./selection.ts";
+import { isClassSet, robotRoomOf, roomName, roomOf, SET, thingName, thingOf } from "./selection.ts";
 
 /** Rooms are neighbours if their outlines come this near to each other: a wall is between them. */
 const NEIGHBOURS_M = 0.6;
@@ -106,7 +106,7 @@ export class Details {
       return i > 0 ? [", ", link] : [link];
     });
     const facts: [string, Node | string][] = [
-      ["Class", `${plain(thing.class)}, ${percent(thing.confidence)} sure`],
+      ["Class", `${plain(thing.class)}, ${isClassSet(thing) ? SET : `${percent(thing.confidence)} sure`}`],
       ["Size", thing.size_m.map((side) => decimal(side, 2)).join(" × ") + " m"],
       ["Room", room ? this.linkTo(room) : "–"],
       ["Seen by", clips.length > 0 ? h("span", {}, ...clips) : "no clip of this map"],
@@ -118,7 +118,7 @@ export class Details {
       h("div", { class: "row" },
         this.action("Rename", async () => {
           const name = await askText("Name of the object", thing.name ?? "", "Rename", MOST_LETTERS);
-          if (name !== null) await this.correctThing(thing, { name: name || null }, "The name is kept.");
+          if (name !== null) await this.correctThing(thing, { name: name || null }, nameTold(name));
         }),
         this.action("Change class", async () => {
           const chosen = await this.askClass(thing.class);
@@ -151,7 +151,7 @@ export class Details {
       h("div", { class: "row" },
         this.action("Rename", async () => {
           const name = await askText("Name of the room", room.name ?? "", "Rename", MOST_LETTERS);
-          if (name !== null) await this.correctRoom(room, { name: name || null }, "The name is kept.");
+          if (name !== null) await this.correctRoom(room, { name: name || null }, nameTold(name));
         }),
         neighbours.length > 0 && this.action("Merge", async () => {
           const other = await ask("Merge rooms", `${named(roomName(room))} and this room become one:`,
@@ -249,6 +249,11 @@ const MEANINGS: Record<string, string> = {
 const FIELD_WORDS: Record<string, string> = {
   centre_m: "place", size_m: "size", yaw_rad: "direction", pinned: "pinned", hidden: "removed", merge_with: "merged", split_by: "divided",
 };
+
+/** The message after a name was entered; an empty one gives the service's own back. */
+function nameTold(name: string): string {
+  return name ? "The name is kept." : "It has its own name again.";
+}
 
 function fieldWord(field: string): string {
   return FIELD_WORDS[field] ?? plain(field).toLowerCase();

@@ -1,6 +1,6 @@
 // The visible parts of a home and their colouring.
 
-import { COLOURINGS, type Colouring } from "../cloud/colours.ts";
+import { COLOURINGS, type Colouring, NO_COLOUR } from "../cloud/colours.ts";
 import type { ClipState } from "../types.ts";
 import { isSame, type Selection } from "./selection.ts";
 
@@ -26,7 +26,6 @@ export type Body = (typeof BODIES)[number];
 export class Looks {
   view: "3d" | "2d" = "3d";
   body: Body = "points";
-  colouring: Colouring = "colour";
   readonly layers = new Set<Layer>(["points", "lidar", "objects", "rooms"]);
   /** By name. A ceiling would hide everything below it. */
   readonly hiddenClasses = new Set<string>(["ceiling"]);
@@ -38,15 +37,36 @@ export class Looks {
   /** The list shows only clips of this state; null for all. */
   clips: ClipState | null = null;
   private readonly listeners: (() => void)[] = [];
+  /** False if no point of the shown level has a colour: it would be black. */
+  private hasColour = true;
+  private wanted: Colouring = "colour";
 
   /** True if the surface is requested. */
   get isSurface(): boolean {
     return this.view === "3d" && this.body === "surface" && this.layers.has("points");
   }
 
-  /** A surface has no clips and no probabilities. */
+  get colouring(): Colouring {
+    return this.wanted === "colour" && !this.hasColour ? "class" : this.wanted;
+  }
+
+  set colouring(colouring: Colouring) {
+    this.wanted = colouring;
+  }
+
   get colourings(): readonly Colouring[] {
-    return this.isSurface ? ["colour", "class"] : COLOURINGS;
+    return COLOURINGS.filter((name) => this.reasonAgainst(name) === null);
+  }
+
+  /** The reason why the map cannot be coloured so; null if it can. */
+  reasonAgainst(colouring: string): string | null {
+    if (colouring === "colour" && !this.hasColour) return NO_COLOUR;
+    return this.isSurface && ["clip", "probability"].includes(colouring) ? "The surface has no clips and no probabilities" : null;
+  }
+
+  /** Notes whether a point has a colour. */
+  noteColour(hasColour: boolean): void {
+    if (hasColour !== this.hasColour) this.change((looks) => (looks.hasColour = hasColour));
   }
 
   onChange(listen: () => void): void {

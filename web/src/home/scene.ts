@@ -67,7 +67,10 @@ export class HomeScene {
     this.surface = new HomeSurface(() => this.apply(), (text) => this.tell("surface", text), (error) => tellFailure(error, "The surface"), signal);
     this.points = new HomePoints({
       onShown: () => this.showPoints(),
-      onGrown: () => this.cloudView?.draw(),
+      onGrown: () => {
+        this.noteColour();
+        this.cloudView?.draw();
+      },
       onStatus: (text) => this.tell("points", text),
       onFailed: (text) => {
         alarm(text);
@@ -184,11 +187,18 @@ export class HomeScene {
       if (shown) this.cloudView?.setCloud(shown.cloud, shown.voxel_m);
       else this.cloudView?.clear();
     }
+    this.noteColour();
     this.apply();
     if (!shown) this.element.dataset.points = this.element.dataset.revision = "";
     if (!shown || !isComplete) return;
     this.element.dataset.points = String(shown.cloud.shown);
     this.element.dataset.revision = String(shown.map_revision);
+  }
+
+  /** Nothing is known of points that have not arrived. */
+  private noteColour(): void {
+    const { cloud } = this.points.shown ?? {};
+    if (cloud && cloud.shown > 0) this.looks.noteColour(cloud.hasColour);
   }
 
   private bounds(): Box2 | null {

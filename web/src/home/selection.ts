@@ -23,6 +23,13 @@ export function thingName(thing: Thing): string {
   return thing.name ?? plain(thing.class);
 }
 
+/** The source of a class that a person set: the service's confidence is that in another class. */
+export const SET = "set by a person";
+
+export function isClassSet({ corrected }: Thing): boolean {
+  return corrected.includes("class");
+}
+
 /** An id without its level: `sofa-1` of `upper~sofa-1`. */
 export function withoutLevel(id: string): string {
   return id.replace(/^.*~/, "");

@@ -4,7 +4,7 @@ import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
 import { attempt } from "../parts/notices.ts";
 import { shareLink } from "../parts/link.ts";
-import { oneOf } from "../parts/switches.ts";
+import { oneOf, showChoice } from "../parts/switches.ts";
 import { levelWord } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Body, Looks } from "./looks.ts";
@@ -68,10 +68,7 @@ export class Toolbar {
     this.top.hidden = looks.view === "2d";
     this.body.hidden = looks.view === "2d" || !hasPoints;
     this.colourings.hidden = !hasPoints;
-    for (const input of this.colourings.querySelectorAll("input")) {
-      input.checked = input.value === looks.colouring;
-      input.disabled = !looks.colourings.some((name) => name === input.value);
-    }
+    showChoice(this.colourings, looks.colouring, (name) => looks.reasonAgainst(name));
   }
 
   private share(): HTMLElement {

@@ -6,7 +6,7 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
-import { hasWrongFiles, isDoubtful, isForeign } from "../clip/plausible.ts";
+import { hasWrongFiles, isDoubtful, isForeign, mayLieElsewhere } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
@@ -16,20 +16,24 @@ import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
 import { thumbnail } from "../parts/thumbnail.ts";
+import { wordsFor } from "../problems.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip, ClipState, Home } from "../types.ts";
-import { clipName, isUnderWay, jobWord, named, percent, stateMeaning, stateWord } from "../words.ts";
+import { clipName, clipStateMeaning, clipStateWord, isUnderWay, jobWord, named, percent } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const FOREIGN = "No place in this home explains it.";
+/** The form of the ids of clips; no clip has another one. */
+const ID = /^[\da-f]{8}-?([\da-f]{4}-?){3}[\da-f]{12}$/i;
 /** Of the name of a clip. */
 const MOST_LETTERS = 200;
 
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
+  if (!ID.test(id)) throw new api.Refusal(404, wordsFor("urn:viola:problem:clip-not-found") ?? "");
   const [first, all, of] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal), api.home(home, signal)]);
   const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
@@ -124,7 +128,7 @@ class ClipPage {
       this.bar.value = job.progress;
       this.stage.textContent = jobWord(job);
     }
-    if (this.state && this.state !== this.clip.state) this.said.textContent = stateWord(this.clip.state);
+    if (this.state && this.state !== this.clip.state) this.said.textContent = clipStateWord(this.clip);
     this.state = this.clip.state;
     const drawn = JSON.stringify([lasting, job?.id]);
     if (drawn === this.drawn) return;
@@ -136,7 +140,7 @@ class ClipPage {
     if (this.answer !== answerName(clip)) this.ground = noGround();
     this.answer = answerName(clip);
     putAgain(this.head, h("div", { class: "head" },
-      h("h1", { dir: "auto" }, name), stateBadge(clip.state), mayChange() && this.actions(),
+      h("h1", { dir: "auto" }, name), stateBadge(clip), mayChange() && this.actions(),
       clip.duplicate_of && h("p", { class: "hint" }, "Same recording as ",
         h("a", { href: toClip(clip.home, clip.duplicate_of), "data-key": "twin", dir: "auto" }, this.twin ?? "another clip"))));
     this.drawVerdict();
@@ -161,7 +165,7 @@ class ClipPage {
       thumbnail(clip, this.name),
       h("div", { class: "verdict-text" },
         clip.state === "aligning" ? h("p", { class: "progress" }, this.bar, this.stage) : null,
-        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) && !hasWrongFiles(clip) ? FOREIGN : stateMeaning(clip.state)),
+        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) && !hasWrongFiles(clip) ? FOREIGN : clipStateMeaning(clip)),
         lastAnswerNote(clip) && h("p", {}, lastAnswerNote(clip)),
         reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
         ...advice));
@@ -280,7 +284,8 @@ function noGround(): Ground {
 function confirmDoubtful(clip: Clip, index: number, probability: number | null): Promise<boolean> {
   const isWrong = hasWrongFiles(clip);
   const title = probability === null || isWrong ? `Choose place ${index + 1}?` : `Place ${index + 1} is only ${percent(probability)} probable. Choose it?`;
-  const why = isWrong ? "Units or camera poses of the files are wrong." : "The clip may be of another home.";
+  const doubt = mayLieElsewhere(clip) ? "The clip may be of another home." : "Another place may be the right one.";
+  const why = isWrong ? "Units or camera poses of the files are wrong." : doubt;
   const text = `${why} At a wrong place it puts walls and furniture into the map that are not there. ` +
     "Compare the pictures with the place first. You can withdraw the choice later.";
   return confirm(title, text, `Choose place ${index + 1}`);

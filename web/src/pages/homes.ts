@@ -207,8 +207,11 @@ function newHome(signal: AbortSignal): HTMLElement {
   const form = h("form", { class: "new-home" }, name, button);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
+    // The browser takes spaces for a name, and the service does not.
+    name.value = name.value.trim();
+    if (name.value === "") return void name.reportValidity();
     void attempt(button, async () => {
-      const id = await makeHome(name.value.trim());
+      const id = await makeHome(name.value);
       // The person may have gone to another page meanwhile.
       if (!signal.aborted) location.hash = toHome(id);
     });

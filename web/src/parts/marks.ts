@@ -1,8 +1,8 @@
 // Small marks that tell states apart by shape as well as by colour.
 
 import { h, s } from "../dom.ts";
-import type { ClipState } from "../types.ts";
-import { stateTitle, stateWord } from "../words.ts";
+import type { Clip, ClipState } from "../types.ts";
+import { clipStateMeaning, clipStateWord } from "../words.ts";
 
 function shape(state: ClipState): SVGElement {
   switch (state) {
@@ -23,7 +23,8 @@ export function stateMark(state: ClipState): SVGElement {
   return s("svg", { class: `mark ${state}`, viewBox: "0 0 16 16", "aria-hidden": "true" }, shape(state));
 }
 
-/** The mark with its word. */
-export function stateBadge(state: ClipState): HTMLElement {
-  return h("span", { class: `badge ${state}`, title: stateTitle(state) }, stateMark(state), stateWord(state));
+/** The mark of a clip's state with its word. */
+export function stateBadge(clip: Pick<Clip, "state" | "reasons">): HTMLElement {
+  const { state } = clip;
+  return h("span", { class: `badge ${state}`, title: `${clipStateMeaning(clip)} (${state})` }, stateMark(state), clipStateWord(clip));
 }

@@ -1,5 +1,6 @@
 // Errors and messages, shown once and announced to screen readers.
 
+import { onAnswer, Refusal } from "../api.ts";
 import { h } from "../dom.ts";
 import { isSessionEnd, reportSessionEnd } from "../session.ts";
 
@@ -7,6 +8,11 @@ const SHOWN_MS = 6000;
 
 const said = h("div", { class: "said", role: "status", "aria-live": "polite" });
 const alarms = h("div", { class: "alarms", role: "alert" });
+/** The alarms of a lost service, with the time when they were shown. */
+const ofLoss = new Map<HTMLElement, number>();
+/** The alarms of failed actions. */
+const ofActions = new Set<HTMLElement>();
+onAnswer(serviceIsBack);
 
 export function noticeBoard(): HTMLElement {
   return h("div", { class: "notices" }, said, alarms);
@@ -33,11 +39,30 @@ export function offer(text: string, word: string, act: () => unknown): void {
 }
 
 /** Tells that something failed; the message stays until it is closed. A failure that repeats is shown once. */
-export function alarm(text: string): void {
-  if ([...alarms.children].some((note) => note.firstChild?.textContent === text)) return;
+export function alarm(text: string): HTMLElement {
+  const shown = [...alarms.children].find((note) => note.children[0]?.textContent === text);
+  if (shown) return shown as HTMLElement;
   const note = h("p", { class: "toast bad" }, h("span", {}, text));
   note.append(closeButton(note));
   alarms.append(note);
+  return note;
+}
+
+/** Removes the alarms of a lost service, once a person had the time to read them. */
+function serviceIsBack(): void {
+  for (const [note, since_ms] of ofLoss) {
+    const wait_ms = Math.max(0, since_ms + SHOWN_MS - performance.now());
+    // The same failure may come again meanwhile.
+    setTimeout(() => ofLoss.has(note) || note.remove(), wait_ms);
+  }
+  ofLoss.clear();
+}
+
+/** Removes what an action that succeeds makes untrue. */
+function actionSucceeded(): void {
+  for (const note of [...ofActions, ...ofLoss.keys()]) note.remove();
+  ofActions.clear();
+  ofLoss.clear();
 }
 
 function closeButton(note: HTMLElement): HTMLElement {
@@ -53,6 +78,8 @@ function clearOffers(): void {
 /** Clears what belongs to the page that a person leaves. */
 export function clearNotices(): void {
   alarms.replaceChildren();
+  ofActions.clear();
+  ofLoss.clear();
   clearOffers();
 }
 
@@ -60,11 +87,13 @@ export function messageOf(error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-/** Tells a failure; `of` names what failed. The end of the session leads to the form to sign in instead. */
-export function tellFailure(error: unknown, of = ""): void {
+/** Tells a failure and returns its alarm, if it has one; `of` names what failed. The end of the session leads to the form to sign in instead. */
+export function tellFailure(error: unknown, of = ""): HTMLElement | null {
   const text = of ? `${of}: ${messageOf(error)}` : messageOf(error);
-  if (isSessionEnd(error)) reportSessionEnd(text);
-  else alarm(text);
+  if (isSessionEnd(error)) return reportSessionEnd(text), null;
+  const note = alarm(text);
+  if (error instanceof Refusal && error.status === 0) ofLoss.set(note, performance.now());
+  return note;
 }
 
 /** Runs the action of a button, which rests meanwhile, and tells a failure. A disabled button would lose the focus. */
@@ -73,8 +102,10 @@ export async function attempt(button: HTMLButtonElement | null, act: () => Promi
   button?.setAttribute("aria-disabled", "true");
   try {
     await act();
+    actionSucceeded();
   } catch (error) {
-    tellFailure(error);
+    const note = tellFailure(error);
+    if (note) ofActions.add(note);
   } finally {
     button?.removeAttribute("aria-disabled");
   }

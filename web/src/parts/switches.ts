@@ -18,6 +18,16 @@ export function oneOf<T extends string>(
   return h("fieldset", { class: "segments" }, h("legend", { class: "hidden-text" }, legend), ...options);
 }
 
+/** Shows which one of several is chosen, and disables those that have a reason not to be; it becomes their title. */
+export function showChoice(bar: HTMLFieldSetElement, chosen: string, reasonAgainst: (value: string) => string | null): void {
+  for (const input of bar.querySelectorAll("input")) {
+    const reason = reasonAgainst(input.value);
+    input.checked = input.value === chosen;
+    input.disabled = reason !== null;
+    if (input.parentElement) input.parentElement.title = reason ?? "";
+  }
+}
+
 /** A checkbox with a swatch of colour, where it has one. */
 export function onOff(
   word: string,

@@ -70,7 +70,7 @@ export class UploadPanel {
   }
 
   private take(files: File[], said: Kind | undefined): void {
-    this.sorted = this.sorted.then(() => this.sortAll(files, said)).catch((error: unknown) => tellFailure(error));
+    this.sorted = this.sorted.then(() => this.sortAll(files, said)).catch((error: unknown) => void tellFailure(error));
   }
 
   private async sortAll(files: File[], said: Kind | undefined): Promise<void> {

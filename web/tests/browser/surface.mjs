@@ -24,6 +24,7 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
     await stage("18-surface-colour");
     // A surface has no clips and no probabilities.
     assert.ok(await page.locator("#colouring-clip").isDisabled());
+    assert.ok(await page.locator("li.clip.aligned input").first().isDisabled(), "the surface cannot leave out a clip");
     await page.locator("label:has(#colouring-class)").click();
     await page.locator(".legend", { hasText: "Wall" }).waitFor();
     await isDrawn();
@@ -31,6 +32,7 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
     // Back to the points and to the surface again: it is still there.
     await page.locator("label:has(#body-points)").click();
     await page.locator(".views[data-surface='']").waitFor({ state: "attached" });
+    assert.ok(await page.locator("li.clip.aligned input").first().isEnabled());
     await page.locator("label:has(#body-surface)").click();
     await surfaceShown();
     assert.equal(meshes.length, 1, "an unchanged surface was asked for again");

@@ -1,0 +1,45 @@
+import { body, fake } from "./dom.ts";
+import assert from "node:assert/strict";
+import { afterEach, mock, test } from "node:test";
+import { home, Refusal } from "../src/api.ts";
+import { attempt, clearNotices, noticeBoard } from "../src/parts/notices.ts";
+
+const real = { fetch: globalThis.fetch };
+const board = fake(noticeBoard());
+body.replaceChildren(board);
+afterEach(() => {
+  Object.assign(globalThis, real);
+  mock.timers.reset();
+  clearNotices();
+});
+
+const alarms = () => board.all("span").map(({ textContent }) => textContent);
+const fail = (status: number, text: string) => attempt(null, async () => {
+  throw new Refusal(status, text);
+});
+
+test("an alarm of a lost service goes when the service answers, and not before it can be read", async () => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const answered = () => home("h", new AbortController().signal);
+  globalThis.fetch = async () => new Response("{}");
+  await fail(0, "lost");
+  await fail(409, "taken");
+  await answered();
+  assert.deepEqual(alarms(), ["lost", "taken"]);
+  mock.timers.tick(6000);
+  assert.deepEqual(alarms(), ["taken"]);
+  // A loss that comes again stays until the next answer.
+  await fail(0, "lost");
+  await answered();
+  await fail(0, "lost");
+  mock.timers.tick(6000);
+  assert.deepEqual(alarms(), ["taken", "lost"]);
+});
+
+test("an action that succeeds takes the alarms of failed ones away", async () => {
+  await fail(0, "lost");
+  await fail(409, "taken");
+  assert.deepEqual(alarms(), ["lost", "taken"]);
+  await attempt(null, async () => {});
+  assert.deepEqual(alarms(), []);
+});
