@@ -49,10 +49,11 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             file.display()
         );
     }
+    // Not every layout keeps all of a clip, so that even the clip itself is not replaced.
+    output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
     let progress = TerminalProgress::new();
     progress.enter(Stage::Decode);
     let written = if is_zip(out) {
-        // The clip may be this very file.
         output::write_whole(out, |to| {
             let mut sink = ZipSink::new(to);
             let written = write(&clip, layout, &mut sink, &progress)?;
@@ -60,13 +61,13 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             Ok(written)
         })?
     } else {
-        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
-        if out.is_file() {
-            bail!("{} is a file; name a folder, or a .zip file", out.display());
+        // A device, a pipe or a broken link is there, too.
+        if fs::symlink_metadata(out).is_ok() && !out.is_dir() {
+            bail!("--out {} is not a folder; name a new or empty folder, or a .zip file", out.display());
         }
         // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
-            bail!("{} is not empty; name a folder that is, or a .zip file", out.display());
+            bail!("--out {} is not empty; name a folder that is, or a .zip file", out.display());
         }
         in_whole_folder(out, |folder| Ok(write(&clip, layout, &mut FolderSink::new(folder), &progress)?))?
     };
