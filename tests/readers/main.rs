@@ -28,6 +28,7 @@ mod maps_robots;
 mod maps_ros;
 mod maps_written;
 mod memory;
+mod missing_poses;
 mod mutations;
 mod real;
 mod recording;

@@ -55,8 +55,10 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         ));
     }
     // Without colour nothing could be tracked.
-    if sizes.color.is_some() {
-        layout.notes.extend(drop_placeholders(&mut headers));
+    if sizes.color.is_some()
+        && let Some(reason) = drop_placeholders(&mut headers)
+    {
+        layout.no_pose = Some(reason);
     }
     let info = info(&layout, &headers, &sizes);
     let tools = tools.clone();
@@ -90,7 +92,7 @@ fn check_count(layout: &Layout) -> Result<(), ClipError> {
     Ok(())
 }
 
-/// Drops poses that are all the identity, and returns a note: programs without poses write it in their place.
+/// Drops poses that are all the identity, and returns the reason: programs without poses write it in their place.
 fn drop_placeholders(headers: &mut [FrameHeader]) -> Option<String> {
     let poses = || headers.iter().filter_map(|header| header.world_from_camera.as_ref());
     if poses().count() < MIN_PLACEHOLDERS || !poses().all(is_identity) {
@@ -119,7 +121,7 @@ fn info(layout: &Layout, headers: &[FrameHeader], sizes: &Sizes) -> ClipInfo {
     };
     let frames = headers.len();
     let frames_with_pose = headers.iter().filter(|header| header.world_from_camera.is_some()).count();
-    let missing = missing(frames_with_pose > 0, sizes.color.is_some(), layout.pose_files);
+    let missing = missing(frames_with_pose > 0, sizes.color.is_some(), layout);
     let (color_width, color_height) = sizes.color.unwrap_or_default();
     ClipInfo {
         layout: layout.name.to_string(),
@@ -152,7 +154,7 @@ fn check_depth_size(frame: u32, (width, height): (u32, u32)) -> Result<(), ClipE
 }
 
 /// Returns notes about missing colour and poses.
-fn missing(has_poses: bool, has_color: bool, pose_files: &str) -> impl Iterator<Item = String> {
+fn missing(has_poses: bool, has_color: bool, layout: &Layout) -> impl Iterator<Item = String> {
     let color =
         (!has_color).then(|| "there are no colour pictures: the clip is aligned by depth alone".to_string());
     let next = if has_color {
@@ -160,8 +162,13 @@ fn missing(has_poses: bool, has_color: bool, pose_files: &str) -> impl Iterator<
     } else {
         "the clip has no colour to track the camera by"
     };
-    let poses = (!has_poses)
-        .then(|| format!("no frame has a pose in {pose_files} that is a finite rigid motion: {next}"));
+    let usual = || {
+        format!(
+            "no frame has a pose in {} that is a finite rigid motion within 100 km of the origin",
+            layout.pose_files
+        )
+    };
+    let poses = (!has_poses).then(|| format!("{}: {next}", layout.no_pose.clone().unwrap_or_else(usual)));
     color.into_iter().chain(poses)
 }
 

@@ -50,6 +50,8 @@ pub(super) struct Layout {
     pub pose_convention: &'static str,
     /// Source of the poses, for messages.
     pub pose_files: &'static str,
+    /// The reason if no frame has a pose, if the reader can tell it.
+    pub no_pose: Option<String>,
     pub depth_unit: &'static str,
     pub depth_units_per_m: f32,
     /// False if the unit of poses and depth is unknown. Depth is then in the unit of the poses.
@@ -84,6 +86,7 @@ impl Layout {
             name,
             pose_convention: OPENCV,
             pose_files: "",
+            no_pose: None,
             depth_unit: MILLIMETRES,
             depth_units_per_m: 1000.0,
             metric: true,
@@ -236,6 +239,11 @@ fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<It
 fn incomplete(color: usize, depth: usize, frames: usize) -> usize {
     // Frames of depth alone beside others with colour have one picture.
     (color + depth).saturating_sub(if color == 0 { frames } else { 2 * frames })
+}
+
+/// Returns the reason of clips without the file or folder of the poses.
+fn no_pose_without(name: &str) -> String {
+    format!("no frame has a pose, because there is no {name}")
 }
 
 /// Returns whether one of two positive numbers is more than `ratio` times the other.
