@@ -24,9 +24,11 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     // The sizes are the first frame's, which may have intrinsics of its own.
     let cameras = sizes.cameras(&layout.cameras, source.numbers)?;
     check_views(&cameras.color, &cameras.depth)?;
+    let numbers = source.numbers.or(layout.cameras.shared());
+    layout.notes.extend(numbers.and_then(|numbers| assumed_size(&numbers, &sizes)));
     let first = First {
         sizes,
-        of: source.numbers.or(layout.cameras.shared()).map(|numbers| numbers.of),
+        of: numbers.map(|numbers| numbers.of),
         cameras: &layout.cameras,
         color_is_turned: layout.color_is_turned,
     };
@@ -73,6 +75,14 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         depth_units_per_m: layout.depth_units_per_m,
     };
     Ok(Clip::new(info, headers, layout.up_in_world, layout.shutter, Origin::Files(Box::new(files))))
+}
+
+/// Returns a note if the intrinsics count the pixels of a picture that is absent.
+fn assumed_size(numbers: &Numbers, sizes: &Sizes) -> Option<String> {
+    (numbers.of == Of::Color && sizes.color.is_none()).then(|| {
+        let (width, height) = numbers.size(None, sizes.depth);
+        format!("the intrinsics are those of a colour picture that is absent; its size was assumed as {width}x{height}")
+    })
 }
 
 /// Refuses a layout without frames, or with too many.

@@ -39,6 +39,11 @@ pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
 const MAX_VIEW_RATIO: f64 = 1.3;
 /// Maximum ratio of two aspect ratios.
 pub(super) const MAX_ASPECT_RATIO: f64 = 1.1;
+/// Usual sizes of colour pictures beside depth.
+const USUAL_SIZES: [(u32, u32); 5] = [(1920, 1440), (1280, 960), (1440, 1920), (960, 1280), (640, 480)];
+/// Maximum ratios of the size by the principal point to a usual one, and to that of the depth.
+const MAX_USUAL_RATIO: f64 = 1.03;
+const MAX_DEPTH_WIDTH_RATIO: f64 = 1.05;
 /// Maximum size of the only file of a container.
 const MAX_NESTED_BYTES: u64 = 64 << 30;
 /// ARKit's worlds are aligned to gravity, y up.
@@ -285,10 +290,43 @@ impl Numbers {
     }
 
     /// Returns the size of an absent colour picture: the principal point is near its middle, and it has the
-    /// aspect ratio of the depth picture.
+    /// aspect ratio of the depth picture. It is the depth's size or a usual one, if one of them is near.
     fn size_beside(&self, depth: (u32, u32)) -> (u32, u32) {
         let side = |length: f64| length.round().clamp(1.0, f64::from(u16::MAX)) as u32;
+        let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
         let width = 2.0 * self.cx;
-        (side(width), side(width * f64::from(depth.1) / f64::from(depth.0)))
+        // Clips that were converted without colour have the intrinsics of the depth.
+        if !differs(width, f64::from(depth.0), MAX_DEPTH_WIDTH_RATIO) {
+            return depth;
+        }
+        let is_near = |usual: &(u32, u32)| {
+            !differs(width, f64::from(usual.0), MAX_USUAL_RATIO)
+                && !differs(aspect(*usual), aspect(depth), MAX_USUAL_RATIO)
+        };
+        let computed = (side(width), side(width / aspect(depth)));
+        USUAL_SIZES.into_iter().find(is_near).unwrap_or(computed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_size_of_an_absent_picture_is_near_twice_its_middle() {
+        for (cx, depth, expected) in [
+            (127.5, (256, 192), (256, 192)),
+            (124.3, (256, 192), (256, 192)),
+            (955.0, (256, 192), (1920, 1440)),
+            (962.1, (256, 192), (1920, 1440)),
+            (716.0, (192, 256), (1440, 1920)),
+            (321.0, (256, 192), (640, 480)),
+            (500.0, (256, 192), (1000, 750)),
+            // No usual size has this aspect ratio.
+            (960.0, (256, 144), (1920, 1080)),
+        ] {
+            let numbers = Numbers { fx: 1.0, fy: 1.0, cx, cy: 1.0, of: Of::Color };
+            assert_eq!(numbers.size(None, depth), expected, "{cx} {depth:?}");
+        }
     }
 }
