@@ -175,6 +175,11 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
         ),
         (&["surfaces", "--frames", "0", "--out", "o"], 2, "--frames"),
         (
+            &["evaluate", "--set", "normal", "--out", "o", "--threads", "0"],
+            2,
+            "the number of threads is 1 to",
+        ),
+        (
             &["align", "--clip", "c", "--lidar", "m", "--out", "o", "--seed", "-1"],
             2,
             "a seed is a whole number",
