@@ -26,6 +26,7 @@ mod maps_real;
 mod maps_refused;
 mod maps_robots;
 mod maps_ros;
+mod maps_tolerated;
 mod maps_written;
 mod memory;
 mod missing_poses;
