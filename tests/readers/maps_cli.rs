@@ -55,6 +55,26 @@ fn inspect_tells_what_a_file_is() {
 }
 
 #[test]
+fn inspect_tells_what_to_do_about_a_part_of_a_clip_or_a_map() {
+    use crate::archives::{Names, tar_bytes};
+    let clip = gzip(&tar_bytes(&scannet("clip/", &[0, 1, 2]), Names::Gnu));
+    let files = [
+        ("clip.tar.gz".to_string(), clip[..clip.len() / 2].to_vec()),
+        ("map.yaml".to_string(), yaml("")),
+        ("map.pgm".to_string(), pgm(grey(0, 254, 205))),
+    ];
+    let folder = as_folder(&files);
+    for (file, words) in [
+        ("clip.tar.gz", "ends too early; send the whole file again"),
+        ("map.pgm", "map.pgm is the image of a ROS map; give its yaml file: map.yaml"),
+    ] {
+        let refused = viola(&["inspect", file], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains(words), "{file}: {told}");
+    }
+}
+
+#[test]
 fn convert_writes_what_is_read_back() {
     let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
     for (to, out) in [("valetudo", "map.json"), ("ros", "map.yaml"), ("ros", "map.zip"), ("ply", "map.ply")] {
