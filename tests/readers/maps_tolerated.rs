@@ -1,6 +1,6 @@
 //! Maps with faults that cost a note and not the map.
 
-use crate::drawing::{text, valetudo};
+use crate::drawing::{grey, pgm, ros_zip, text, valetudo, yaml};
 use serde_json::{Value, json};
 use viola_formats::lidar::LidarMap;
 
@@ -38,6 +38,17 @@ fn a_segment_without_an_id_gets_one_of_its_own() {
     let map = read(&map);
     let ids: Vec<&str> = map.rooms.iter().map(|room| room.id.as_str()).collect();
     assert_eq!(ids, ["2", "1"]);
+}
+
+#[test]
+fn a_yaw_in_degrees_is_told() {
+    let plain = String::from_utf8(yaml("")).unwrap();
+    for (yaw, is_told) in [("0.0", false), ("-6.28", false), ("90", true), ("-90.0", true)] {
+        let turned = plain.replace("2.0, 0.0]", &format!("2.0, {yaw}]"));
+        let map = LidarMap::read(&ros_zip(turned.as_bytes(), &pgm(grey(0, 254, 205)))).unwrap();
+        let told = map.info.notes.iter().any(|note| note.contains("if it is in degrees, write"));
+        assert_eq!(told, is_told, "{yaw}: {:?}", map.info.notes);
+    }
 }
 
 #[test]
