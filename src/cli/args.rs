@@ -14,7 +14,7 @@ pub use completion::CompletionArguments;
 pub use method::MethodArguments;
 pub use networks::{NO_NETWORKS, NetworkArguments};
 pub use runtime::RuntimeArguments;
-pub use seconds::seconds;
+pub use seconds::{patience_seconds, seconds};
 pub use store::StoreArguments;
 pub use worker::WorkerArguments;
 

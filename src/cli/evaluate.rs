@@ -150,7 +150,11 @@ pub struct EvaluateArguments {
     #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
     /// Number of clips in parallel, each on one thread; default: the number of cores.
-    #[arg(long, conflicts_with_all = ["labels", "home", "joint", "changes", "track"])]
+    #[arg(
+        long,
+        value_parser = numbers::threads,
+        conflicts_with_all = ["labels", "home", "joint", "changes", "track"]
+    )]
     threads: Option<usize>,
 }
 

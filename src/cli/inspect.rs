@@ -43,10 +43,16 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
         Ok(found) => return map(arguments, &found),
         Err(refused) => refused,
     };
-    // A zip can be either; so can a file too large for a map.
+    if matches!(refused, LidarError::ImageWithoutYaml) {
+        return Err(wrong_file::of_map(path, refused, Advice::Flags));
+    }
+    // A zip can be either; so can a file too large for a map, and a gzip file that was cut off.
     let may_be_clip = matches!(
         refused,
-        LidarError::UnknownFormat | LidarError::FileTooLarge { .. } | LidarError::Container(_)
+        LidarError::UnknownFormat
+            | LidarError::FileTooLarge { .. }
+            | LidarError::BadCompression { .. }
+            | LidarError::Container(_)
     );
     let name = path.display();
     if !may_be_clip {

@@ -9,6 +9,7 @@ mod clip;
 mod content;
 mod contributions;
 mod document;
+mod earlier;
 mod exports;
 mod files;
 mod robot;
@@ -32,6 +33,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align::AlignParams;
+use viola_geometry::LevelName;
 use viola_home as home;
 use viola_home::{Manifest, Member};
 
@@ -100,7 +102,8 @@ pub struct MapArguments {
 }
 
 pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
-    refuse_to_overwrite(arguments)?;
+    let old_levels = earlier::levels_in(&arguments.out);
+    refuse_to_overwrite(arguments, &old_levels)?;
     // Before the clips, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
@@ -126,6 +129,9 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
+    for old in old_levels.iter().filter(|old| levels.iter().all(|map| map.level != **old)) {
+        earlier::remove_level(out, *old, &LEVEL_FILES)?;
+    }
     files.write(out)?;
     if arguments.json {
         println!("{}", String::from_utf8_lossy(&pretty_json(&files.document)));
@@ -136,13 +142,15 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     Ok(if all_have_poses { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_POSE) })
 }
 
-/// Refuses an output folder in which the map's files would replace a clip or a LiDAR map, or lie in a clip.
-fn refuse_to_overwrite(arguments: &MapArguments) -> Result<()> {
+/// Refuses an output folder in which the map's files would replace a clip or a LiDAR map, or lie in a clip. The files of
+/// earlier levels are removed, so that none of them may be an input, either.
+fn refuse_to_overwrite(arguments: &MapArguments, old_levels: &[LevelName]) -> Result<()> {
     let out = &arguments.out;
     let mut outputs = vec![out.clone()];
     outputs.extend(HOME_FILES.map(|name| out.join(name)));
-    for LevelArgument { level, .. } in &arguments.lidar {
-        let folder = if level.is_main() { out.clone() } else { out.join(level.as_str()) };
+    let levels = arguments.lidar.iter().map(|LevelArgument { level, .. }| *level);
+    for level in levels.chain(old_levels.iter().copied()) {
+        let folder = earlier::folder_of(out, level);
         outputs.extend(LEVEL_FILES.map(|name| folder.join(name)));
     }
     let mut inputs = levels::files(&arguments.lidar);

@@ -5,31 +5,30 @@ use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes a file beside `path` and gives it that name when it is whole: a command that fails or is interrupted replaces
-/// nothing. A pipe or a device is written directly.
+/// Writes a temporary file beside `path` and gives it that name when it is whole: a command that fails or is interrupted
+/// replaces nothing. A pipe or a device is written directly.
 pub fn write_whole<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> Result<T>) -> Result<T> {
     let cannot = || format!("cannot write {}", path.display());
     // A link keeps pointing to its file.
     let target = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
-    let is_direct = fs::metadata(&target).is_ok_and(|data| !data.is_file());
-    let mut part = target.file_name().with_context(cannot)?.to_os_string();
-    part.push(".part");
-    let part = if is_direct { target.clone() } else { target.with_file_name(part) };
-    let written = (|| {
-        let mut to = BufWriter::new(File::create(&part).with_context(cannot)?);
+    if fs::metadata(&target).is_ok_and(|data| !data.is_file()) {
+        let mut to = BufWriter::new(File::create(&target).with_context(cannot)?);
         let value = write(&mut to).with_context(cannot)?;
         to.flush().with_context(cannot)?;
-        if !is_direct {
-            to.get_ref().sync_all().with_context(cannot)?;
-            fs::rename(&part, &target).with_context(cannot)?;
-        }
-        Ok(value)
-    })();
-    if written.is_err() && !is_direct {
-        // The error is that of the writing.
-        let _ = fs::remove_file(&part);
+        return Ok(value);
     }
-    written
+    let (folder, name) = (target.parent().with_context(cannot)?, target.file_name().with_context(cannot)?);
+    // Not tempfile's own files, which only their owner may read.
+    let new = |part: &Path| File::options().write(true).create_new(true).open(part);
+    let part = tempfile::Builder::new().prefix(name).suffix(".part").make_in(folder, new);
+    // The temporary file is removed when `part` is dropped.
+    let (file, part) = part.with_context(cannot)?.into_parts();
+    let mut to = BufWriter::new(file);
+    let value = write(&mut to).with_context(cannot)?;
+    to.flush().with_context(cannot)?;
+    to.get_ref().sync_all().with_context(cannot)?;
+    part.persist(&target).map_err(|failed| failed.error).with_context(cannot)?;
+    Ok(value)
 }
 
 /// [`write_whole`] of bytes or of a text.
@@ -111,6 +110,18 @@ mod tests {
         assert!(error.to_string().starts_with("cannot write "), "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_write_leaves_the_files_of_others_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("map.yaml"), folder.path().join("map.yaml.part"));
+        fs::write(&other, "mine").unwrap();
+        write_bytes(&path, b"first").unwrap();
+        write_whole::<()>(&path, |_| bail!("no more")).unwrap_err();
+        assert_eq!(fs::read(&other).unwrap(), b"mine");
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

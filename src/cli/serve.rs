@@ -1,6 +1,6 @@
 //! `viola serve`: serves the HTTP API, with or without workers in the same process.
 
-use super::args::{StoreArguments, WorkerArguments, seconds};
+use super::args::{StoreArguments, WorkerArguments, patience_seconds};
 use super::child::child;
 use super::service::{self, print_address};
 use crate::api::{
@@ -31,11 +31,12 @@ pub struct ServeArguments {
     #[command(flatten)]
     worker: WorkerArguments,
     /// Maximum size of a clip in MiB.
-    #[arg(long, value_name = "MIB", env = "VIOLA_MAX_UPLOAD_MB", default_value_t = 2048)]
+    #[arg(long, value_name = "MIB", env = "VIOLA_MAX_UPLOAD_MB", default_value_t = 2048,
+        value_parser = clap::value_parser!(u64).range(1..))]
     max_upload_mb: u64,
     /// Idle time in seconds after which an unfinished resumable upload expires.
     #[arg(long, value_name = "SECONDS", env = "VIOLA_UPLOAD_PATIENCE_SECONDS", default_value = "86400",
-        value_parser = seconds)]
+        value_parser = patience_seconds)]
     upload_patience_seconds: Duration,
     /// Maximum mean rate of one tenant's requests to this process, per second; default: unlimited.
     #[arg(long, value_name = "N", env = "VIOLA_TENANT_REQUESTS_PER_SECOND")]

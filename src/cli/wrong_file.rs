@@ -14,6 +14,16 @@ const MAPS: &str = "A LiDAR map is the file of a robot (Valetudo, Roborock, Drea
                     both), a CARMEN log, or points as CSV, PLY or PCD.";
 const MORE: &str = "docs/formats.md lists what is read.";
 
+/// Layouts of folders: the name, the file without which it is not found, and other parts.
+const LAYOUTS: &[(&str, &str, &[&str])] = &[
+    ("Stray Scanner", "odometry.csv", &["camera_matrix.csv", "confidence", "imu.csv", "rgb.mp4"]),
+    ("TUM RGB-D", "depth.txt", &["rgb.txt", "groundtruth.txt", "accelerometer.txt"]),
+    ("TUM RGB-D", "rgb.txt", &["depth.txt"]),
+    ("ARKitScenes", "lowres_wide.traj", &["lowres_depth", "lowres_wide", "lowres_wide_intrinsics"]),
+    ("Record3D", "metadata", &["rgbd"]),
+    ("Spectacular AI", "data.jsonl", &["frames2", "calibration.json"]),
+];
+
 /// Advice for a file on the place of the other kind, by what a command takes.
 #[derive(Clone, Copy)]
 pub enum Advice {
@@ -52,7 +62,8 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
             anyhow!("{name} is {kind}, not a clip\n{CLIPS}\n{MORE}")
         }
         (ClipError::UnknownLayout { files }, None) if path.is_dir() => {
-            anyhow!("{name} has {files} files, and no clip that is known\n{CLIPS}\n{MORE}")
+            let nearest = nearest_layout(path).unwrap_or_default();
+            anyhow!("{name} has {files} files, and no clip that is known{nearest}\n{CLIPS}\n{MORE}")
         }
         (ClipError::Container(error @ ContainerError::CannotUnpack { .. }), _) => {
             let folder = std::env::temp_dir();
@@ -63,6 +74,17 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
         }
         (error, _) => Error::new(error).context(format!("clip {name}")),
     }
+}
+
+/// Names the layout of which a folder has most parts without the file that tells it.
+fn nearest_layout(folder: &Path) -> Option<String> {
+    let has = |name: &str| folder.join(name).exists();
+    let parts_of = |layout: &&(&str, &str, &[&str])| {
+        let (_, key, parts) = **layout;
+        if has(key) { 0 } else { parts.iter().filter(|part| has(part)).count() }
+    };
+    let (layout, key, _) = LAYOUTS.iter().filter(|layout| parts_of(layout) > 0).max_by_key(parts_of)?;
+    Some(format!("; it looks like {layout}, but {key} is missing"))
 }
 
 /// Returns the error of a LiDAR map that cannot be opened; the error of a file of another kind has three lines.
@@ -167,6 +189,23 @@ mod tests {
         assert!(image.ends_with("file.yaml"), "{image}");
         let of_folder = of_map(folder.path(), LidarError::UnknownFormat, Advice::Target).to_string();
         assert!(of_folder.contains("is a folder (name the file of the map in it), not a"), "{of_folder}");
+        for (files, words) in [
+            (
+                &["camera_matrix.csv", "rgb.mp4"][..],
+                "it looks like Stray Scanner, but odometry.csv is missing",
+            ),
+            (&["rgb.txt", "groundtruth.txt"], "it looks like TUM RGB-D, but depth.txt is missing"),
+            (&["depth.txt"], "it looks like TUM RGB-D, but rgb.txt is missing"),
+            (&["notes.txt"], "has 2 files, and no clip that is known\n"),
+        ] {
+            let clip = tempfile::tempdir().unwrap();
+            for file in files {
+                std::fs::write(clip.path().join(file), "").unwrap();
+            }
+            let error =
+                of_clip(clip.path(), ClipError::UnknownLayout { files: 2 }, Advice::Flags).to_string();
+            assert!(error.lines().count() == 3 && error.contains(words), "{error}");
+        }
         let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 }, Advice::Flags);
         assert!(format!("{other:#}").starts_with("LiDAR map "), "{other:#}");
         let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 }, Advice::Flags);

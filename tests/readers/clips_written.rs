@@ -129,6 +129,27 @@ fn frames_that_cannot_be_written_are_told() {
     }
 }
 
+#[test]
+fn a_clip_of_depth_alone_keeps_its_camera() {
+    let mut files = crate::writers::scannet("", &[0, 1, 2]);
+    files.retain(|(name, _)| !name.starts_with("color/"));
+    // The depth is 32 pixels wide.
+    let matrix = "28 0 15.3 0\n0 28 11.3 0\n0 0 1 0\n0 0 0 1\n";
+    crate::edits::set(&mut files, "intrinsic/intrinsic_depth.txt", matrix);
+    let (folder, out) = (as_folder(&files), tempfile::tempdir().unwrap());
+    let clip = Clip::open(folder.path()).unwrap();
+    write(&clip, WrittenLayout::StrayScanner, &mut FolderSink::new(out.path()), &Silent).unwrap();
+    let read = Clip::open(out.path()).unwrap();
+    let notes = &read.info().notes;
+    assert!(notes.iter().any(|note| note.contains("its size was assumed as 32x24")), "{notes:?}");
+    let [wanted, found] = [clip, read].map(|clip| clip.load(0).unwrap().depth_camera);
+    for (wanted, found) in
+        [(wanted.fx, found.fx), (wanted.fy, found.fy), (wanted.cx, found.cx), (wanted.cy, found.cy)]
+    {
+        assert!((wanted - found).abs() < 1e-4, "{wanted} became {found}");
+    }
+}
+
 /// SLAM programs take recordings without poses.
 #[test]
 fn a_clip_without_poses_is_written_for_tum() {

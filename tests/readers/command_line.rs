@@ -175,12 +175,21 @@ fn wrong_arguments_have_an_exit_code_of_their_own() {
         ),
         (&["surfaces", "--frames", "0", "--out", "o"], 2, "--frames"),
         (
+            &["evaluate", "--set", "normal", "--out", "o", "--threads", "0"],
+            2,
+            "the number of threads is 1 to",
+        ),
+        (
             &["align", "--clip", "c", "--lidar", "m", "--out", "o", "--seed", "-1"],
             2,
             "a seed is a whole number",
         ),
         (&["map", "c", "--lidar", "m", "--out", "o", "--seed", "seven"], 2, "a seed is a whole number"),
         (&["simulate", "--out", "o", "--seed", "1.5"], 2, "a seed is a whole number"),
+        (&["work", "--workers", "1000000"], 2, "the number of workers is 0 to 256"),
+        (&["serve", "--job-seconds", "0"], 2, "'--job-seconds <SECONDS>': it is 1 to 604800 seconds"),
+        (&["serve", "--upload-patience-seconds", "0"], 2, "it is 1 to 31536000 seconds"),
+        (&["serve", "--max-upload-mb", "0"], 2, "--max-upload-mb"),
         // An empty variable is one that is not set.
         (&["config"], 0, ""),
     ] {
@@ -233,6 +242,18 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
         assert!(output.status.code() == Some(2) && stderr.contains(words), "{command} {value}: {stderr}");
         assert!(stdout.contains("database-url = "), "{stdout}");
         assert!(!stdout.contains("secret@") && !stderr.contains("secret@"), "{stdout}{stderr}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_data_folder_that_is_a_file_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("file"), "mine").unwrap();
+    for data in ["file", "file/data"] {
+        let serve = ["serve", "--listen", "127.0.0.1:0", "--no-worker", "--data", data];
+        let (code, _, stderr) = run(&serve, folder.path());
+        assert!(code != Some(0) && stderr.contains("Name a folder with --data"), "{data}: {stderr}");
     }
 }
 

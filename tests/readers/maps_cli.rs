@@ -55,6 +55,26 @@ fn inspect_tells_what_a_file_is() {
 }
 
 #[test]
+fn inspect_tells_what_to_do_about_a_part_of_a_clip_or_a_map() {
+    use crate::archives::{Names, tar_bytes};
+    let clip = gzip(&tar_bytes(&scannet("clip/", &[0, 1, 2]), Names::Gnu));
+    let files = [
+        ("clip.tar.gz".to_string(), clip[..clip.len() / 2].to_vec()),
+        ("map.yaml".to_string(), yaml("")),
+        ("map.pgm".to_string(), pgm(grey(0, 254, 205))),
+    ];
+    let folder = as_folder(&files);
+    for (file, words) in [
+        ("clip.tar.gz", "ends too early; send the whole file again"),
+        ("map.pgm", "map.pgm is the image of a ROS map; give its yaml file: map.yaml"),
+    ] {
+        let refused = viola(&["inspect", file], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains(words), "{file}: {told}");
+    }
+}
+
+#[test]
 fn convert_writes_what_is_read_back() {
     let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
     for (to, out) in [("valetudo", "map.json"), ("ros", "map.yaml"), ("ros", "map.zip"), ("ply", "map.ply")] {
@@ -134,7 +154,38 @@ fn a_clip_is_converted_to_a_folder_or_a_zip_archive() {
     assert!(std::fs::read(folder.path().join("OUT.ZIP")).unwrap().starts_with(b"PK"));
     std::fs::write(folder.path().join("mine"), "mine").unwrap();
     let told = text_of(&convert("mine").stderr);
-    assert!(told.contains("mine is a file; name a folder, or a .zip file"), "{told}");
+    assert!(
+        told.contains("--out mine is not a folder; name a new or empty folder, or a .zip file"),
+        "{told}"
+    );
+    assert_eq!(std::fs::read(folder.path().join("mine")).unwrap(), b"mine");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_clip_replaces_no_device_and_no_broken_link() {
+    let folder = as_folder(&scannet("clip/", &[0, 1, 2]));
+    for (out, target) in [("device", "/dev/null"), ("broken", "nowhere")] {
+        let link = folder.path().join(out);
+        std::os::unix::fs::symlink(target, &link).unwrap();
+        let refused = viola(&["convert", "clip", "--to", "tum", "--out", out], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(
+            !refused.status.success() && told.contains(&format!("--out {out} is not a folder")),
+            "{told}"
+        );
+        assert!(link.is_symlink(), "{out}");
+    }
+}
+
+#[test]
+fn a_clip_is_not_converted_into_itself() {
+    let clip = zip_bytes(&scannet("clip/", &[0, 1, 2]));
+    let folder = as_folder(&[("clip.zip".to_string(), clip.clone())]);
+    let refused = viola(&["convert", "clip.zip", "--to", "tum", "--out", "./clip.zip"], folder.path());
+    let told = text_of(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("choose another --out"), "{told}");
+    assert_eq!(std::fs::read(folder.path().join("clip.zip")).unwrap(), clip);
 }
 
 #[cfg(unix)]

@@ -22,6 +22,8 @@ pub enum StorageError {
          it writable, or choose another folder with --data"
     )]
     ReadOnly { path: PathBuf, source: std::io::Error },
+    #[error("the data folder {path} cannot be used: it is a file, or lies in one. Name a folder with --data")]
+    NotAFolder { path: PathBuf },
     #[error(
         "there is no service in the data folder {path}: it has no viola.sqlite. Correct --data, name PostgreSQL with \
          --database-url, or begin a service with `viola serve` or `viola keys create`"

@@ -52,6 +52,9 @@ impl Storage {
             io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied => {
                 StorageError::ReadOnly { path: params.data.clone(), source }
             }
+            io::ErrorKind::AlreadyExists | io::ErrorKind::NotADirectory => {
+                StorageError::NotAFolder { path: params.data.clone() }
+            }
             _ => StorageError::File { path: params.data.clone(), source },
         };
         // Recordings of homes are private: no other user of this machine may read them.

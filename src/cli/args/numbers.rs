@@ -2,6 +2,10 @@
 
 /// Frames of a clip: the readers take no more.
 const MAX_FRAMES: usize = 100_000;
+/// More threads than any machine has cores.
+const MAX_THREADS: usize = 1024;
+/// Parallel jobs of a process: each takes memory and threads of its own.
+const MAX_WORKERS: usize = 256;
 /// Error of poses after a metre, in metres: more is no pose.
 const MAX_DRIFT_M: f64 = 1.0;
 
@@ -15,6 +19,18 @@ pub fn frames(text: &str) -> Result<usize, String> {
 pub fn clips(text: &str) -> Result<usize, String> {
     let clips = text.parse().ok().filter(|clips| *clips > 0);
     clips.ok_or_else(|| "the number of clips is at least 1".to_owned())
+}
+
+/// Parses a number of threads.
+pub fn threads(text: &str) -> Result<usize, String> {
+    let threads = text.parse().ok().filter(|threads| (1..=MAX_THREADS).contains(threads));
+    threads.ok_or_else(|| format!("the number of threads is 1 to {MAX_THREADS}"))
+}
+
+/// Parses a number of workers; a server may have none.
+pub fn workers(text: &str) -> Result<usize, String> {
+    let workers = text.parse().ok().filter(|workers| (0..=MAX_WORKERS).contains(workers));
+    workers.ok_or_else(|| format!("the number of workers is 0 to {MAX_WORKERS}"))
 }
 
 /// Parses the error of poses after a metre of path.
@@ -47,6 +63,12 @@ mod tests {
         }
         for (text, expected) in [("0", None), ("1", Some(1)), ("-1", None)] {
             assert_eq!(clips(text).ok(), expected, "{text}");
+        }
+        for (text, expected) in [("0", Some(0)), ("256", Some(256)), ("257", None), ("-1", None)] {
+            assert_eq!(workers(text).ok(), expected, "{text}");
+        }
+        for (text, expected) in [("0", None), ("1", Some(1)), ("1024", Some(1024)), ("1025", None)] {
+            assert_eq!(threads(text).ok(), expected, "{text}");
         }
         for (text, expected) in [
             ("0", Some(0)),

@@ -1,7 +1,8 @@
 //! Arguments for the workers.
 
 use super::method::MethodArguments;
-use super::seconds::seconds;
+use super::numbers;
+use super::seconds::{job_seconds, seconds};
 use crate::cli::child::child_params;
 use crate::jobs::{JobLimitParams, WorkerParams};
 use crate::webhooks::WebhookParams;
@@ -18,7 +19,7 @@ const MEMORY_WITH_MODELS_MB: u64 = 4096;
 #[derive(Args)]
 pub struct WorkerArguments {
     /// Number of parallel jobs; each job uses all cores if it can.
-    #[arg(long, value_name = "N", env = "VIOLA_WORKERS", default_value_t = 1)]
+    #[arg(long, value_name = "N", env = "VIOLA_WORKERS", default_value_t = 1, value_parser = numbers::workers)]
     pub workers: usize,
     #[command(flatten)]
     method: MethodArguments,
@@ -27,7 +28,7 @@ pub struct WorkerArguments {
     #[arg(long, env = "VIOLA_WEBHOOKS_TO_PRIVATE_ADDRESSES")]
     webhooks_to_private_addresses: bool,
     /// Time limit of a job in seconds, in addition to 6 s for each uploaded MiB.
-    #[arg(long, value_name = "SECONDS", env = "VIOLA_JOB_SECONDS", default_value = "600", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", env = "VIOLA_JOB_SECONDS", default_value = "600", value_parser = job_seconds)]
     job_seconds: Duration,
     /// Memory limit of a job in MiB, in addition to its networks and to four times its files; default: 1024,
     /// or 4096 with a models folder.

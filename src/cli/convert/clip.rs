@@ -12,31 +12,31 @@ use viola_formats::clip::Clip;
 use viola_formats::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
 use viola_geometry::progress::{Progress, Stage};
 
-/// Writes files into a folder beside `out`, which gets that name when it is whole: after a command that fails or is interrupted
-/// there is no `out`. An empty folder that is there is filled.
+/// Writes files into a temporary folder, which gets the name `out` when it is whole: after a command that fails or is
+/// interrupted there is no `out`. An empty folder that is there is filled.
 fn in_whole_folder<T>(out: &Path, write: impl FnOnce(&Path) -> Result<T>) -> Result<T> {
     let cannot = || format!("cannot write {}", out.display());
-    if out.exists() {
-        // The error is that of the conversion.
-        return write(out).inspect_err(|_| drop(fs::remove_dir_all(out)));
+    let is_there = out.is_dir();
+    // A folder that is there may be a link or a mount point, so that no other folder can get its name.
+    let place = if is_there { out } else { out.parent().with_context(cannot)? };
+    output::folder(place)?;
+    // It is removed when `part` is dropped.
+    let part = tempfile::Builder::new().prefix("viola-").suffix(".part").tempdir_in(place);
+    let part = part.with_context(cannot)?;
+    // Only its owner may read a temporary folder, and a folder in it has the usual permissions.
+    let whole = part.path().join("clip");
+    output::folder(&whole)?;
+    let written = write(&whole)?;
+    if is_there {
+        let entries: std::io::Result<Vec<fs::DirEntry>> =
+            fs::read_dir(&whole).with_context(cannot)?.collect();
+        for entry in entries.with_context(cannot)? {
+            fs::rename(entry.path(), out.join(entry.file_name())).with_context(cannot)?;
+        }
+    } else {
+        fs::rename(&whole, out).with_context(cannot)?;
     }
-    let mut part = out.file_name().with_context(cannot)?.to_os_string();
-    part.push(".part");
-    let part = out.with_file_name(part);
-    if part.exists() {
-        // Of a command that was interrupted.
-        fs::remove_dir_all(&part).with_context(cannot)?;
-    }
-    output::folder(&part)?;
-    let written = write(&part).and_then(|written| {
-        fs::rename(&part, out).with_context(cannot)?;
-        Ok(written)
-    });
-    if written.is_err() {
-        // The error is that of the conversion.
-        let _ = fs::remove_dir_all(&part);
-    }
-    written
+    Ok(written)
 }
 
 /// Writes a clip into a new or empty folder, or into a zip archive.
@@ -49,10 +49,11 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             file.display()
         );
     }
+    // Not every layout keeps all of a clip, so that even the clip itself is not replaced.
+    output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
     let progress = TerminalProgress::new();
     progress.enter(Stage::Decode);
     let written = if is_zip(out) {
-        // The clip may be this very file.
         output::write_whole(out, |to| {
             let mut sink = ZipSink::new(to);
             let written = write(&clip, layout, &mut sink, &progress)?;
@@ -60,13 +61,13 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
             Ok(written)
         })?
     } else {
-        output::refuse_to_overwrite(&[file.to_owned()], &[out.to_owned()], "--out")?;
-        if out.is_file() {
-            bail!("{} is a file; name a folder, or a .zip file", out.display());
+        // A device, a pipe or a broken link is there, too.
+        if fs::symlink_metadata(out).is_ok() && !out.is_dir() {
+            bail!("--out {} is not a folder; name a new or empty folder, or a .zip file", out.display());
         }
         // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
-            bail!("{} is not empty; name a folder that is, or a .zip file", out.display());
+            bail!("--out {} is not empty; name a folder that is, or a .zip file", out.display());
         }
         in_whole_folder(out, |folder| Ok(write(&clip, layout, &mut FolderSink::new(folder), &progress)?))?
     };
@@ -80,26 +81,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_conversion_that_ends_early_can_be_started_again() {
+    fn a_conversion_that_fails_leaves_nothing_and_removes_nothing_of_others() {
         let folder = tempfile::tempdir().unwrap();
-        let (out, part) = (folder.path().join("clip"), folder.path().join("clip.part"));
+        let (out, other) = (folder.path().join("clip"), folder.path().join("clip.part"));
         let write = |folder: &Path| Ok(fs::write(folder.join("new"), "")?);
-        // As an interrupt leaves it.
-        fs::create_dir(&part).unwrap();
-        fs::write(part.join("old"), "").unwrap();
-        in_whole_folder(&out, write).unwrap();
-        assert!(out.join("new").is_file() && !out.join("old").exists() && !part.exists());
-        let failed = in_whole_folder(&folder.path().join("other"), |_| -> Result<()> { bail!("no more") });
+        let half = |folder: &Path| -> Result<()> { write(folder).and_then(|()| bail!("no more")) };
+        fs::create_dir(&other).unwrap();
+        fs::write(other.join("old"), "").unwrap();
+        let failed = in_whole_folder(&out, half);
         assert_eq!(failed.unwrap_err().to_string(), "no more");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        // An empty folder is taken.
+        assert!(!out.exists());
+        in_whole_folder(&out, write).unwrap();
+        assert!(out.join("new").is_file() && !out.join("old").exists() && other.join("old").is_file());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        // An empty folder is taken, and stays.
         let empty = folder.path().join("empty");
         fs::create_dir(&empty).unwrap();
+        in_whole_folder(&empty, half).unwrap_err();
+        assert_eq!(fs::read_dir(&empty).unwrap().count(), 0);
         in_whole_folder(&empty, write).unwrap();
         assert!(empty.join("new").is_file());
-        fs::remove_file(empty.join("new")).unwrap();
-        let half = |folder: &Path| -> Result<()> { write(folder).and_then(|()| bail!("no more")) };
-        in_whole_folder(&empty, half).unwrap_err();
-        assert!(!empty.join("new").exists());
+        assert_eq!(fs::read_dir(&empty).unwrap().count(), 1);
     }
 }

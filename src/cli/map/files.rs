@@ -3,6 +3,7 @@
 use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
+use super::earlier;
 use super::exports::LevelExports;
 use super::robot;
 use crate::api::{objects_document, pretty_json, rooms_document};
@@ -105,7 +106,7 @@ impl<'a> HomeFiles<'a> {
     /// Writes all files into a folder without a `map.json`, which is the last one: a folder that has it is whole.
     pub fn write(&self, out: &Path) -> Result<()> {
         for level in &self.levels {
-            let folder = if level.level.is_main() { out.to_owned() } else { out.join(level.level.as_str()) };
+            let folder = earlier::folder_of(out, level.level);
             output::folder(&folder)?;
             self.write_points(level, &folder.join("points.ply"))?;
             self.exports(level).write(&folder)?;

@@ -24,9 +24,11 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     // The sizes are the first frame's, which may have intrinsics of its own.
     let cameras = sizes.cameras(&layout.cameras, source.numbers)?;
     check_views(&cameras.color, &cameras.depth)?;
+    let numbers = source.numbers.or(layout.cameras.shared());
+    layout.notes.extend(numbers.and_then(|numbers| assumed_size(&numbers, &sizes)));
     let first = First {
         sizes,
-        of: source.numbers.or(layout.cameras.shared()).map(|numbers| numbers.of),
+        of: numbers.map(|numbers| numbers.of),
         cameras: &layout.cameras,
         color_is_turned: layout.color_is_turned,
     };
@@ -55,8 +57,10 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         ));
     }
     // Without colour nothing could be tracked.
-    if sizes.color.is_some() {
-        layout.notes.extend(drop_placeholders(&mut headers));
+    if sizes.color.is_some()
+        && let Some(reason) = drop_placeholders(&mut headers)
+    {
+        layout.no_pose = Some(reason);
     }
     let info = info(&layout, &headers, &sizes);
     let tools = tools.clone();
@@ -71,6 +75,14 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         depth_units_per_m: layout.depth_units_per_m,
     };
     Ok(Clip::new(info, headers, layout.up_in_world, layout.shutter, Origin::Files(Box::new(files))))
+}
+
+/// Returns a note if the intrinsics count the pixels of a picture that is absent.
+fn assumed_size(numbers: &Numbers, sizes: &Sizes) -> Option<String> {
+    (numbers.of == Of::Color && sizes.color.is_none()).then(|| {
+        let (width, height) = numbers.size(None, sizes.depth);
+        format!("the intrinsics are those of a colour picture that is absent; its size was assumed as {width}x{height}")
+    })
 }
 
 /// Refuses a layout without frames, or with too many.
@@ -90,7 +102,7 @@ fn check_count(layout: &Layout) -> Result<(), ClipError> {
     Ok(())
 }
 
-/// Drops poses that are all the identity, and returns a note: programs without poses write it in their place.
+/// Drops poses that are all the identity, and returns the reason: programs without poses write it in their place.
 fn drop_placeholders(headers: &mut [FrameHeader]) -> Option<String> {
     let poses = || headers.iter().filter_map(|header| header.world_from_camera.as_ref());
     if poses().count() < MIN_PLACEHOLDERS || !poses().all(is_identity) {
@@ -119,7 +131,7 @@ fn info(layout: &Layout, headers: &[FrameHeader], sizes: &Sizes) -> ClipInfo {
     };
     let frames = headers.len();
     let frames_with_pose = headers.iter().filter(|header| header.world_from_camera.is_some()).count();
-    let missing = missing(frames_with_pose > 0, sizes.color.is_some(), layout.pose_files);
+    let missing = missing(frames_with_pose > 0, sizes.color.is_some(), layout);
     let (color_width, color_height) = sizes.color.unwrap_or_default();
     ClipInfo {
         layout: layout.name.to_string(),
@@ -152,7 +164,7 @@ fn check_depth_size(frame: u32, (width, height): (u32, u32)) -> Result<(), ClipE
 }
 
 /// Returns notes about missing colour and poses.
-fn missing(has_poses: bool, has_color: bool, pose_files: &str) -> impl Iterator<Item = String> {
+fn missing(has_poses: bool, has_color: bool, layout: &Layout) -> impl Iterator<Item = String> {
     let color =
         (!has_color).then(|| "there are no colour pictures: the clip is aligned by depth alone".to_string());
     let next = if has_color {
@@ -160,8 +172,13 @@ fn missing(has_poses: bool, has_color: bool, pose_files: &str) -> impl Iterator<
     } else {
         "the clip has no colour to track the camera by"
     };
-    let poses = (!has_poses)
-        .then(|| format!("no frame has a pose in {pose_files} that is a finite rigid motion: {next}"));
+    let usual = || {
+        format!(
+            "no frame has a pose in {} that is a finite rigid motion within 100 km of the origin",
+            layout.pose_files
+        )
+    };
+    let poses = (!has_poses).then(|| format!("{}: {next}", layout.no_pose.clone().unwrap_or_else(usual)));
     color.into_iter().chain(poses)
 }
 

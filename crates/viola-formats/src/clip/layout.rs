@@ -39,6 +39,11 @@ pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
 const MAX_VIEW_RATIO: f64 = 1.3;
 /// Maximum ratio of two aspect ratios.
 pub(super) const MAX_ASPECT_RATIO: f64 = 1.1;
+/// Usual sizes of colour pictures beside depth.
+const USUAL_SIZES: [(u32, u32); 5] = [(1920, 1440), (1280, 960), (1440, 1920), (960, 1280), (640, 480)];
+/// Maximum ratios of the size by the principal point to a usual one, and to that of the depth.
+const MAX_USUAL_RATIO: f64 = 1.03;
+const MAX_DEPTH_WIDTH_RATIO: f64 = 1.05;
 /// Maximum size of the only file of a container.
 const MAX_NESTED_BYTES: u64 = 64 << 30;
 /// ARKit's worlds are aligned to gravity, y up.
@@ -50,6 +55,8 @@ pub(super) struct Layout {
     pub pose_convention: &'static str,
     /// Source of the poses, for messages.
     pub pose_files: &'static str,
+    /// The reason if no frame has a pose, if the reader can tell it.
+    pub no_pose: Option<String>,
     pub depth_unit: &'static str,
     pub depth_units_per_m: f32,
     /// False if the unit of poses and depth is unknown. Depth is then in the unit of the poses.
@@ -84,6 +91,7 @@ impl Layout {
             name,
             pose_convention: OPENCV,
             pose_files: "",
+            no_pose: None,
             depth_unit: MILLIMETRES,
             depth_units_per_m: 1000.0,
             metric: true,
@@ -238,6 +246,11 @@ fn incomplete(color: usize, depth: usize, frames: usize) -> usize {
     (color + depth).saturating_sub(if color == 0 { frames } else { 2 * frames })
 }
 
+/// Returns the reason of clips without the file or folder of the poses.
+fn no_pose_without(name: &str) -> String {
+    format!("no frame has a pose, because there is no {name}")
+}
+
 /// Returns whether one of two positive numbers is more than `ratio` times the other.
 pub(super) fn differs(a: f64, b: f64, ratio: f64) -> bool {
     a > b * ratio || b > a * ratio
@@ -277,10 +290,43 @@ impl Numbers {
     }
 
     /// Returns the size of an absent colour picture: the principal point is near its middle, and it has the
-    /// aspect ratio of the depth picture.
+    /// aspect ratio of the depth picture. It is the depth's size or a usual one, if one of them is near.
     fn size_beside(&self, depth: (u32, u32)) -> (u32, u32) {
         let side = |length: f64| length.round().clamp(1.0, f64::from(u16::MAX)) as u32;
+        let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
         let width = 2.0 * self.cx;
-        (side(width), side(width * f64::from(depth.1) / f64::from(depth.0)))
+        // Clips that were converted without colour have the intrinsics of the depth.
+        if !differs(width, f64::from(depth.0), MAX_DEPTH_WIDTH_RATIO) {
+            return depth;
+        }
+        let is_near = |usual: &(u32, u32)| {
+            !differs(width, f64::from(usual.0), MAX_USUAL_RATIO)
+                && !differs(aspect(*usual), aspect(depth), MAX_USUAL_RATIO)
+        };
+        let computed = (side(width), side(width / aspect(depth)));
+        USUAL_SIZES.into_iter().find(is_near).unwrap_or(computed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_size_of_an_absent_picture_is_near_twice_its_middle() {
+        for (cx, depth, expected) in [
+            (127.5, (256, 192), (256, 192)),
+            (124.3, (256, 192), (256, 192)),
+            (955.0, (256, 192), (1920, 1440)),
+            (962.1, (256, 192), (1920, 1440)),
+            (716.0, (192, 256), (1440, 1920)),
+            (321.0, (256, 192), (640, 480)),
+            (500.0, (256, 192), (1000, 750)),
+            // No usual size has this aspect ratio.
+            (960.0, (256, 144), (1920, 1080)),
+        ] {
+            let numbers = Numbers { fx: 1.0, fy: 1.0, cx, cy: 1.0, of: Of::Color };
+            assert_eq!(numbers.size(None, depth), expected, "{cx} {depth:?}");
+        }
     }
 }

@@ -3,11 +3,12 @@
 
 use super::build::{Parts, build, occupied_centres};
 use super::marks::{MAX_CORNERS, MapMarks};
-use super::sheet::{Run, Sheet};
+use super::sheet::{MAX_OFF_SHEET_M, Run, Sheet};
 use super::{
     Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, RobotFrame, RobotFrames, Room, UnknownYaw, Zone,
     ZoneKind,
 };
+use std::collections::BTreeMap;
 use viola_geometry::{Grid, Pose2};
 
 const MAX_NAME_CHARS: usize = 100;
@@ -109,7 +110,35 @@ impl Drawing {
         points.iter().flatten().all(|v| v.is_finite()).then_some(points)
     }
 
+    /// Drops marks that are far off the sheet, with a note.
+    fn drop_far_marks(&mut self) {
+        let sheet = self.sheet;
+        let is_near = |at_m: &[f64; 2]| sheet.is_near(*at_m);
+        let is_spot_near = |spot: &Spot| {
+            let at = sheet.point(spot.x_cm, spot.y_cm);
+            sheet.is_near([at.x, at.y])
+        };
+        let before = self.count_marks();
+        self.charger = self.charger.filter(is_spot_near);
+        self.robot = self.robot.filter(is_spot_near);
+        self.marks.zones.retain(|zone| zone.outline_m.iter().all(is_near));
+        self.marks.lines.retain(|line| line.ends_m.iter().all(is_near));
+        self.marks.obstacles.retain(|obstacle| is_near(&obstacle.at_m));
+        let dropped = before - self.count_marks();
+        if dropped > 0 {
+            self.notes.push(format!(
+                "{dropped} marks are more than {MAX_OFF_SHEET_M} m off the map's sheet and were ignored"
+            ));
+        }
+    }
+
+    fn count_marks(&self) -> usize {
+        let spots = [self.charger, self.robot].into_iter().flatten().count();
+        spots + self.marks.zones.len() + self.marks.lines.len() + self.marks.obstacles.len()
+    }
+
     pub fn into_map(mut self) -> Result<LidarMap, LidarError> {
+        self.drop_far_marks();
         let runs = || self.layers.iter().flat_map(|layer| &layer.runs);
         let cells: u64 = runs().map(|run| u64::from(run.count)).sum();
         if cells > MAX_POINTS as u64 {
@@ -117,7 +146,7 @@ impl Drawing {
         }
         let sheet = self.sheet;
         let mut grid = sheet.grid_around(runs())?;
-        let (mut rooms, mut unknown_layers) = (Vec::new(), 0);
+        let (mut rooms, mut unknown_layers) = (Rooms::default(), 0);
         // Walls are written over floors, in any order of the layers.
         for Layer { kind, runs } in &self.layers {
             match kind {
@@ -126,7 +155,7 @@ impl Drawing {
                 LayerKind::Floor => sheet.fill(&mut grid, runs, Cell::Free),
                 LayerKind::Segment { id, name, material } => {
                     sheet.fill(&mut grid, runs, Cell::Free);
-                    rooms.push(Room {
+                    rooms.add(Room {
                         id: shorten(id),
                         name: name.as_deref().map(shorten).filter(|name| !name.is_empty()),
                         material: material.as_deref().map(shorten).filter(|material| !material.is_empty()),
@@ -153,7 +182,7 @@ impl Drawing {
             frame: self.frame,
             occupied_m: occupied_centres(&grid)?,
             cells: Some(grid),
-            rooms,
+            rooms: rooms.merged(&mut self.notes),
             charger,
             marks: self.marks,
             carpet_m: sheet.centres(&self.carpet),
@@ -162,6 +191,47 @@ impl Drawing {
         let valetudo = sheet.valetudo_frame();
         let frames = RobotFrames { own: self.own_frame.unwrap_or(valetudo), valetudo: Some(valetudo) };
         Ok(LidarMap { frames, sheet_cm: Some(sheet.size_cm), unknown_yaw, ..build(parts)? })
+    }
+}
+
+/// Rooms with different ids.
+#[derive(Default)]
+struct Rooms {
+    all: Vec<Room>,
+    place_of: BTreeMap<String, usize>,
+    /// Number of segments with the id of an earlier one.
+    repeated: usize,
+}
+
+impl Rooms {
+    /// Adds a segment: a room, or a part of the room with its id.
+    fn add(&mut self, part: Room) {
+        let Some(place) = self.place_of.get(&part.id).copied() else {
+            self.place_of.insert(part.id.clone(), self.all.len());
+            self.all.push(part);
+            return;
+        };
+        let room = &mut self.all[place];
+        room.cells_m.extend(part.cells_m);
+        room.name = room.name.take().or(part.name);
+        room.material = room.material.take().or(part.material);
+        self.repeated += 1;
+    }
+
+    /// Returns the rooms, with a note if some have several segments.
+    fn merged(mut self, notes: &mut Vec<String>) -> Vec<Room> {
+        if self.repeated > 0 {
+            notes.push(format!(
+                "{} segments have the id of an earlier one and were added to its room",
+                self.repeated
+            ));
+            // A cell may be in several segments.
+            for room in &mut self.all {
+                room.cells_m.sort_by(|a, b| b.y.total_cmp(&a.y).then(a.x.total_cmp(&b.x)));
+                room.cells_m.dedup();
+            }
+        }
+        self.all
     }
 }
 

@@ -8,6 +8,7 @@ use self::yaml::Description;
 use super::build::{Parts, build, occupied_centres};
 use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
 use crate::container::{Container, ContainerError, Zip};
+use std::f64::consts::TAU;
 use viola_geometry::{Grid, GridFrame};
 
 const MAX_YAML_BYTES: u64 = 64 << 10;
@@ -164,6 +165,14 @@ pub(super) fn read(
         None => image_beside(&description.image, &mut notes).map_err(bad)?,
     };
     let origin = description.origin().map_err(bad)?;
+    let [.., yaw_rad] = description.origin;
+    if yaw_rad.abs() > TAU {
+        notes.push(format!(
+            "the yaw of origin, {yaw_rad}, is more than a turn in radians, in which it was read; if it is in degrees, write \
+             {:.4}",
+            yaw_rad.to_radians()
+        ));
+    }
     if description.resolution > COARSE_CELL_M {
         notes.push(format!(
             "cells of {} m are coarse: poses of clips are up to half a cell off, and most clips are not aligned",

@@ -6,6 +6,9 @@
 use crate::lidar::{Cell, LidarError, MAX_CELLS, RobotFrame};
 use viola_geometry::{Grid, GridFrame, Point2};
 
+/// Marks further from the sheet are damaged. Zones are drawn by hand, and may begin beside it.
+pub(super) const MAX_OFF_SHEET_M: f64 = 10.0;
+
 /// A run of cells to the right of (x, y), counted from the top-left corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Run {
@@ -51,6 +54,14 @@ impl Sheet {
     /// Converts a point in centimetres from the top-left corner, y down, to the map's frame.
     pub fn point(&self, x_cm: f64, y_cm: f64) -> Point2 {
         Point2::new(x_cm / 100.0, (self.height_cm - y_cm) / 100.0)
+    }
+
+    /// Returns whether a point in the map's frame is on the sheet, or at most [`MAX_OFF_SHEET_M`] beside it.
+    pub fn is_near(&self, at_m: [f64; 2]) -> bool {
+        let is_within = |at_m: f64, size_cm: i64| {
+            (-MAX_OFF_SHEET_M..=size_cm as f64 / 100.0 + MAX_OFF_SHEET_M).contains(&at_m)
+        };
+        is_within(at_m[0], self.size_cm[0]) && is_within(at_m[1], self.size_cm[1])
     }
 
     /// Returns an empty grid around all runs, so that an almost empty sheet needs little memory.

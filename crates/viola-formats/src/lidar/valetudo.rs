@@ -13,6 +13,7 @@ use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind};
 use crate::container::{Container, Zip};
+use std::collections::BTreeSet;
 
 /// A kilometre: no robot maps more.
 pub(super) const MAX_SIZE_CM: i64 = 100_000;
@@ -54,14 +55,21 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let sheet = Sheet::new(file.size.x, file.size.y, file.pixel_size);
     let frame = "metres, x right, y up, origin at the lower-left corner of `size`";
     let mut drawing = Drawing::new("valetudo", frame, sheet);
-    let (mut cells, mut segments) = (0, 0);
+    let (mut cells, mut segments) = (0, 0_usize);
+    let ids = file.layers.0.iter().filter_map(|layer| layer.meta_data.segment_id.as_ref());
+    let ids: BTreeSet<String> = ids.map(id_of).collect();
     for (index, layer) in file.layers.0.iter().enumerate() {
         let runs = runs(&sheet, layer, index)?;
         cells += runs.iter().map(|run| u64::from(run.count)).sum::<u64>();
         if cells > MAX_POINTS as u64 {
             return Err(LidarError::TooManyCells { cells, max: MAX_POINTS });
         }
-        segments += usize::from(layer.kind == "segment");
+        if layer.kind == "segment" {
+            segments += 1;
+            while layer.meta_data.segment_id.is_none() && ids.contains(&segments.to_string()) {
+                segments += 1;
+            }
+        }
         drawing.layers.push(drawing::Layer { kind: kind(layer, segments), runs });
     }
     add_entities(&mut drawing, &file.entities.0);
@@ -120,17 +128,20 @@ fn runs(sheet: &Sheet, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarErr
     Ok(runs)
 }
 
-/// Returns a layer's kind; `number` counts the segments so far and is the id of one without.
+fn id_of(label: &Label) -> String {
+    match label {
+        Label::Text(text) => text.clone(),
+        Label::Number(id) => id.to_string(),
+    }
+}
+
+/// Returns a layer's kind; `number` is the id of a segment without one.
 fn kind(layer: &Layer, number: usize) -> LayerKind {
     match layer.kind.as_str() {
         "floor" => LayerKind::Floor,
         "wall" => LayerKind::Wall,
         "segment" => LayerKind::Segment {
-            id: match &layer.meta_data.segment_id {
-                Some(Label::Text(text)) => text.clone(),
-                Some(Label::Number(id)) => id.to_string(),
-                None => number.to_string(),
-            },
+            id: layer.meta_data.segment_id.as_ref().map_or_else(|| number.to_string(), id_of),
             name: layer.meta_data.name.clone(),
             material: layer.meta_data.material.clone(),
         },

@@ -59,6 +59,10 @@ impl Mistake {
         }
     }
 
+    fn is_unit(self) -> bool {
+        matches!(self, Mistake::Millimetres | Mistake::Centimetres)
+    }
+
     /// Completes "the poses seem to be".
     fn description(self) -> &'static str {
         match self {
@@ -77,6 +81,11 @@ impl Mistake {
 
 /// Returns a reason if neighbouring key frames agree much better by another convention of the poses.
 pub fn other_convention(keys: &[KeyFrame]) -> Option<Reason> {
+    convention(keys, false)
+}
+
+/// Returns the reason of [`other_convention`]. A camera that moves too fast tells that its unit is wrong.
+fn convention(keys: &[KeyFrame], is_too_fast: bool) -> Option<Reason> {
     let stride = keys.len().div_ceil(PAIRS).max(1);
     let pairs: Vec<&[KeyFrame]> = keys.windows(2).step_by(stride).collect();
     if pairs.len() < MIN_PAIRS {
@@ -90,7 +99,11 @@ pub fn other_convention(keys: &[KeyFrame]) -> Option<Reason> {
     };
     let as_they_are = agreeing(&|pose: &Pose3| *pose);
     let by_mistake = Mistake::ALL.map(|mistake| (agreeing(&|pose: &Pose3| mistake.mended(pose)), mistake));
-    let (most, mistake) = by_mistake.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Depth that is too small agrees with all cameras at one point, and then the unit of the poses is not the mistake.
+    let at_one_point = |pose: &Pose3| Pose3::from_parts(Vector3::zeros().into(), pose.rotation);
+    let least_of_unit = if is_too_fast { 0.0 } else { agreeing(&at_one_point) + MIN_MORE };
+    let counts = |found: &(f64, Mistake)| !found.1.is_unit() || found.0 >= least_of_unit;
+    let (most, mistake) = by_mistake.into_iter().filter(counts).max_by(|a, b| a.0.total_cmp(&b.0))?;
     (most >= MIN_AGREEING && most >= as_they_are + MIN_MORE).then(|| {
         let detail = format!(
             "by the camera poses {:.0} % of what neighbouring frames see lies in one place, and {:.0} % if the poses are {}",
@@ -132,7 +145,7 @@ pub fn convention_of_dropped(
             Err(_) => {}
         }
     }
-    Ok(other_convention(&keys))
+    Ok(convention(&keys, true))
 }
 
 /// Returns the fraction of the readings of `a` that lie where `b` reads a surface.
@@ -221,6 +234,18 @@ mod tests {
             UnitQuaternion::from_euler_angles(1.0, 0.4, -2.0),
         );
         check(|pose| other * pose, None);
+    }
+
+    #[test]
+    fn depth_in_another_unit_is_no_mistake_of_the_poses() {
+        for factor in [0.2, 0.1] {
+            let with_small_depth = |key: KeyFrame| {
+                let world_from_camera = key.world_from_camera;
+                KeyFrame { world_from_camera, ..key.scaled(factor) }
+            };
+            let keys: Vec<KeyFrame> = walk().into_iter().map(with_small_depth).collect();
+            assert_eq!(other_convention(&keys), None, "{factor}");
+        }
     }
 
     #[test]

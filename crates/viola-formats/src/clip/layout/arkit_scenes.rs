@@ -6,7 +6,7 @@
 
 use super::associate::associate;
 use super::text::{numbers, parse_row, read_table, rigid};
-use super::trajectory::{Timed, pose_at, times};
+use super::trajectory::{Timed, no_pose_near, pose_at, times};
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
 };
@@ -67,7 +67,9 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let name = cameras[0].value.to_string();
     let numbers = read_pincam(container, &name)?;
     let incomplete = color.len() + depth.len() - 2 * sources.len();
+    let no_pose = no_pose_near(TRAJECTORY, &poses, &depth_s, MAX_POSE_GAP_S);
     Ok(Some(Layout {
+        no_pose,
         pose_convention: "world-to-camera (axis and angle), OpenCV (x right, y down, z forward)",
         pose_files: TRAJECTORY,
         gravity: "world z is up (rule of the layout)".to_string(),

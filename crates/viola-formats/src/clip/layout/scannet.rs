@@ -3,10 +3,12 @@
 
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
-use super::{Cameras, ClipError, Layout, Of};
+use super::{Cameras, ClipError, Layout, Of, no_pose_without};
 use crate::clip::files::find_file;
 use crate::container::Container;
 use viola_geometry::Vector3;
+
+const POSES: &str = "pose/";
 
 /// Finds the export in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
@@ -25,7 +27,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         (Cameras::One(of_depth()?), "intrinsic/intrinsic_depth.txt")
     };
     Ok(Some(Layout {
-        pose_files: "pose/",
+        pose_files: POSES,
+        no_pose: (files.count(Kind::Pose) == 0).then(|| no_pose_without(POSES)),
         gravity: "world z is up (rule of the layout)".to_string(),
         up_in_world: Some(Vector3::z()),
         color_pictures,

@@ -5,11 +5,12 @@
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
 use super::tum::is_not_of_kinect;
-use super::{Cameras, ClipError, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
+use super::{Cameras, ClipError, DepthAt, Intrinsics, Layout, Numbers, Of, Source, no_pose_without};
 use crate::clip::files::find_file;
 use crate::container::Container;
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
+const POSES: &str = "frame-*.pose.txt";
 /// The depth camera on the page of 7-Scenes.
 const DEPTH_CAMERA: Numbers = Numbers { fx: 585.0, fy: 585.0, cx: 320.0, cy: 240.0, of: Of::Size(640, 480) };
 
@@ -22,7 +23,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let mut notes = Vec::new();
     let (camera, intrinsics) = camera(container, [root, &parent], sources.first(), &mut notes)?;
     Ok(Some(Layout {
-        pose_files: "frame-*.pose.txt",
+        pose_files: POSES,
+        no_pose: (files.count(Kind::Pose) == 0).then(|| no_pose_without(POSES)),
         depth_unit: "millimetres (16-bit PNG, 65535 is no reading)",
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),

@@ -9,7 +9,7 @@ const MAX_POSE_BYTES: u64 = 4 << 10;
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
 const MAX_TABLE_BYTES: u64 = 16 << 20;
 /// Poses further than this from their origin are invalid.
-const MAX_DISTANCE_M: f64 = 1e5;
+pub(super) const MAX_DISTANCE_M: f64 = 1e5;
 /// Maximum error of the products of a rotation's columns. Exports print six digits; 7-Scenes is off by up to
 /// 1e-3.
 const ROTATION_TOLERANCE: f64 = 0.02;

@@ -38,6 +38,23 @@ pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Op
     }
 }
 
+/// Returns the reason if [`pose_at`] finds none of a file's poses for any picture; `None` without poses or pictures. Both are
+/// ascending.
+pub(super) fn no_pose_near(
+    file: &str,
+    poses: &[Timed<Pose3>],
+    pictures_s: &[f64],
+    max_gap_s: f64,
+) -> Option<String> {
+    let (first_s, last_s) = (poses.first()?.time_s, poses.last()?.time_s);
+    let (from_s, to_s) = (pictures_s.first()?, pictures_s.last()?);
+    Some(format!(
+        "no depth picture is between two poses of {file} at most {:.2} s apart; the poses are from {first_s:.2} s to \
+         {last_s:.2} s, and the pictures from {from_s:.2} s to {to_s:.2} s",
+        2.0 * max_gap_s
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,11 +6,13 @@
 
 use super::associate::associate;
 use super::inertial::Forces;
-use super::text::{listed_path, parse_row, pose_from_quaternion, read_intrinsics, read_table};
-use super::trajectory::{Timed, pose_at, times};
+use super::text::{
+    MAX_DISTANCE_M, listed_path, parse_row, pose_from_quaternion, read_intrinsics, read_table,
+};
+use super::trajectory::{Timed, no_pose_near, pose_at, times};
 use super::{
-    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
-    roots_of,
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete,
+    no_pose_without, only_root, roots_of,
 };
 use crate::clip::files::find_file;
 use crate::clip::{Shutter, picture};
@@ -19,6 +21,7 @@ use nalgebra::Quaternion;
 use viola_geometry::{Pose3, Vector3};
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
+const POSES: &str = "groundtruth.txt";
 /// Maximum time between the pictures of a frame.
 const MAX_GAP_S: f64 = 0.02;
 /// Limits of [`max_pose_gap_s`]. Motion capture has 100 poses a second, and the slowest odometry has 10: between two poses
@@ -36,7 +39,7 @@ const KINECT_SHUTTER: Shutter = Shutter { color_s: 0.0261, depth_s: 0.0306 };
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let has = |root: &str, file: &str| container.contains(&format!("{root}{file}"));
     // Without colour, the poses are needed: there is nothing to track the camera by.
-    let is_root = |root: &&str| has(root, "rgb.txt") || has(root, "groundtruth.txt");
+    let is_root = |root: &&str| has(root, "rgb.txt") || has(root, POSES);
     let Some(root) = only_root(roots_of(container, "depth.txt").filter(is_root))? else {
         return Ok(None);
     };
@@ -44,7 +47,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let color = read_list(container, root, "rgb.txt", &mut notes)?;
     let has_color = !color.present.is_empty() || color.missing > 0;
     let depth = read_list(container, root, "depth.txt", &mut notes)?;
-    let poses = read_poses(container, &format!("{root}groundtruth.txt"), &mut notes)?;
+    let poses = read_poses(container, &format!("{root}{POSES}"), &mut notes)?;
     let forces = read_forces(container, &format!("{root}accelerometer.txt"), &mut notes)?;
     let max_pose_gap_s = max_pose_gap_s(&poses);
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
@@ -96,10 +99,10 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             numbers: None,
         }
     });
-    let sources = sources.collect();
     let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };
     Ok(Some(Layout {
-        pose_files: "groundtruth.txt",
+        pose_files: POSES,
+        no_pose: no_pose(has(root, POSES), &poses, &times(&depth.present), max_pose_gap_s),
         depth_unit: "5000 a metre (16-bit PNG)",
         depth_units_per_m: 5000.0,
         gravity: gravity.to_string(),
@@ -110,8 +113,13 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         incomplete,
         intrinsics,
         notes,
-        ..Layout::new("tum_rgbd", cameras, sources)
+        ..Layout::new("tum_rgbd", cameras, sources.collect())
     }))
+}
+
+/// Returns the reason if no frame has a pose.
+fn no_pose(has_file: bool, poses: &[Timed<Pose3>], depth_s: &[f64], max_gap_s: f64) -> Option<String> {
+    if has_file { no_pose_near(POSES, poses, depth_s, max_gap_s) } else { Some(no_pose_without(POSES)) }
 }
 
 /// Returns the maximum time between a picture and the nearer of the poses around it; these are at most twice as far apart.
@@ -185,19 +193,28 @@ pub(super) fn read_poses(
     name: &str,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Timed<Pose3>>, ClipError> {
-    let mut poses = Vec::new();
+    let (mut poses, mut far) = (Vec::new(), 0);
     if !container.contains(name) {
         return Ok(poses);
     }
     read_table(container, name)?.read_rows(notes, |text| {
         let [time_s, tx, ty, tz, qx, qy, qz, qw] =
             parse_row(text).ok_or("expected 8 numbers: time tx ty tz qx qy qz qw")?;
-        let pose = pose_from_quaternion(Quaternion::new(qw, qx, qy, qz), Vector3::new(tx, ty, tz));
+        let at = Vector3::new(tx, ty, tz);
+        far += usize::from((MAX_DISTANCE_M..f64::INFINITY).contains(&at.norm()));
+        let pose = pose_from_quaternion(Quaternion::new(qw, qx, qy, qz), at);
         if let (true, Some(value)) = (time_s.is_finite(), pose) {
             poses.push(Timed { time_s, value });
         }
         Ok(())
     })?;
+    if far > 0 {
+        notes.push(format!(
+            "{far} poses of {name} are {:.0} km or more from the origin, and were left out; subtract the same offset from all \
+             positions",
+            MAX_DISTANCE_M / 1e3
+        ));
+    }
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(poses)
 }

@@ -34,7 +34,19 @@ pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarErro
     if (bytes.len() as u64) < cells * bytes_per_cell {
         return Err(bad(format!("it ends before its {width}x{height} pixels do")));
     }
-    DynamicImage::from_decoder(decoder).map_err(|error| bad(error.to_string()))
+    DynamicImage::from_decoder(decoder).map(without_opaque_alpha).map_err(|error| bad(error.to_string()))
+}
+
+/// Returns an image without an alpha channel that is opaque everywhere. Image editors add one, and the average of map_server
+/// would make unknown cells free by it.
+fn without_opaque_alpha(image: DynamicImage) -> DynamicImage {
+    match &image {
+        DynamicImage::ImageLumaA8(of) if of.pixels().all(|p| p.0[1] == u8::MAX) => image.to_luma8().into(),
+        DynamicImage::ImageRgba8(of) if of.pixels().all(|p| p.0[3] == u8::MAX) => image.to_rgb8().into(),
+        DynamicImage::ImageLumaA16(of) if of.pixels().all(|p| p.0[1] == u16::MAX) => image.to_luma16().into(),
+        DynamicImage::ImageRgba16(of) if of.pixels().all(|p| p.0[3] == u16::MAX) => image.to_rgb16().into(),
+        _ => image,
+    }
 }
 
 /// Map savers' value for unknown, besides 254 for free and 0 for occupied.
@@ -149,8 +161,8 @@ impl Rule {
         };
         let is_opaque = pixel[self.color_channels..].iter().all(|&a| f64::from(a.into()) >= self.max_value);
         match self.mode {
-            // map_server averages alpha in with red, green and blue here, and writers rely on it. A grey value is all
-            // three.
+            // map_server averages alpha in with red, green and blue here, and writers of transparent images rely on it. A
+            // grey value is all three.
             Mode::Trinary => match pixel {
                 [grey, alpha] => self.by_threshold(mean(&[*grey, *grey, *grey, *alpha])),
                 _ => self.by_threshold(mean(pixel)),
@@ -305,6 +317,25 @@ mod tests {
             classify(&image.into(), &raw),
             [Cell::Occupied, Cell::Unknown, Cell::Occupied, Cell::Free, Cell::Free]
         );
+    }
+
+    #[test]
+    fn alpha_counts_only_in_an_image_with_transparency() {
+        let trinary = description(0.196, Mode::Trinary, false);
+        let greys = [0, 205, 254];
+        for (alpha, unknown) in [(255, Cell::Unknown), (254, Cell::Free)] {
+            let grey = image::GrayAlphaImage::from_fn(3, 1, |x, _| image::LumaA([greys[x as usize], alpha]));
+            let colour = image::RgbaImage::from_fn(3, 1, |x, _| {
+                let grey = greys[x as usize];
+                image::Rgba([grey, grey, grey, alpha])
+            });
+            let colour = DynamicImage::from(colour);
+            let wide = DynamicImage::ImageRgba16(colour.to_rgba16());
+            for (what, image) in [("grey", DynamicImage::from(grey)), ("colour", colour), ("16 bits", wide)] {
+                let cells = classify(&without_opaque_alpha(image), &trinary);
+                assert_eq!(cells, [Cell::Occupied, unknown, Cell::Free], "{what} {alpha}");
+            }
+        }
     }
 
     #[test]
