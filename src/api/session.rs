@@ -18,7 +18,10 @@ use viola_storage::{SESSION_LIFE, Secret, SessionToken};
 #[serde(deny_unknown_fields)]
 pub(super) struct SessionBody {
     /// The key as `viola keys create` printed it.
-    #[schema(example = "viola_0000000000000000000000000000000000000000000000000000000000000000")]
+    #[schema(
+        min_length = 1,
+        example = "viola_0000000000000000000000000000000000000000000000000000000000000000"
+    )]
     key: String,
 }
 
