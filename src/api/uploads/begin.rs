@@ -57,7 +57,7 @@ pub(super) async fn begin(
     }
     let (limits, max_bytes) = (&app.uploads.limits, app.limits.storage_bytes);
     if let (Some(home), Some(key), Some(bytes)) = (&new.home, metadata.clip_key(), new.length_bytes) {
-        // No longer one: the clip may be removed before this one is complete.
+        // A larger file needs room: the stored clip may be removed before the upload is complete.
         new.is_stored = app.storage.bytes_of_key(home, &key).await?.is_some_and(|stored| bytes <= stored);
     }
     let id = app.storage.create_upload(new.clone(), limits, max_bytes, now).await?.id;

@@ -104,8 +104,9 @@ export function adviceOn(clip: Clip, code: string | undefined): string | null {
 
 function firstAdvice(clip: Clip, code: string | undefined): string | null {
   const list = adviceOf(clip);
+  if (list.length === 0) return null;
   const own = adviceFor(code ?? "");
-  if (list.length === 0 || (own && list.includes(own))) return list.length > 0 ? own : null;
+  if (own && list.includes(own)) return own;
   const ofOthers = new Set(clip.reasons.map((reason) => adviceFor(reason.code)));
   return list.find((text) => !ofOthers.has(text)) ?? own;
 }

@@ -90,7 +90,10 @@ export function messageOf(error: unknown): string {
 /** Tells a failure and returns its alarm, if it has one; `of` names what failed. The end of the session leads to the form to sign in instead. */
 export function tellFailure(error: unknown, of = ""): HTMLElement | null {
   const text = of ? `${of}: ${messageOf(error)}` : messageOf(error);
-  if (isSessionEnd(error)) return reportSessionEnd(text), null;
+  if (isSessionEnd(error)) {
+    reportSessionEnd(text);
+    return null;
+  }
   const note = alarm(text);
   if (error instanceof Refusal && error.status === 0) ofLoss.set(note, performance.now());
   return note;

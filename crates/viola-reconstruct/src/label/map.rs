@@ -23,7 +23,7 @@ pub struct MapLabels {
 /// Returns the labels of the first `count` points of a piece of a map, whose z axis is up and whose floor is at 0; the
 /// others are the surface around them. The labels of `map` are those of its clips. In the segments that pictures show, the
 /// surface network's answer for the map votes beside them; in the others it is the mean of its answers for the clips and for
-/// the map. Pieces of furniture agree on both. The answer for the map is left out if the network fails.
+/// the map. Pieces of furniture agree on the network's answers. The answer for the map is left out if the network fails.
 pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork>) -> MapLabels {
     let mut sites = Sites::new(map);
     let (shapes, _) = structure::shapes(&sites);
@@ -59,7 +59,7 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
         (by_class(label).unwrap_or([0.0; CLASSES]), label.views)
     };
     let surfaced = combine::surfaced(&segments, &shapes, |site| said[site]);
-    // Pictures have heard the network's answers for the clips.
+    // The labels of pictured points have heard the network's answers for the clips, but not that for the map.
     let alone = if of_map.is_some() { Alone::Voter(surfaced) } else { Alone::Fallback(surfaced) };
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
     MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }

@@ -38,8 +38,8 @@ pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Op
     }
 }
 
-/// Returns the reason if [`pose_at`] finds none of a file's poses for any picture; `None` without poses or pictures. Both are
-/// ascending.
+/// Returns the reason to tell if [`pose_at`] finds none of a file's poses for any picture; `None` without poses or pictures.
+/// Both are ascending.
 pub(super) fn no_pose_near(
     file: &str,
     poses: &[Timed<Pose3>],
