@@ -11,6 +11,10 @@ use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 /// A map of the greatest side is still readable where another origin rounds its corners otherwise.
 const ROUNDING_M: f64 = 1e-6;
 
+/// A map with a greater coordinate, in metres, is refused: files of points and meshes have 32-bit numbers, whose steps are
+/// 8 mm there, and half a metre at the northing of a UTM zone.
+pub(super) const MAX_DISTANCE_M: f64 = 1e5;
+
 /// The result of one format's reader.
 pub(super) struct Parts {
     pub format: &'static str,
@@ -24,8 +28,8 @@ pub(super) struct Parts {
     pub notes: Vec<String>,
 }
 
-/// Drops duplicate and stray points, refuses a map without points or larger than a home, and builds its
-/// summary.
+/// Drops duplicate and stray points, refuses a map without points, larger than a home or far from its origin, and builds
+/// its summary.
 pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     if parts.occupied_m.len() > MAX_POINTS {
         return Err(LidarError::TooManyPoints { max: MAX_POINTS });
@@ -68,6 +72,10 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
         }
     }
     check_sides([0, 1].map(|axis| bounds.max_m[axis] - bounds.min_m[axis]))?;
+    let Bounds { min_m, max_m } = bounds;
+    if [min_m, max_m].iter().flatten().any(|coordinate| coordinate.abs() >= MAX_DISTANCE_M) {
+        return Err(LidarError::FarFromOrigin { x_m: min_m[0], y_m: min_m[1], max_m: MAX_DISTANCE_M });
+    }
     let cell_m = parts.cells.as_ref().map(|grid| grid.frame.cell_m);
     let cell_area_m2 = cell_m.map_or(0.0, |side| side * side);
     parts.marks.carpet_m2 = parts.carpet_m.len() as f64 * cell_area_m2;
@@ -79,8 +87,8 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
         occupied_points: parts.occupied_m.len(),
         free_cells,
         free_area_m2: free_cells as f64 * cell_area_m2,
-        min_m: bounds.min_m,
-        max_m: bounds.max_m,
+        min_m,
+        max_m,
         rooms: parts.rooms.iter().map(|room| describe(room, cell_area_m2)).collect(),
         charger: parts.charger,
         marks: parts.marks,

@@ -40,7 +40,7 @@ pub enum LidarError {
     TooLarge { width_m: f64, height_m: f64, max_m: f64 },
     #[error(
         "the map is at x {x_m:.1} m, y {y_m:.1} m, and all coordinates must be below {max_m} m; subtract the same offset from \
-         those of all points"
+         all of them"
     )]
     FarFromOrigin { x_m: f64, y_m: f64, max_m: f64 },
     #[error("the map has more than {max} points")]

@@ -9,17 +9,13 @@ pub(super) use csv::read_csv;
 pub(super) use pcd::{is_pcd, read_pcd};
 pub(super) use ply::read_ply;
 
-use super::build::{Parts, build};
-use super::{LidarError, LidarInfo, LidarMap, MAX_POINTS, MapMarks};
+use super::build::{MAX_DISTANCE_M, Parts, build};
+use super::{LidarError, LidarMap, MAX_POINTS, MapMarks};
 use viola_geometry::Point2;
 
 /// Points with a greater coordinate, in metres, are dropped: it is twice the circumference of the earth.
 const MAX_COORDINATE_M: f64 = 8e7;
-/// A map with a greater coordinate, in metres, is refused: files of points and meshes have 32-bit numbers, whose steps are
-/// 8 mm there, and half a metre at the northing of a UTM zone.
-const MAX_DISTANCE_M: f64 = 1e5;
-
-/// If at least this fraction of the points is nearer than that, the others are dropped.
+/// If at least this fraction of the points is nearer than [`MAX_DISTANCE_M`], the others are dropped.
 const MIN_NEAR_FRACTION: f64 = 0.99;
 
 /// Points collected from a file.
@@ -66,7 +62,7 @@ impl Cloud {
                 MAX_DISTANCE_M / 1000.0
             ));
         }
-        let map = build(Parts {
+        build(Parts {
             format,
             frame: "metres, the file's own frame, x right, y up",
             occupied_m: self.points,
@@ -76,11 +72,6 @@ impl Cloud {
             marks: MapMarks::default(),
             carpet_m: Vec::new(),
             notes,
-        })?;
-        let LidarInfo { min_m, max_m, .. } = map.info;
-        if [min_m, max_m].iter().flatten().any(|coordinate| coordinate.abs() >= MAX_DISTANCE_M) {
-            return Err(LidarError::FarFromOrigin { x_m: min_m[0], y_m: min_m[1], max_m: MAX_DISTANCE_M });
-        }
-        Ok(map)
+        })
     }
 }

@@ -291,4 +291,21 @@ mod tests {
             assert_eq!(notes.iter().any(|note| note.starts_with(&coarse)), is_noted, "{notes:?}");
         }
     }
+
+    #[test]
+    fn a_map_far_from_its_origin_is_refused() {
+        for (y_m, is_read) in [(99_990.0, true), (100_000.0, false), (-666_662.0, false)] {
+            let yaml = format!(
+                "image: a.pgm\nresolution: 0.05\norigin: [0, {y_m:?}, 0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+            );
+            let map =
+                read(yaml.as_bytes(), "a.yaml", Images::Anywhere, |_| Ok(b"P2 2 1 255\n0 254\n".to_vec()));
+            match map {
+                Ok(map) => assert!(is_read && LidarMap::read(&map.to_ply().bytes).is_ok(), "{y_m}"),
+                Err(error) => {
+                    assert!(!is_read && matches!(error, LidarError::FarFromOrigin { .. }), "{error}")
+                }
+            }
+        }
+    }
 }
