@@ -225,6 +225,21 @@ fn other_apps_with_parts_missing() {
     }
 }
 
+/// Newer versions of the app leave the size of the picture out of corrected cameras.
+#[test]
+fn polycam_without_the_size_of_its_pictures() {
+    let clip = check(writers::polycam, |f| {
+        let names: Vec<String> = f.iter().map(|(name, _)| name.clone()).collect();
+        for name in names.iter().filter(|name| name.contains("corrected_cameras/")) {
+            drop_member(f, name, "width");
+            drop_member(f, name, "height");
+        }
+    });
+    check_told(&clip, "the app's corrected cameras and pictures were used");
+    let camera = clip.load(1).unwrap().depth_camera;
+    assert!((camera.fx - Recording::small(3).depth_k[0]).abs() < 1e-4, "{camera:?}");
+}
+
 #[test]
 fn redwood_and_nerfstudio_as_others_write_them() {
     let redwood = writers::redwood;

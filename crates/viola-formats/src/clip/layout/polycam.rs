@@ -18,15 +18,16 @@ const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 const CAMERAS: &str = "keyframes/cameras/";
 const CORRECTED_CAMERAS: &str = "keyframes/corrected_cameras/";
 
-/// A camera's file: intrinsics in the picture's pixels, and a 3x4 camera-to-world matrix, row-major.
+/// A camera's file: intrinsics in the picture's pixels, and a 3x4 camera-to-world matrix, row-major. Since the end of 2025
+/// the app leaves the size out of corrected cameras (nerfstudio-project/nerfstudio, pull request 3725).
 #[derive(Deserialize)]
 struct Camera {
     fx: f64,
     fy: f64,
     cx: f64,
     cy: f64,
-    width: u32,
-    height: u32,
+    width: Option<u32>,
+    height: Option<u32>,
     t_00: f64,
     t_01: f64,
     t_02: f64,
@@ -44,7 +45,8 @@ struct Camera {
 impl Camera {
     fn numbers(&self) -> Numbers {
         let Camera { fx, fy, cx, cy, width, height, .. } = *self;
-        Numbers { fx, fy, cx, cy, of: Of::Size(width, height) }
+        let of = width.zip(height).map_or(Of::Color, |(width, height)| Of::Size(width, height));
+        Numbers { fx, fy, cx, cy, of }
     }
 
     fn rows(&self) -> [f64; 12] {
