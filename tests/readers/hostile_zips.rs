@@ -2,7 +2,7 @@
 
 use crate::memory::peak_bytes;
 use crate::writers::*;
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 use viola_formats::clip::Clip;
 
@@ -128,6 +128,42 @@ fn archives_with_more_entries_than_zip32_can_count_are_read() {
     files.extend((0..66_000).map(|n| (format!("other/{n}.txt"), Vec::new())));
     let file = as_zip(&files);
     assert!(Clip::open(file.path()).unwrap().load(1).is_ok());
+}
+
+/// Archive Utility of macOS counts the entries modulo 65 536.
+#[test]
+fn archives_with_more_entries_than_they_count_are_refused() {
+    let mut files = good();
+    files.extend((0..65_536).map(|n| Entry::stored(&format!("other/{n}.txt"), b"")));
+    let wrapped = as_file(&raw_zip(&files));
+    let mut zip = raw_zip(&good());
+    let end = zip.len() - 22;
+    for at in [end + 8, end + 10] {
+        zip[at] -= 1;
+    }
+    let one_less = as_file(&zip);
+    for (file, counted) in [(wrapped, good().len()), (one_less, good().len() - 1)] {
+        let error = Clip::open(file.path()).map(drop).unwrap_err();
+        assert_eq!(error.code(), "zip_damaged", "{error}");
+        let words = format!("more entries than the {counted} that its end counts, as macOS packs");
+        assert!(error.to_string().contains(&words), "{error}");
+    }
+}
+
+/// Archive Utility of macOS keeps the last 32 bits of the directory's place.
+#[test]
+fn an_archive_of_4_gib_whose_directory_is_not_found_tells_the_way_out() {
+    const MORE: u64 = 1 << 32;
+    let zip = raw_zip(&good());
+    let directory = zip.windows(4).position(|bytes| bytes == b"PK\x01\x02").unwrap();
+    let mut file = as_file(&zip[..directory]);
+    // A file with a hole takes no room.
+    file.as_file_mut().set_len(directory as u64 + MORE).unwrap();
+    file.seek(SeekFrom::End(0)).unwrap();
+    file.write_all(&zip[directory..]).unwrap();
+    let error = Clip::open(file.path()).map(drop).unwrap_err();
+    assert_eq!(error.code(), "zip_damaged", "{error}");
+    assert!(error.to_string().contains("pack the folder with `zip -r`"), "{error}");
 }
 
 #[test]

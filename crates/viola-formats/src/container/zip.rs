@@ -6,7 +6,7 @@ use super::contents::{FileSum, RATIO_FREE_BYTES, read_bounded};
 use super::names::{Entries, required, safe_name, shown};
 use super::spool::spool;
 use super::{Container, ContainerError, MAX_ENTRIES, Region, Scratch};
-use ::zip::read::{ArchiveOffset, Config};
+use ::zip::read::{ArchiveOffset, Config, ZipArchiveMetadata};
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
 use entry::Entry;
@@ -20,6 +20,14 @@ const MAX_ENTRY_BYTES: u64 = 4 << 30;
 const MAX_TOTAL_BYTES: u64 = 64 << 30;
 /// Maximum unpacked bytes per packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
 const MAX_RATIO: u64 = 200;
+/// Begins an entry's header in the directory (APPNOTE 4.3.12).
+const DIRECTORY_HEADER: [u8; 4] = *b"PK\x01\x02";
+/// The size of this header, up to the entry's name.
+const DIRECTORY_HEADER_BYTES: usize = 46;
+/// Archive Utility of macOS, which makes the archives of Finder's menu, keeps the last 16 bits of a count and the last 32 of an
+/// offset (zlib-ng/minizip-ng, issue 184; thejoshwolfe/yauzl, issues 60 and 69).
+const MAC_ADVICE: &str = "as macOS packs 65 536 files or more, or more than 4 GiB; pack the folder with `zip -r` or `tar` in a \
+    terminal, or split the recording";
 
 trait ReadSeek: Read + Seek + Send + Sync {}
 impl<T: Read + Seek + Send + Sync> ReadSeek for T {}
@@ -70,6 +78,7 @@ impl Zip {
         // A known offset keeps the crate from searching the whole file for the directory.
         let config = Config { archive_offset: ArchiveOffset::Known(0) };
         let directory = ZipArchive::with_config(config, reader).map_err(damaged)?.metadata();
+        check_count(&directory, &mut source.reader()?)?;
         if directory.has_duplicate_names() {
             return Err(ContainerError::DuplicateName { name: "the same".into() });
         }
@@ -200,6 +209,31 @@ fn damaged(error: ZipError) -> ContainerError {
     }
 }
 
+/// Refuses a directory that goes on behind the entries that its end counts: the others would be missing.
+fn check_count(
+    directory: &ZipArchiveMetadata,
+    reader: &mut (impl Read + Seek),
+) -> Result<(), ContainerError> {
+    let counted = directory.len();
+    let headers = (0..counted).filter_map(|index| directory.entry(index).ok());
+    let Some(last) = headers.map(|entry| entry.central_header_start()).max() else { return Ok(()) };
+    let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
+    let mut header = [0; DIRECTORY_HEADER_BYTES];
+    reader.seek(SeekFrom::Start(last)).map_err(io)?;
+    reader.read_exact(&mut header).map_err(io)?;
+    // A name, an extra field and a comment follow.
+    let length = |at: usize| i64::from(u16::from_le_bytes([header[at], header[at + 1]]));
+    reader.seek(SeekFrom::Current(length(28) + length(30) + length(32))).map_err(io)?;
+    let mut next = Vec::new();
+    reader.by_ref().take(4).read_to_end(&mut next).map_err(io)?;
+    if next != DIRECTORY_HEADER {
+        return Ok(());
+    }
+    let reason =
+        format!("its directory has more entries than the {counted} that its end counts, {MAC_ADVICE}");
+    Err(ContainerError::ZipDamaged { reason })
+}
+
 /// Checks the start and the end of the file before the crate does, and returns the file's size.
 ///
 /// The crate allocates for the number of entries in the end record. A plain end record has at most 65 535; a
@@ -229,6 +263,7 @@ fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> 
     if ends.is_empty() {
         return Err(ContainerError::ZipTruncated);
     }
+    check_offset(reader, ends.iter().map(|&end| &tail[end..]), len)?;
     for end in ends {
         let Some(locator) = end.checked_sub(LOCATOR_BYTES).map(|at| &tail[at..end]) else { continue };
         if locator[..4] != LOCATOR {
@@ -246,4 +281,30 @@ fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> 
         }
     }
     Ok(len)
+}
+
+/// Refuses an archive of more than 4 GiB whose directory is at none of the places that its `ends` tell.
+fn check_offset<'a>(
+    reader: &mut (impl Read + Seek),
+    ends: impl Iterator<Item = &'a [u8]>,
+    len: u64,
+) -> Result<(), ContainerError> {
+    if len <= u64::from(u32::MAX) {
+        return Ok(());
+    }
+    let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
+    for end in ends {
+        // The offset is at byte 16 of the end record (APPNOTE 4.3.16).
+        let offset = u32::from_le_bytes([end[16], end[17], end[18], end[19]]);
+        let mut head = Vec::new();
+        reader.seek(SeekFrom::Start(offset.into())).map_err(io)?;
+        reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;
+        // The largest number leaves the offset to a zip64 record.
+        if offset == u32::MAX || head == DIRECTORY_HEADER {
+            return Ok(());
+        }
+    }
+    Err(ContainerError::ZipDamaged {
+        reason: format!("its directory is not where its end says, {MAC_ADVICE}"),
+    })
 }
