@@ -1,6 +1,7 @@
 //! Maps with faults that cost a note and not the map.
 
 use crate::drawing::{grey, pgm, ros_zip, text, valetudo, yaml};
+use crate::maps::check_home;
 use serde_json::{Value, json};
 use viola_formats::lidar::LidarMap;
 
@@ -48,6 +49,19 @@ fn a_yaw_in_degrees_is_told() {
         let map = LidarMap::read(&ros_zip(turned.as_bytes(), &pgm(grey(0, 254, 205)))).unwrap();
         let told = map.info.notes.iter().any(|note| note.contains("if it is in degrees, write"));
         assert_eq!(told, is_told, "{yaw}: {:?}", map.info.notes);
+    }
+}
+
+/// map_saver writes `-nan` for a map whose publisher left the rotation empty.
+#[test]
+fn a_yaw_that_is_not_a_number_is_0() {
+    let plain = String::from_utf8(yaml("")).unwrap();
+    for yaw in ["-nan", "nan", "\"-nan\"", ".nan"] {
+        let unknown = plain.replace("2.0, 0.0]", &format!("2.0, {yaw}]"));
+        let map = LidarMap::read(&ros_zip(unknown.as_bytes(), &pgm(grey(0, 254, 205))));
+        let map = map.unwrap_or_else(|error| panic!("{yaw}: {error}"));
+        check_home(yaw, &map, [-1.0, 2.0]);
+        check_note(&map, "the yaw of origin is not a number; 0 was taken");
     }
 }
 

@@ -166,7 +166,9 @@ pub(super) fn read(
     };
     let origin = description.origin().map_err(bad)?;
     let [.., yaw_rad] = description.origin;
-    if yaw_rad.abs() > TAU {
+    if description.has_no_yaw() {
+        notes.push("the yaw of origin is not a number; 0 was taken".to_string());
+    } else if yaw_rad.abs() > TAU {
         notes.push(format!(
             "the yaw of origin, {yaw_rad}, is more than a turn in radians, in which it was read; if it is in degrees, write \
              {:.4}",

@@ -82,7 +82,12 @@ impl<'de> Deserialize<'de> for Number {
 }
 
 fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    deserializer.deserialize_str(Text::<f64> { parse: |text| text.parse().ok(), expected: "a number" })
+    // yaml-cpp writes what is not a number with a point in front.
+    let parse = |text: &str| match text {
+        ".nan" | ".NaN" | ".NAN" => Some(f64::NAN),
+        number => number.parse().ok(),
+    };
+    deserializer.deserialize_str(Text::<f64> { parse, expected: "a number" })
 }
 
 fn three_numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 3], D::Error> {
@@ -121,9 +126,18 @@ impl Description {
         }
     }
 
-    /// Checks the numbers and returns the pose of the image's lower-left corner in the map.
+    /// Returns whether the yaw is not a number. map_saver writes `-nan` for a map whose publisher left the rotation empty, as
+    /// octomap's does (ros-planning/navigation, issue 993).
+    pub fn has_no_yaw(&self) -> bool {
+        self.origin[2].is_nan()
+    }
+
+    /// Checks the numbers and returns the pose of the image's lower-left corner in the map. Without a yaw it is 0.
     pub fn origin(&self) -> Result<Pose2, String> {
-        let Description { resolution, origin, occupied_thresh, free_thresh, .. } = *self;
+        let Description { resolution, mut origin, occupied_thresh, free_thresh, .. } = *self;
+        if self.has_no_yaw() {
+            origin[2] = 0.0;
+        }
         if !(0.001..=1.0).contains(&resolution) {
             return Err(format!(
                 "resolution is {resolution}, and must be from 0.001 to 1 metre for each pixel"
