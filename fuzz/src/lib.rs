@@ -2,6 +2,7 @@
 
 pub mod clip_files;
 mod clips;
+mod rasters;
 pub mod targets;
 
 pub use clips::{check_file, check_layout};
@@ -18,7 +19,8 @@ use video::{Codec, VideoInfo};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-/// Reads a map and writes it in each format; all numbers must be finite, and written maps must be readable.
+/// Reads a map and writes it in each format; all numbers must be finite, and written maps must be readable. A map is written
+/// as cells only if they are few: else each execution may fill 250 m by 250 m with them.
 pub fn check(bytes: &[u8]) {
     let Ok(map) = LidarMap::read(bytes) else { return };
     assert!(!map.occupied_m.is_empty());
@@ -28,7 +30,10 @@ pub fn check(bytes: &[u8]) {
     assert!(marks.robot.is_none_or(|pose| pose.is_finite()));
     assert!(marks.zones.iter().flat_map(|zone| &zone.outline_m).flatten().all(|v| v.is_finite()));
     assert!(LidarMap::read(&map.to_ply().bytes).is_ok());
-    // Maps too wide for cells or for Valetudo are refused.
+    if !rasters::is_small(&map) {
+        return;
+    }
+    // Maps that Valetudo cannot hold are refused.
     let _ = map.to_ros("map.pgm");
     if let Ok(written) = map.to_valetudo() {
         let read = LidarMap::read(&written.bytes);

@@ -2,6 +2,8 @@
 
 #[path = "../../fuzz/src/clip_files.rs"]
 mod clip_files;
+#[path = "../../fuzz/src/rasters.rs"]
+mod rasters;
 #[path = "../../fuzz/src/targets.rs"]
 mod targets;
 
@@ -16,6 +18,7 @@ use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
 use targets::{Input, TARGETS};
 use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
 
 /// Returns the seeds by target, without the bytes that a target prepends itself.
 fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
@@ -125,5 +128,18 @@ fn fuzz_seeds_are_there_for_every_target() {
         for (_, name, bytes) in own {
             std::fs::write(folder.join(name.replace(' ', "_")), bytes).unwrap();
         }
+    }
+}
+
+/// The fuzzer writes small maps in each format, and wide ones only as points.
+#[test]
+fn the_maps_of_the_seeds_are_small_enough_to_be_written() {
+    let is_small = |bytes: &[u8]| rasters::is_small(&LidarMap::read(bytes).unwrap());
+    for (name, bytes) in one_of_each_format() {
+        assert!(is_small(&bytes), "{name}");
+    }
+    let corners = |side_m: f64| format!("x,y\n0,0\n{side_m},0\n0,{side_m}\n{side_m},{side_m}\n");
+    for (side_m, expected) in [(15.0, true), (16.0, false), (250.0, false)] {
+        assert_eq!(is_small(corners(side_m).as_bytes()), expected, "{side_m} m");
     }
 }
