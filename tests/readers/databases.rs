@@ -3,9 +3,10 @@
 
 use crate::recording::Recording;
 use crate::robot_files::zlib;
-use crate::writers::{Files, encode};
+use crate::writers::{Files, as_folder, encode};
 use nalgebra::{Matrix3, Matrix4, Rotation3};
 use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
+use viola_formats::clip::Clip;
 
 pub enum Value {
     Whole(i64),
@@ -113,6 +114,13 @@ fn calibration(recording: &Recording) -> Vec<u8> {
     bytes
 }
 
+/// Returns the confidence of each reading in percent, packed as an array of bytes.
+fn confidence(recording: &Recording) -> Vec<u8> {
+    let (width, height) = recording.depth_size;
+    let size = [height, width, 0].into_iter().flat_map(u32::to_le_bytes);
+    zlib(&recording.confidence(50)).into_iter().chain(size).collect()
+}
+
 /// Returns readings packed with RVL (Wilson, 2017) after RTAB-Map's header.
 fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
     let mut nibbles = Vec::new();
@@ -157,6 +165,10 @@ fn float_png(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
 
 /// Returns a database with depth in each of RTAB-Map's three codings, in turns, and with optimised poses.
 pub fn rtabmap(root: &str, recording: &Recording) -> Files {
+    with_confidence(root, recording, || Value::Blob(confidence(recording)))
+}
+
+fn with_confidence(root: &str, recording: &Recording, confidence: impl Fn() -> Value) -> Files {
     let mut rows = Vec::new();
     let (mut ids, mut poses) = (Vec::new(), Vec::new());
     for frame in &recording.frames {
@@ -184,7 +196,7 @@ pub fn rtabmap(root: &str, recording: &Recording) -> Files {
                 Value::Whole(id),
                 Value::Blob(image),
                 Value::Blob(depth),
-                Value::Null,
+                confidence(),
                 Value::Blob(calibration(recording)),
             ],
         ));
@@ -196,4 +208,32 @@ pub fn rtabmap(root: &str, recording: &Recording) -> Files {
         vec![Value::Blob(packed(&ids, count, 4)), Value::Blob(packed(&poses, 12 * count, 5))],
     ));
     vec![(format!("{root}scan.db"), database(RTABMAP, rows))]
+}
+
+/// Databases before version 0.22 have no confidence, and other programs may write it in another form.
+#[test]
+fn readings_of_rtabmap_without_a_confidence_are_kept() {
+    let recording = Recording::small(3);
+    let (x, y) = recording.doubtful[0];
+    for (confidence, is_told) in [(None, false), (Some(b"a picture of a program"), true)] {
+        let value = || confidence.map_or(Value::Null, |bytes| Value::Blob(bytes.to_vec()));
+        let folder = as_folder(&with_confidence("", &recording, value));
+        let clip = Clip::open(folder.path()).unwrap();
+        let told = clip.info().notes.iter().any(|note| note.contains("depth_confidence"));
+        assert_eq!(told, is_told, "{:?}", clip.info().notes);
+        for index in 0..3 {
+            assert!(clip.load(index).unwrap().depth.at(x, y) > 0.0, "{confidence:?}: frame {index}");
+        }
+    }
+}
+
+#[test]
+fn damaged_confidence_of_rtabmap_is_refused_by_name() {
+    let recording = Recording::small(3);
+    let mut bytes = confidence(&recording);
+    bytes[2..12].fill(0xff);
+    let folder = as_folder(&with_confidence("", &recording, || Value::Blob(bytes.clone())));
+    let error = Clip::open(folder.path()).unwrap().load(0).unwrap_err();
+    assert_eq!(error.code(), "bad_depth", "{error}");
+    assert!(error.to_string().contains("the confidence of frame 1"), "{error}");
 }

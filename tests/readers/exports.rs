@@ -82,14 +82,7 @@ pub fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
     }
     let has_confidence = !matches!(
         layout,
-        "redwood"
-            | "nerfstudio"
-            | "nerf_capture"
-            | "sens"
-            | "spectacular_ai"
-            | "rtabmap"
-            | "ros2_bag"
-            | "colmap"
+        "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai" | "ros2_bag" | "colmap"
     );
     for (index, frame) in recording.frames.iter().enumerate() {
         let read = clip.load(index).unwrap_or_else(|error| panic!("{layout}: {error}"));

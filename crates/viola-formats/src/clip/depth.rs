@@ -2,6 +2,7 @@
 
 use super::{ClipError, DepthImage, picture};
 use crate::container::Container;
+use flate2::read::ZlibDecoder;
 use lzfse_rust::LzfseRingDecoder;
 use std::io::Read;
 use viola_geometry::Pinhole;
@@ -88,6 +89,40 @@ pub(super) fn drop_doubtful(
         let size = image.dimensions();
         (image.into_raw(), size)
     };
+    drop_zeros(&confidence, (from_width, from_height), depth);
+    Ok(())
+}
+
+/// Returns width and height of bytes that RTAB-Map has packed: zlib, then rows, columns and the type 0 in 32 bits each
+/// (introlab/rtabmap, Compression.cpp). `None` if they have another form.
+pub(super) fn size_of_packed(packed: &[u8]) -> Option<(u32, u32)> {
+    let (_, numbers) = packed.split_last_chunk::<12>()?;
+    let numbers: Vec<u32> = numbers.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+    let &[height, width, 0] = numbers.as_slice() else { return None };
+    let pixels = u64::from(width) * u64::from(height);
+    (1..=MAX_PIXELS).contains(&pixels).then_some((width, height))
+}
+
+/// Drops the readings with the lowest confidence, 0 of 100, of RTAB-Map's packed bytes.
+pub(super) fn drop_doubtful_of(packed: &[u8], name: &str, depth: &mut DepthImage) -> Result<(), ClipError> {
+    let bad = |reason: String| ClipError::BadDepth { name: name.to_string(), reason };
+    let size = size_of_packed(packed).ok_or_else(|| bad("it has no size".into()))?;
+    let pixels = size.0 as usize * size.1 as usize;
+    let mut confidence = Vec::new();
+    ZlibDecoder::new(packed)
+        .take(pixels as u64 + 1)
+        .read_to_end(&mut confidence)
+        .map_err(|error| bad(format!("it is not zlib ({error})")))?;
+    if confidence.len() != pixels {
+        return Err(bad(format!("{} bytes instead of those of {pixels} pixels", confidence.len())));
+    }
+    drop_zeros(&confidence, size, depth);
+    Ok(())
+}
+
+/// Drops the readings whose confidence is 0. Both pictures have the same view, in their own sizes.
+fn drop_zeros(confidence: &[u8], (from_width, from_height): (u32, u32), depth: &mut DepthImage) {
+    let (width, height) = (depth.width, depth.height);
     let column = |x: u32| (u64::from(x) * u64::from(from_width) / u64::from(width)) as usize;
     for (y, row) in depth.depth_m.chunks_mut(width as usize).enumerate() {
         let from_y = y * from_height as usize / height as usize;
@@ -98,7 +133,6 @@ pub(super) fn drop_doubtful(
             }
         }
     }
-    Ok(())
 }
 
 /// Unpacks LZFSE to at most `max_bytes`.

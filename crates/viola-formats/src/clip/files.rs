@@ -70,6 +70,8 @@ pub(super) struct Part {
     pub coding: Coding,
     /// The frame's number, for messages.
     pub number: u32,
+    /// Bytes of the depth's confidence, which lies right behind the picture; 0 without any.
+    pub confidence_bytes: u32,
 }
 
 /// Encoding of a part.
@@ -101,6 +103,15 @@ impl Part {
             .read_exact_at(self.at, &mut bytes)
             .map_err(|source| ContainerError::Unreadable { name, source })?;
         Ok(bytes)
+    }
+
+    /// Returns the confidence of the depth; `None` without any.
+    pub fn read_confidence(&self, region: Option<&Region>) -> Result<Option<Vec<u8>>, ClipError> {
+        if self.confidence_bytes == 0 {
+            return Ok(None);
+        }
+        let behind = Part { at: self.at + u64::from(self.bytes), bytes: self.confidence_bytes, ..*self };
+        behind.read(region, "confidence").map(Some)
     }
 
     pub fn name(&self, kind: &str) -> String {
@@ -273,7 +284,11 @@ impl Files {
             }
             DepthPlace::Part(part) => {
                 let bytes = part.read(self.region.as_ref(), "depth")?;
-                part.decode_depth(&bytes, &cameras.depth, self.depth_units_per_m)?
+                let mut depth = part.decode_depth(&bytes, &cameras.depth, self.depth_units_per_m)?;
+                if let Some(packed) = part.read_confidence(self.region.as_ref())? {
+                    depth::drop_doubtful_of(&packed, &part.name("confidence"), &mut depth)?;
+                }
+                depth
             }
             DepthPlace::Colmap(place) => colmap_depth::decode(container, name(place), &cameras.depth)?,
             DepthPlace::Rendered(cloud, world_from_camera) => cloud.depth(&cameras.depth, world_from_camera),

@@ -8,7 +8,7 @@ use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Source};
 use crate::clip::files::{Coding, Part, has_ending};
 use crate::clip::sqlite::{Database, Row, Table};
-use crate::clip::{MAX_FRAMES, picture};
+use crate::clip::{MAX_FRAMES, depth, picture};
 use crate::container::{Container, Scratch, Spool};
 use camera::Camera;
 use flate2::read::ZlibDecoder;
@@ -96,6 +96,9 @@ impl Reader<'_> {
             pictures.numbers.unwrap_or(Numbers { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0, of: super::Of::Depth });
         if pictures.is_distorted {
             notes.push("the lens distortion in Data.calibration was not applied".to_string());
+        }
+        if pictures.has_other_confidence {
+            notes.push("Data.depth_confidence is in an unknown form, and was not used".to_string());
         }
         let has_gravity = self.has_gravity()?;
         let cameras = Cameras::One(Intrinsics { name: format!("{}, Data.calibration", self.name), numbers });
@@ -195,6 +198,8 @@ struct Columns {
     id: usize,
     image: usize,
     depth: usize,
+    /// `None` before version 0.22.
+    confidence: Option<usize>,
     calibration: usize,
 }
 
@@ -204,6 +209,7 @@ impl Columns {
             id: data.column("id")?,
             image: data.column("image")?,
             depth: data.column("depth")?,
+            confidence: data.column("depth_confidence"),
             calibration: data.column("calibration")?,
         })
     }
@@ -217,6 +223,8 @@ struct Pictures {
     /// Of the first frame.
     numbers: Option<Numbers>,
     is_distorted: bool,
+    /// True if a confidence is not in RTAB-Map's form.
+    has_other_confidence: bool,
     /// True if frames have colour: only frames with both pictures are used then.
     has_color: Option<bool>,
 }
@@ -224,7 +232,15 @@ struct Pictures {
 impl Pictures {
     fn new(database: &Database, scratch: &Scratch) -> Result<Pictures, ClipError> {
         let spool = Spool::new(scratch, database.bytes())?;
-        Ok(Pictures { spool, color: 0, depth: 0, numbers: None, is_distorted: false, has_color: None })
+        Ok(Pictures {
+            spool,
+            color: 0,
+            depth: 0,
+            numbers: None,
+            is_distorted: false,
+            has_other_confidence: false,
+            has_color: None,
+        })
     }
 
     /// Returns the frame of a row; `None` if a picture is missing.
@@ -247,6 +263,10 @@ impl Pictures {
         if *self.has_color.get_or_insert(color.is_some()) != color.is_some() {
             return Ok(None);
         }
+        let confidence = match columns.confidence {
+            Some(column) => row.blob(column, MAX_PICTURE_BYTES)?.filter(not_empty),
+            None => None,
+        };
         let Some(calibration) = row.blob(columns.calibration, Camera::MAX_BYTES)? else { return Ok(None) };
         let camera = Camera::parse(&calibration).map_err(|reason| ClipError::BadIntrinsics {
             name: format!("Data.calibration of node {id}"),
@@ -255,6 +275,7 @@ impl Pictures {
         self.is_distorted |= camera.is_distorted;
         self.numbers.get_or_insert(camera.numbers);
         let node = nodes.get(&id);
+        let depth = self.depth_at(&depth, confidence.as_deref(), number)?;
         Ok(Some(Source {
             number,
             time_s: node.and_then(|node| node.time_s),
@@ -268,29 +289,48 @@ impl Pictures {
                 }
                 None => ColorAt::Absent,
             },
-            depth: self.depth_at(&depth, number)?,
+            depth,
             confidence: None,
             numbers: Some(camera.numbers),
         }))
     }
 
-    fn depth_at(&mut self, bytes: &[u8], number: u32) -> Result<DepthAt, ClipError> {
+    /// Copies depth, and its confidence behind it.
+    fn depth_at(
+        &mut self,
+        bytes: &[u8],
+        confidence: Option<&[u8]>,
+        number: u32,
+    ) -> Result<DepthAt, ClipError> {
+        let (part, size) = self.depth_part(bytes, number)?;
+        let Some(confidence) = confidence else { return Ok(DepthAt::Part { part, size }) };
+        if depth::size_of_packed(confidence).is_none() {
+            self.has_other_confidence = true;
+            return Ok(DepthAt::Part { part, size });
+        }
+        self.spool.append(confidence)?;
+        // A blob has at most `MAX_PICTURE_BYTES`.
+        Ok(DepthAt::Part { part: Part { confidence_bytes: confidence.len() as u32, ..part }, size })
+    }
+
+    fn depth_part(&mut self, bytes: &[u8], number: u32) -> Result<(Part, (u32, u32)), ClipError> {
         if let Some((size, packed)) = bytes.strip_prefix(RVL).and_then(<[u8]>::split_first_chunk::<8>) {
             let [width, height] = [&size[..4], &size[4..]]
                 .map(|side| side.first_chunk().map_or(0, |side| u32::from_le_bytes(*side)));
             let size = picture::check_pixels(&format!("the depth of frame {number}"), width, height)?;
-            return Ok(DepthAt::Part { part: self.part(packed, Coding::Rvl(size), number)?, size });
+            return Ok((self.part(packed, Coding::Rvl(size), number)?, size));
         }
         let part = self.part(bytes, Coding::Picture, number)?;
         let name = part.name("depth");
         let coding =
             if picture::has_four_channels(bytes, &name)? { Coding::FloatPicture } else { Coding::Picture };
-        Ok(DepthAt::Part { part: Part { coding, ..part }, size: picture::size_of(bytes, &name)? })
+        Ok((Part { coding, ..part }, picture::size_of(bytes, &name)?))
     }
 
     fn part(&mut self, bytes: &[u8], coding: Coding, number: u32) -> Result<Part, ClipError> {
         // A blob has at most `MAX_PICTURE_BYTES`.
-        Ok(Part { at: self.spool.append(bytes)?, bytes: bytes.len() as u32, coding, number })
+        let at = self.spool.append(bytes)?;
+        Ok(Part { at, bytes: bytes.len() as u32, coding, number, confidence_bytes: 0 })
     }
 }
 

@@ -216,6 +216,6 @@ impl Cursor<'_> {
             return Err(self.bad(format!("frame {number} cannot have a picture of {bytes} bytes")));
         }
         self.at = end;
-        Ok(Part { at, bytes: length, coding, number })
+        Ok(Part { at, bytes: length, coding, number, confidence_bytes: 0 })
     }
 }

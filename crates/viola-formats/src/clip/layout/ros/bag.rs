@@ -186,7 +186,8 @@ impl Bag {
             }
             let bytes = &message[data];
             // A message has at most `MAX_MESSAGE_BYTES`.
-            let part = Part { at: self.spool.append(bytes)?, bytes: bytes.len() as u32, coding, number: 0 };
+            let at = self.spool.append(bytes)?;
+            let part = Part { at, bytes: bytes.len() as u32, coding, number: 0, confidence_bytes: 0 };
             images.pictures.push(Timed { time_s: header.time_s, value: Picture { part, size } });
         } else {
             self.add_unread(
