@@ -71,6 +71,8 @@ fn large_hostile_json_costs_little_more_than_itself() {
     check_refused("four million entities", &entities, "bad_json");
     let pixels = many(&format!(r#"{head}"layers":[{{"type":"wall","pixels":["#), "1", 20_000_000, "]}]}");
     check_refused("twenty million numbers", &pixels, "bad_json");
+    let id = format!(r#"{head}"layers":[{{"type":"segment","metaData":{{"segmentId":["#);
+    check_refused("twenty million numbers of a segment", &many(&id, "1", 20_000_000, "]}}]}"), "bad_json");
     let runs = r#"{"type":"wall","compressedPixels":[0,0,100000]}"#;
     let runs = many(&format!(r#"{head}"layers":["#), runs, 900, "]}");
     check_refused("runs over 90 million cells", &runs, "too_many_cells");

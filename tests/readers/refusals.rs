@@ -1,8 +1,9 @@
 //! Checks of refusals, and files of the apps that must not be refused.
 
-use crate::edits::{drop_member, edit_json, rename};
+use crate::edits::{content, drop_member, edit_json, rename};
 use crate::export_writers as writers;
 use crate::exports::{EXPORTS, Writer};
+use crate::memory::peak_bytes;
 use crate::recording::Recording;
 use crate::unknown_scale::points;
 use crate::writers::{Files, as_folder, as_zip, encode, scannet, seven_scenes, tum};
@@ -102,6 +103,35 @@ fn cameras_of_nerfstudio_that_are_no_pinholes_are_refused() {
             is_told,
             "{pointer}: {notes:?}"
         );
+    }
+}
+
+/// A number has two bytes in the file, and up to 32 in memory.
+#[test]
+fn long_lists_that_nobody_reads_cost_little_memory() {
+    const NUMBERS: usize = 5_000_000;
+    const MAX_BYTES: usize = 64 << 20;
+    let list = format!("[{}0]", "0,".repeat(NUMBERS));
+    let (nerfstudio, record3d): (Writer, Writer) = (writers::nerfstudio, writers::record3d);
+    // The member with the list, and the one before which it stands.
+    for (write, file, member, before, code) in [
+        (nerfstudio, TRANSFORMS, "unread", "\"frames\":", None),
+        (nerfstudio, TRANSFORMS, "unread", "\"file_path\":", None),
+        (nerfstudio, TRANSFORMS, "is_fisheye", "\"frames\":", Some("bad_metadata")),
+        (record3d, "metadata", "unread", "\"fps\":", None),
+        (record3d, "metadata", "frameTimestamps", "\"fps\":", None),
+    ] {
+        let folder = as_folder(&changed(write, |f| {
+            edit_json(f, file, |json| drop(json.as_object_mut().unwrap().remove(member)));
+            let bytes = content(f, file);
+            let text = String::from_utf8(std::mem::take(bytes)).unwrap();
+            assert!(text.contains(before), "{member} before {before}: {text}");
+            *bytes = text.replacen(before, &format!("\"{member}\":{list},{before}"), 1).into_bytes();
+        }));
+        let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(drop));
+        let refused = opened.err();
+        assert_eq!(refused.as_ref().map(ClipError::code), code, "{member} before {before}: {refused:?}");
+        assert!(peak < MAX_BYTES, "{member} before {before}: {peak} bytes at once");
     }
 }
 

@@ -1,7 +1,7 @@
 //! `transforms.json` of Nerfstudio and NeRFCapture (nerfstudio-project/nerfstudio,
 //! docs/quickstart/data_conventions.md; jc211/NeRFCapture, Manifest.swift and DatasetWriter.swift).
 
-use super::json::read_json;
+use super::json::{first_frames, parse_json};
 use super::natural::natural_order;
 use super::text::{listed_path, pose_from_rows};
 use super::{
@@ -10,9 +10,9 @@ use super::{
 };
 use crate::clip::files::find_file;
 use crate::container::Container;
-use serde::de::Error;
+use serde::de::Visitor;
 use serde::{Deserialize, Deserializer};
-use serde_json::Value;
+use std::fmt;
 use viola_geometry::{Pose3, Vector3};
 
 const FILE: &str = "transforms.json";
@@ -27,10 +27,13 @@ const MAX_DISTORTION: f64 = 0.02;
 /// The models of perspective cameras (nerfstudio, cameras.py, `CAMERA_MODEL_TO_TYPE`); their lenses have coefficients.
 const PERSPECTIVE_MODELS: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
+/// The file. Its cameras are parsed by themselves: `flatten` would keep every member that nobody reads, at sixteen times its
+/// size.
 #[derive(Deserialize)]
 struct Transforms {
-    #[serde(flatten)]
+    #[serde(skip)]
     camera: Camera,
+    #[serde(deserialize_with = "first_frames")]
     frames: Vec<FrameEntry>,
     /// Factor that the positions were multiplied by, and the depth was not.
     applied_scale: Option<f64>,
@@ -40,8 +43,15 @@ struct Transforms {
     depth_integer_scale: Option<f64>,
 }
 
-/// Intrinsics of all frames, or of one.
+/// The cameras of the file's frames, in their order.
 #[derive(Deserialize)]
+struct FrameCameras {
+    #[serde(deserialize_with = "first_frames")]
+    frames: Vec<Camera>,
+}
+
+/// Intrinsics of all frames, or of one.
+#[derive(Deserialize, Default)]
 struct Camera {
     camera_model: Option<String>,
     /// The mark of a fisheye in files of instant-ngp, which have no `camera_model`.
@@ -69,21 +79,35 @@ struct FrameEntry {
     /// Mark of poses by COLMAP, whose world has any unit and orientation.
     colmap_im_id: Option<u64>,
     timestamp: Option<f64>,
-    #[serde(flatten)]
+    #[serde(skip)]
     camera: Camera,
 }
 
 /// Deserializes true or false, which instant-ngp also takes as 1 or 0; `null` is false.
 fn switch<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
-    match Value::deserialize(deserializer)? {
-        Value::Null => Ok(false),
-        Value::Bool(is_on) => Ok(is_on),
-        Value::Number(number) => Ok(number.as_f64() != Some(0.0)),
-        other => {
-            let found = other.to_string();
-            Err(D::Error::custom(format!("is_fisheye is {found:.40}, and must be true, false, 0 or 1")))
+    struct Switch;
+    impl Visitor<'_> for Switch {
+        type Value = bool;
+        fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+            formatter.write_str("is_fisheye, which must be true, false, 0 or 1")
+        }
+        fn visit_unit<E>(self) -> Result<bool, E> {
+            Ok(false)
+        }
+        fn visit_bool<E>(self, is_on: bool) -> Result<bool, E> {
+            Ok(is_on)
+        }
+        fn visit_u64<E>(self, number: u64) -> Result<bool, E> {
+            Ok(number != 0)
+        }
+        fn visit_i64<E>(self, number: i64) -> Result<bool, E> {
+            Ok(number != 0)
+        }
+        fn visit_f64<E>(self, number: f64) -> Result<bool, E> {
+            Ok(number != 0.0)
         }
     }
+    deserializer.deserialize_any(Switch)
 }
 
 impl Camera {
@@ -158,6 +182,17 @@ struct Units {
 }
 
 impl Transforms {
+    fn read(container: &dyn Container, name: &str) -> Result<Transforms, ClipError> {
+        let bytes = container.read(name, MAX_FILE_BYTES)?;
+        let mut file: Transforms = parse_json(&bytes, name)?;
+        file.camera = parse_json(&bytes, name)?;
+        let cameras: FrameCameras = parse_json(&bytes, name)?;
+        for (frame, camera) in file.frames.iter_mut().zip(cameras.frames) {
+            frame.camera = camera;
+        }
+        Ok(file)
+    }
+
     fn units(&self, name: &str) -> Result<Units, ClipError> {
         let not_metric = |reason: String| ClipError::NotMetric { name: name.to_string(), reason };
         let applied = self.applied_scale.unwrap_or(1.0);
@@ -227,7 +262,7 @@ impl Transforms {
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
-    let mut file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
+    let mut file = Transforms::read(container, &name)?;
     file.sort_frames();
     let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
     let mut notes = Vec::new();

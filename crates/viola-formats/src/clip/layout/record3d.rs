@@ -1,7 +1,7 @@
 //! Record3D's `.r3d`: a zip of `metadata` (JSON) and `rgbd/N.{jpg,depth,conf}`, depth and confidence as LZFSE
 //! (marek-simonik/record3d, issues 7, 24, 27, 43, 81, 83, 93, 99 and 108).
 
-use super::json::{or_default, read_json};
+use super::json::{first_frames, read_json};
 use super::numbered::number;
 use super::text::pose_from_quaternion;
 use super::{
@@ -31,11 +31,11 @@ struct Metadata {
     intrinsics: [f64; 9],
     fps: Option<f64>,
     /// qx qy qz qw tx ty tz
-    #[serde(default, deserialize_with = "or_default")]
+    #[serde(default, deserialize_with = "first_frames")]
     poses: Vec<[f64; 7]>,
-    #[serde(rename = "frameTimestamps", default, deserialize_with = "or_default")]
+    #[serde(rename = "frameTimestamps", default, deserialize_with = "first_frames")]
     times_s: Vec<f64>,
-    #[serde(rename = "perFrameIntrinsicCoeffs", default, deserialize_with = "or_default")]
+    #[serde(rename = "perFrameIntrinsicCoeffs", default, deserialize_with = "first_frames")]
     own_intrinsics: Vec<[f64; 4]>,
 }
 

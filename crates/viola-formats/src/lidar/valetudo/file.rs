@@ -3,7 +3,7 @@
 
 use crate::lidar::MAX_POINTS;
 use crate::lidar::marks::MAX_CORNERS;
-use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Unexpected, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
 
@@ -66,11 +66,33 @@ pub(super) struct LayerMetaData {
 }
 
 /// An identifier: a string, or a number in early versions.
-#[derive(serde::Deserialize)]
-#[serde(untagged)]
 pub(super) enum Label {
     Text(String),
     Number(i64),
+}
+
+/// Not `untagged`, which would keep any other value before it is refused, at sixteen times its size.
+impl<'de> Deserialize<'de> for Label {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Id;
+        impl Visitor<'_> for Id {
+            type Value = Label;
+            fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+                formatter.write_str("a text or a whole number")
+            }
+            fn visit_str<E>(self, text: &str) -> Result<Label, E> {
+                Ok(Label::Text(text.to_string()))
+            }
+            fn visit_i64<E>(self, number: i64) -> Result<Label, E> {
+                Ok(Label::Number(number))
+            }
+            fn visit_u64<E: Error>(self, number: u64) -> Result<Label, E> {
+                let own = i64::try_from(number).map(Label::Number);
+                own.map_err(|_| E::invalid_value(Unexpected::Unsigned(number), &self))
+            }
+        }
+        deserializer.deserialize_any(Id)
+    }
 }
 
 #[derive(serde::Deserialize)]
