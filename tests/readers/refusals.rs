@@ -135,6 +135,55 @@ fn long_lists_that_nobody_reads_cost_little_memory() {
     }
 }
 
+/// Each row would take some hundred bytes as a frame.
+#[test]
+fn lists_of_more_pictures_than_a_clip_may_have_cost_little_memory() {
+    const ROWS: usize = 500_000;
+    let mut files = tum("", &[0, 1]);
+    for (list, picture, of) in
+        [("rgb.txt", "c.jpg", "rgb/0.jpg"), ("depth.txt", "d.png", "depth/1305031229.500000.png")]
+    {
+        rename(&mut files, of, picture);
+        *content(&mut files, list) = format!("1 {picture}\n").repeat(ROWS).into_bytes();
+    }
+    let folder = as_folder(&files);
+    let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(drop));
+    check_error(opened.unwrap_err(), "too_many_frames", "500000");
+    assert!(peak < 32 << 20, "{peak} bytes at once");
+}
+
+#[test]
+fn trajectories_elsewhere_cost_no_memory_if_one_lies_beside_the_pictures() {
+    let pose = |number: u32| format!("{number} {number} {number}\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    let long: String = (1..=20_000).map(pose).collect();
+    let mut files = writers::redwood("clip/", &Recording::small(3));
+    files.extend((0..40).map(|number| (format!("other/{number}.log"), long.clone().into_bytes())));
+    let folder = as_folder(&files);
+    let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(|clip| clip.info().frames_with_pose));
+    assert_eq!(opened.unwrap(), 3);
+    assert!(peak < 8 << 20, "{peak} bytes at once");
+    // Without it, two of them are enough for the refusal.
+    files.retain(|(name, _)| name != "clip/scene/trajectory.log");
+    let folder = as_folder(&files);
+    let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(drop));
+    check_error(opened.unwrap_err(), "several_trajectories", "other/1.log");
+    assert!(peak < 16 << 20, "{peak} bytes at once");
+}
+
+#[test]
+fn a_path_with_more_poses_than_a_clip_may_have_frames_is_thinned() {
+    let mut files = points("scan.ply", "scan.txt", 5);
+    *content(&mut files, "scan.txt") = b"1 0 0 0 0 0 0 1\n".repeat(250_000);
+    let folder = as_folder(&files);
+    let clip = Clip::open(folder.path()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(clip.frames().len(), 83_334);
+    assert!(
+        clip.info().notes.iter().any(|note| note == "one of 3 poses was taken"),
+        "{:?}",
+        clip.info().notes
+    );
+}
+
 #[test]
 fn members_of_record3d_that_are_null_are_as_absent() {
     for member in ["perFrameIntrinsicCoeffs", "frameTimestamps", "poses", "fps", "initPose"] {

@@ -5,6 +5,7 @@
 
 use super::tum::read_poses;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
+use crate::clip::MAX_FRAMES;
 use crate::clip::files::find_file;
 use crate::clip::rendered::Cloud;
 use crate::container::Container;
@@ -49,7 +50,8 @@ fn layout(container: &dyn Container, name: &str, path: &str) -> Result<Layout, C
     if cloud.points.len() as u64 != read {
         notes.push(format!("{} of {read} points were taken", cloud.points.len()));
     }
-    let step = (poses.len() * cloud.points.len()).div_ceil(MAX_PROJECTIONS).max(1);
+    let step = (poses.len() * cloud.points.len()).div_ceil(MAX_PROJECTIONS);
+    let step = step.max(poses.len().div_ceil(MAX_FRAMES)).max(1);
     if step > 1 {
         notes.push(format!("one of {step} poses was taken"));
     }

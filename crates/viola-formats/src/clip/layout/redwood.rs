@@ -59,17 +59,18 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         roots if roots.is_empty() => roots_of(&COLOR_FOLDERS).collect(),
         roots => roots,
     };
-    let found = Log::read_all(container, &logs)?;
-    let root = match only_root(roots.into_iter()) {
-        Ok(Some(root)) if !found.is_empty() || is_told(root) => root,
-        Err(error) if !found.is_empty() => return Err(error),
+    let (root, log) = match only_root(roots.into_iter()) {
+        Ok(Some(root)) => (root, Log::of(container, root, &logs)?),
+        Err(error) if Log::is_any(container, &logs)? => return Err(error),
         _ => return Ok(None),
     };
-    if let (true, Some(name)) = (found.is_empty(), logs.first()) {
+    if log.is_none() && !is_told(root) {
+        return Ok(None);
+    }
+    if let (None, Some(name)) = (&log, logs.first()) {
         let reason = "expected 3 whole numbers, and four rows of a pose behind them".to_string();
         return Err(ClipError::BadIndex { name: name.to_string(), line: 1, reason });
     }
-    let log = Log::beside(root, found)?;
 
     let pictures = |folder: &str| numbered_under(container, &format!("{root}{folder}/"), picture);
     let depth = pictures("depth")?;

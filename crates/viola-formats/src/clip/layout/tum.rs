@@ -15,7 +15,7 @@ use super::{
     no_pose_without, only_root, roots_of,
 };
 use crate::clip::files::find_file;
-use crate::clip::{Shutter, picture};
+use crate::clip::{MAX_FRAMES, Shutter, picture};
 use crate::container::Container;
 use nalgebra::Quaternion;
 use viola_geometry::{Pose3, Vector3};
@@ -153,7 +153,7 @@ fn read_list(
     notes: &mut Vec<String>,
 ) -> Result<List, ClipError> {
     let name = format!("{root}{file}");
-    let mut list = List { present: Vec::new(), missing: 0 };
+    let (mut list, mut more) = (List { present: Vec::new(), missing: 0 }, 0);
     if !container.contains(&name) {
         return Ok(list);
     }
@@ -162,11 +162,16 @@ fn read_list(
             text.split_once(char::is_whitespace).ok_or("expected a time and a file name")?;
         let time_s = time.parse().ok().filter(|t: &f64| t.is_finite()).ok_or("bad time")?;
         match find_file(container, &format!("{root}{}", listed_path(picture.trim()))) {
+            // They are counted only: a hostile list has millions.
+            Some(_) if list.present.len() == MAX_FRAMES => more += 1,
             Some(value) => list.present.push(Timed { time_s, value }),
             None => list.missing += 1,
         }
         Ok(())
     })?;
+    if more > 0 {
+        return Err(ClipError::TooManyFrames { frames: MAX_FRAMES + more, max: MAX_FRAMES });
+    }
     list.present.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(list)
 }

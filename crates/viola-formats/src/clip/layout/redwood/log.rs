@@ -25,22 +25,40 @@ pub(super) struct Log<'a> {
 }
 
 impl<'a> Log<'a> {
-    /// Returns the files that are trajectories; logs of programs are skipped.
-    pub fn read_all(container: &dyn Container, names: &[&'a String]) -> Result<Vec<Log<'a>>, ClipError> {
-        names.iter().filter_map(|&name| Log::read(container, name).transpose()).collect()
+    /// Returns the trajectory of the pictures under `root`, `None` without any; logs of programs are skipped. One beside the
+    /// pictures is preferred; several candidates are an error. At most two trajectories are in memory.
+    pub fn of(
+        container: &dyn Container,
+        root: &str,
+        names: &[&'a String],
+    ) -> Result<Option<Log<'a>>, ClipError> {
+        let (beside, elsewhere): (Vec<&String>, Vec<&String>) =
+            names.iter().copied().partition(|name| name.starts_with(root));
+        for candidates in [beside, elsewhere] {
+            let mut found: Option<Log> = None;
+            for name in candidates {
+                let Some(second) = Log::read(container, name)? else { continue };
+                if let Some(first) = found {
+                    let (first, second) = (first.name.to_string(), second.name.to_string());
+                    return Err(ClipError::SeveralTrajectories { first, second });
+                }
+                found = Some(second);
+            }
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
     }
 
-    /// Returns the trajectory of the pictures under `root`, `None` without any. One beside the pictures is preferred; several
-    /// candidates are an error.
-    pub fn beside(root: &str, logs: Vec<Log<'a>>) -> Result<Option<Log<'a>>, ClipError> {
-        let (beside, elsewhere): (Vec<_>, Vec<_>) =
-            logs.into_iter().partition(|log| log.name.starts_with(root));
-        let mut candidates = if beside.is_empty() { elsewhere } else { beside };
-        if let [first, second, ..] = candidates.as_slice() {
-            let (first, second) = (first.name.to_string(), second.name.to_string());
-            return Err(ClipError::SeveralTrajectories { first, second });
+    /// Returns whether any of the files is a trajectory.
+    pub fn is_any(container: &dyn Container, names: &[&'a String]) -> Result<bool, ClipError> {
+        for name in names {
+            if Log::read(container, name)?.is_some() {
+                return Ok(true);
+            }
         }
-        Ok(candidates.pop())
+        Ok(false)
     }
 
     /// Reads a trajectory; `None` for another kind of file.
