@@ -184,6 +184,39 @@ fn a_path_with_more_poses_than_a_clip_may_have_frames_is_thinned() {
     );
 }
 
+/// BundleFusion's recordings and 12-Scenes have the header of a .sens file as text. Colour has twice the size of the pictures.
+#[test]
+fn cameras_of_an_info_file_are_used() {
+    let (colour, depth) = ([56.5, 57.0, 31.5, 22.5], [28.25, 28.5, 15.75, 11.25]);
+    let matrix = |[fx, fy, cx, cy]: [f64; 4]| format!("{fx} 0 {cx} 0 0 {fy} {cy} 0 0 0 1 0 0 0 0 1");
+    let info = format!(
+        "m_versionNumber = 4\nm_sensorName = StructureSensor\nm_colorWidth = 64\nm_colorHeight = 48\nm_depthWidth = 32\n\
+         m_depthHeight = 24\nm_depthShift = 1000\nm_calibrationColorIntrinsic = {}\nm_calibrationDepthIntrinsic = {} \n",
+        matrix(colour),
+        matrix(depth)
+    );
+    let other = "a room with a view = 2\n".to_string();
+    for (name, content, is_used) in [
+        ("info.txt", info.clone(), true),
+        ("seq/_info.txt", info.clone(), true),
+        ("info.txt", other, false),
+        ("info.txt", info.replace("28.5", "many"), false),
+    ] {
+        let mut files = seven_scenes("seq/", &[0, 1]);
+        files.retain(|(name, _)| !name.ends_with("camera-intrinsics.txt"));
+        files.push((name.to_string(), content.into_bytes()));
+        let folder = as_folder(&files);
+        let clip = Clip::open(folder.path()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let is_assumed = clip.info().notes.iter().any(|note| note.contains("7-Scenes was assumed"));
+        assert_eq!(is_assumed, !is_used, "{name}: {:?}", clip.info().notes);
+        let frame = clip.load(1).unwrap();
+        let fx = if is_used { 28.25 } else { 585.0 / 20.0 };
+        for camera in [frame.color_camera, frame.depth_camera] {
+            assert!((camera.fx - fx).abs() < 1e-9, "{name}: {camera:?}");
+        }
+    }
+}
+
 #[test]
 fn members_of_record3d_that_are_null_are_as_absent() {
     for member in ["perFrameIntrinsicCoeffs", "frameTimestamps", "poses", "fps", "initPose"] {
