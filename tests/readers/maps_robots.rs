@@ -78,7 +78,10 @@ fn roborock_without_walls() {
 fn dreame_with_its_saved_map() {
     let text = dreame(&dreame_inflated(b'I'));
     let lines = text.chunks(76).collect::<Vec<_>>().join(&b"\r\n"[..]);
-    for bytes in [text, lines, zlib(&dreame_inflated(b'I')), dreame_inflated(b'I')] {
+    // The number of a map may look like the start of JSON.
+    let numbered = edited(&dreame_inflated(b'I'), 0, b"{");
+    let (packed, as_text) = (zlib(&numbered), dreame(&numbered));
+    for bytes in [text, lines, zlib(&dreame_inflated(b'I')), dreame_inflated(b'I'), packed, as_text] {
         let map = LidarMap::read(&bytes).unwrap();
         assert_eq!(map.info.format, "dreame");
         check_home("dreame", &map, DREAME_CORNER);
@@ -168,6 +171,7 @@ fn valetudo_in_what_carries_it() {
     for (what, bytes) in [
         ("png", valetudo_png(&json)),
         ("mqtt", zlib(&text(&json))),
+        ("mqtt as base64", dreame(&text(&json))),
         ("gzip", gzip(&text(&json))),
         ("state", state),
     ] {

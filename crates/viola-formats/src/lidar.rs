@@ -163,7 +163,7 @@ impl LidarMap {
             [b'p', b'l', b'y', b'\r' | b'\n', ..] => points::read_ply(text),
             _ if points::is_pcd(text) => points::read_pcd(text),
             _ if carmen::is_log(text) => carmen::read(text),
-            _ if robot::is_dreame_text(text) => robot::read_dreame_text(text),
+            _ if robot::is_text(text) => robot::read_text(text),
             _ => points::read_csv(text),
         }
     }

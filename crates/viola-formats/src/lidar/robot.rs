@@ -4,8 +4,8 @@ mod dreame;
 mod roborock;
 mod viomi;
 
+pub(super) use dreame::is_text;
 pub(super) use dreame::{is_inflated as is_inflated_dreame, read as read_inflated_dreame};
-pub(super) use dreame::{is_text as is_dreame_text, read_text as read_dreame_text};
 pub(super) use roborock::{is as is_roborock, read as read_roborock};
 
 use super::{LidarError, LidarMap, valetudo};
@@ -70,10 +70,21 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 pub(super) fn read_zlib(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let inflated = inflate(bytes)?;
     match inflated.as_slice() {
-        [b'{', ..] => valetudo::read(&inflated),
         map if viomi::is(map) => viomi::read(map),
         map if dreame::is(map) => dreame::read(map),
+        // After the robots' maps, whose number may be this character.
+        [b'{', ..] => valetudo::read(&inflated),
         _ => Err(LidarError::UnknownFormat),
+    }
+}
+
+/// Reads base64 of a zlib stream: a Dreame map, or the JSON that Valetudo published by MQTT at the start of 2021
+/// (Hypfer/ICantBelieveItsNotValetudo, issue 45 and pull request 46).
+pub(super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
+    let inflated = dreame::decode(text)?;
+    match inflated.as_slice() {
+        [b'{', ..] if !dreame::is(&inflated) => valetudo::read(&inflated),
+        map => dreame::read(map),
     }
 }
 

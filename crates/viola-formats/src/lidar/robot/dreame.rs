@@ -80,12 +80,8 @@ pub(in super::super) fn is_text(text: &[u8]) -> bool {
         && BASE64URL.decode(first).is_ok_and(|bytes| is_zlib(&bytes))
 }
 
-pub(in super::super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
-    read(&decode(text)?)
-}
-
 /// Decodes either alphabet of base64, and inflates the result.
-fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
+pub(super) fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
     let url_safe: Vec<u8> = text
         .iter()
         .filter(|b| !b.is_ascii_whitespace())
