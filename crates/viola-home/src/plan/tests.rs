@@ -208,3 +208,13 @@ fn a_plan_is_turned_by_less_than_half_a_quarter() {
         assert!(off.abs() < 0.6, "{degrees}: {turned}");
     }
 }
+
+/// A corridor around a corner, 90 m each way and 1.2 m wide.
+#[test]
+fn the_label_of_a_long_corridor_is_in_it() {
+    let ring_m = vec![[0.0, 0.0], [90.0, 0.0], [90.0, 1.2], [1.2, 1.2], [1.2, 90.0], [0.0, 90.0]];
+    let corridor = room(Outline { ring_m, holes_m: Vec::new() }, 0, &[]);
+    let label = Point2::from(corridor.label_at_m);
+    let off_m = crate::rooms::outline::distance_m(&corridor.outline.ring_m, &label);
+    assert!(corridor.contains(corridor.label_at_m) && off_m > 0.3, "{label:?}");
+}
