@@ -65,7 +65,8 @@ fn take_outlines(rooms: &mut [Room], plan: &Plan) {
     };
     let in_map = |corner: &[f64; 2]| {
         let at = plan.map_from_plan.apply(&Point2::from(*corner));
-        [at.x, at.y].map(|metres| (metres * 1e3).round() / 1e3)
+        // Adding zero makes -0 and 0 equal.
+        [at.x, at.y].map(|metres| (metres * 1e3).round() / 1e3 + 0.0)
     };
     let mut all_drawn: Vec<Option<PlanRoom>> = rooms.iter().map(|room| plan.whole_room(room)).collect();
     loop {

@@ -155,20 +155,27 @@ fn room(outline: Outline, owner: u32, rooms: &[Room]) -> PlanRoom {
     }
 }
 
-/// Returns a point in a polygon that is far from its border: the best of a raster, or a corner of a polygon that the raster
-/// misses.
+/// Returns a point in a polygon that is far from its border: the best of a raster, or a corner of a polygon that all rasters
+/// miss.
 fn inner_point(outline: &Outline) -> [f64; 2] {
-    const STEPS: usize = 24;
+    /// Places along each side of the box around it. A long corridor around a corner is narrower than the first ones are apart.
+    const STEPS: [usize; 3] = [24, 96, 384];
+    let found = STEPS.into_iter().find_map(|steps| innermost(outline, steps));
+    found.or_else(|| outline.ring_m.first().copied()).unwrap_or_default()
+}
+
+/// Returns the place of a raster in a polygon that is furthest from its border; none if all are outside.
+fn innermost(outline: &Outline, steps: usize) -> Option<[f64; 2]> {
     let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
         outline.ring_m.iter().map(|corner| corner[axis]).fold(start, pick)
     };
     let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
     let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
-    let mut best = (f64::NEG_INFINITY, outline.ring_m.first().copied().unwrap_or_default());
-    for i in 0..STEPS * STEPS {
-        let at = [i % STEPS, i / STEPS];
+    let mut best: Option<(f64, [f64; 2])> = None;
+    for i in 0..steps * steps {
+        let at = [i % steps, i / steps];
         let p =
-            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / STEPS as f64 * (high[axis] - low[axis]));
+            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / steps as f64 * (high[axis] - low[axis]));
         let point = Point2::from(p);
         let contains = |ring: &Vec<[f64; 2]>| super::rooms::outline::contains(ring, &point);
         if !contains(&outline.ring_m) || outline.holes_m.iter().any(contains) {
@@ -177,11 +184,11 @@ fn inner_point(outline: &Outline) -> [f64; 2] {
         let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
         let off_m =
             rings.map(|ring| super::rooms::outline::distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
-        if off_m > best.0 + 1e-9 {
-            best = (off_m, p);
+        if best.is_none_or(|(most_m, _)| off_m > most_m + 1e-9) {
+            best = Some((off_m, p));
         }
     }
-    best.1
+    best.map(|(_, p)| p)
 }
 
 #[cfg(test)]

@@ -42,7 +42,7 @@ pub fn plan_dxf(plan: &Plan) -> String {
         999,
         format!(
             "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
-            -plan.map_from_plan.yaw_rad.to_degrees()
+            plan.turn_deg()
         ),
     );
     out.section("HEADER");
@@ -134,7 +134,7 @@ fn entities(plan: &Plan, out: &mut Dxf) {
 /// Writes the title, the unit and the frame below the drawing. Programs drop comments when they save a file, and some of them
 /// ignore the variable of the unit, which is newer than R12.
 fn notes(plan: &Plan, [left, bottom]: [f64; 2], out: &mut Dxf) {
-    let turn_deg = plan.map_from_plan.yaw_rad.to_degrees();
+    let turn_deg = 0.0 - plan.turn_deg();
     let lines = [
         plan.title(),
         "Units: metres".to_owned(),
@@ -261,7 +261,8 @@ fn encoded(words: &str) -> String {
 
 /// Rounds to a tenth of a millimetre.
 fn round(metres: f64) -> f64 {
-    (metres * 1e4).round() / 1e4
+    // Adding zero makes -0 and 0 equal.
+    (metres * 1e4).round() / 1e4 + 0.0
 }
 
 #[cfg(test)]

@@ -193,5 +193,6 @@ fn in_map(plan: &Plan, [x, y]: [f64; 2]) -> [f64; 2] {
 
 /// Rounds to a millimetre.
 fn round(metres: f64) -> f64 {
-    (metres * 1e3).round() / 1e3
+    // Adding zero makes -0 and 0 equal.
+    (metres * 1e3).round() / 1e3 + 0.0
 }

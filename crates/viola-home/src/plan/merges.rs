@@ -1,5 +1,5 @@
 //! Gaps within one room, which divide nothing: people merged the rooms beside them, or they are in a room of the robot's
-//! software.
+//! software. Rooms that people corrected need no gap beside them.
 
 use super::evidence::Evidence;
 use super::gaps::Gap;
@@ -16,6 +16,8 @@ pub(super) struct Merges {
     /// People made them of several.
     by_people: BTreeSet<u32>,
     of_robot: BTreeSet<u32>,
+    /// People named, divided or merged them. A room that lines divide has the number of its first part.
+    corrected: BTreeSet<u32>,
 }
 
 impl Merges {
@@ -30,12 +32,23 @@ impl Merges {
             }
         }
         let is_merged = |number: &u32| labels.get(&roots[*number as usize]).is_some_and(|count| *count > 1);
-        let numbered = (1u32..).zip(rooms);
-        let of_robot = numbered.filter(|(_, room)| room.source == RoomSource::LidarMap);
+        let mut parts: BTreeMap<u32, usize> = BTreeMap::new();
+        roots.iter().for_each(|root| *parts.entry(*root).or_default() += 1);
+        let is_divided = |number: &u32| parts.get(&roots[*number as usize]).is_some_and(|count| *count > 1);
+        let numbered = || (1u32..).zip(rooms);
+        let of_robot = numbered().filter(|(_, room)| room.source == RoomSource::LidarMap);
+        let corrected = numbered()
+            .filter(|(number, room)| room.name.is_some() || is_divided(number) || is_merged(number));
         Merges {
             by_people: (1..=rooms.len() as u32).filter(is_merged).collect(),
             of_robot: of_robot.map(|(number, _)| number).collect(),
+            corrected: corrected.map(|(number, _)| roots[number as usize]).collect(),
         }
+    }
+
+    /// Returns whether people named, divided or merged a room: it is one without a wall beside it.
+    pub fn is_corrected(&self, room: u32) -> bool {
+        self.corrected.contains(&room)
     }
 
     /// Returns whether a gap is within one of the rooms.

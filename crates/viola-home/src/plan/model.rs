@@ -163,6 +163,12 @@ impl Plan {
         title
     }
 
+    /// Returns the angle by which the LiDAR map's frame is turned in the upright one, in degrees, rounded to thousandths.
+    pub(super) fn turn_deg(&self) -> f64 {
+        // Adding zero makes -0 and 0 equal.
+        (self.map_from_plan.yaw_rad.to_degrees() * -1e3).round() / 1e3 + 0.0
+    }
+
     /// Returns whether a room is a part of one of which a part comes before it.
     pub(super) fn is_further_part(&self, at: usize) -> bool {
         let id = &self.rooms[at].id;

@@ -37,8 +37,9 @@ pub(super) struct Spaces {
 }
 
 impl Spaces {
-    /// Rooms of the robot's software divide pieces without a wall between them, computed ones only at narrow passages. No
-    /// doorway divides one of the robot's rooms, or a room that people merged.
+    /// Rooms of the robot's software divide pieces without a wall between them, and so do those that people named, divided or
+    /// merged; other computed ones only at narrow passages. No doorway divides one of the robot's rooms, or a room that people
+    /// merged.
     pub fn new(
         cells: &mut Cells,
         evidence: &Evidence,
@@ -72,7 +73,8 @@ impl Spaces {
             closed.into_iter().partition(|gap| merges.hold(gap, evidence));
         inner.extend(open_idle(cells, evidence, &mut dividing));
         inner.retain(|gap| merges.is_doorway(gap, evidence));
-        let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known);
+        let is_corrected = |room: u32| merges.is_corrected(room);
+        let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known, is_corrected);
         let mut joins = vec![0; of_cell.len()];
         for at in inner.iter().flat_map(|gap| &gap.cells) {
             joins[*at] = joins[*at].max(std::mem::take(&mut of_cell[*at]));
@@ -207,8 +209,14 @@ fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
     areas
 }
 
-/// Divides pieces with several given rooms if these `divide`, drops small ones, and numbers the rest by descending area.
-fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>) {
+/// Divides pieces with several given rooms if these `divide`, else between the largest one and corrected ones that have most of
+/// their area in the piece. Drops small rooms, and numbers the rest by descending area.
+fn by_owner(
+    cells: &Cells,
+    pieces: &[u32],
+    divide: bool,
+    is_corrected: impl Fn(u32) -> bool,
+) -> (Vec<u32>, Vec<u32>) {
     // Area of each given room in each piece.
     let mut areas_m2: Vec<BTreeMap<u32, f64>> =
         vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
@@ -217,14 +225,24 @@ fn by_owner(cells: &Cells, pieces: &[u32], divide: bool) -> (Vec<u32>, Vec<u32>)
             *areas_m2[*piece as usize].entry(*owner).or_default() += area;
         }
     }
+    let mut most_of: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
+    for (piece, areas_m2) in areas_m2.iter().enumerate() {
+        for (owner, area) in areas_m2 {
+            let most = most_of.entry(*owner).or_insert((*area, piece));
+            if *area > most.0 {
+                *most = (*area, piece);
+            }
+        }
+    }
     let mut key: Vec<Key> = vec![None; pieces.len()];
     for (piece, areas_m2) in areas_m2.iter().enumerate().skip(1) {
-        let mut parts: Vec<u32> =
-            areas_m2.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
-        if !divide || parts.is_empty() {
-            parts.clear();
-            let most = areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
-            parts.extend(most.or(Some(0)));
+        let is_here = |owner: &u32| most_of.get(owner).is_some_and(|most| most.1 == piece);
+        let divides = |owner: &u32| divide || is_corrected(*owner) && is_here(owner);
+        let large = areas_m2.iter().filter(|(owner, area)| **area >= MIN_PART_M2 && divides(owner));
+        let mut parts: Vec<u32> = large.map(|(owner, _)| *owner).collect();
+        let most = areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(owner, _)| *owner);
+        if !parts.contains(&most) {
+            parts.push(most);
         }
         spread(cells, pieces, piece as u32, &parts, &mut key);
     }
@@ -283,6 +301,15 @@ mod tests {
 
     /// One piece of 1 m high cells, by their right sides and given rooms.
     fn divided(cells: &[(f64, u32)]) -> (Vec<u32>, Vec<u32>) {
+        divided_by(cells, &vec![1; cells.len()], true, &[])
+    }
+
+    fn divided_by(
+        cells: &[(f64, u32)],
+        pieces: &[u32],
+        divide: bool,
+        corrected: &[u32],
+    ) -> (Vec<u32>, Vec<u32>) {
         let sides = std::iter::once(0.0).chain(cells.iter().map(|(to, _)| *to)).collect();
         let count = cells.len();
         let mut all = Cells {
@@ -294,7 +321,7 @@ mod tests {
         for (at, (_, owner)) in cells.iter().enumerate() {
             all.owners[at] = vec![(*owner, all.area_m2(at))];
         }
-        by_owner(&all, &vec![1; count], true)
+        by_owner(&all, pieces, divide, |room| corrected.contains(&room))
     }
 
     #[test]
@@ -307,6 +334,22 @@ mod tests {
         assert_eq!((of_cell, owners), (vec![1, 2, 2], vec![1, 2]));
         let (of_cell, owners) = divided(&[(0.5, 1), (1.2, 2), (5.0, 3)]);
         assert_eq!((of_cell, owners), (vec![1, 1, 1], vec![3]));
+    }
+
+    #[test]
+    fn the_largest_room_has_those_that_nobody_corrected() {
+        let cells = [(5.0, 1), (8.0, 2), (12.0, 3)];
+        for (corrected, want) in [
+            (vec![], (vec![1, 1, 1], vec![1])),
+            (vec![1], (vec![1, 1, 1], vec![1])),
+            (vec![3], (vec![1, 1, 2], vec![1, 3])),
+            (vec![2, 3], (vec![1, 3, 2], vec![1, 3, 2])),
+        ] {
+            assert_eq!(divided_by(&cells, &[1; 3], false, &corrected), want, "{corrected:?}");
+        }
+        // Most of room 2 is behind a wall.
+        let cells = [(5.0, 1), (7.0, 2), (12.0, 2)];
+        assert_eq!(divided_by(&cells, &[1, 1, 2], false, &[2]), (vec![1, 1, 2], vec![1, 2]));
     }
 
     #[test]

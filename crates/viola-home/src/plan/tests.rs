@@ -208,3 +208,31 @@ fn a_plan_is_turned_by_less_than_half_a_quarter() {
         assert!(off.abs() < 0.6, "{degrees}: {turned}");
     }
 }
+
+/// A corridor around a corner, 90 m each way and 1.2 m wide.
+#[test]
+fn the_label_of_a_long_corridor_is_in_it() {
+    let ring_m = vec![[0.0, 0.0], [90.0, 0.0], [90.0, 1.2], [1.2, 1.2], [1.2, 90.0], [0.0, 90.0]];
+    let corridor = room(Outline { ring_m, holes_m: Vec::new() }, 0, &[]);
+    let label = Point2::from(corridor.label_at_m);
+    let off_m = crate::rooms::outline::distance_m(&corridor.outline.ring_m, &label);
+    assert!(corridor.contains(corridor.label_at_m) && off_m > 0.3, "{label:?}");
+}
+
+/// Two computed rooms of 5 m by 4 m and 3 m by 4 m without a wall between them.
+#[test]
+fn a_room_that_a_person_named_is_one_without_a_wall() {
+    let corners = [[0.0, 0.0], [8.0, 0.0], [8.0, 4.0], [0.0, 4.0]];
+    let lidar = lidar_of(&[0, 1, 2, 3].map(|i: usize| [corners[i], corners[(i + 1) % 4]]));
+    for (name, want) in [(None, vec![("1", 32.0)]), (Some("Kitchen"), vec![("1", 20.0), ("2", 12.0)])] {
+        let mut rooms =
+            [Room::rectangle("1", [0.0, 0.0], [5.0, 4.0]), Room::rectangle("2", [5.0, 0.0], [8.0, 4.0])];
+        rooms[1].name = name.map(str::to_owned);
+        let plan = plan(&lidar, &[], &rooms, &[]);
+        assert_eq!(plan.rooms.len(), want.len(), "{:?}", plan.rooms);
+        for (drawn, (id, area_m2)) in plan.rooms.iter().zip(want) {
+            assert_eq!(drawn.id.as_deref(), Some(id));
+            assert!((drawn.area_m2 - area_m2).abs() < 1.0, "{drawn:?}");
+        }
+    }
+}

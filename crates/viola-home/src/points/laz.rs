@@ -39,6 +39,9 @@ pub fn las_code(class: Class) -> u8 {
 /// Place of the legacy number of points, followed by the five legacy numbers of points by return, of 4 bytes each.
 const LEGACY_COUNTS_AT: u64 = 107;
 const LEGACY_COUNTS_BYTES: usize = 24;
+/// Place of the largest and the smallest x, y and z, of 8 bytes each.
+const BOUNDS_AT: u64 = 179;
+const BOUNDS_BYTES: usize = 48;
 
 /// Writes points as LAZ. `id` is the file's id.
 pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
@@ -48,9 +51,11 @@ pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
 ) -> io::Result<()> {
     let header = header(id).map_err(io::Error::other)?;
     let mut writer = Writer::new(Target { out, failed: None }, header).map_err(io::Error::other)?;
+    let mut is_empty = true;
     for point in points {
         let point = las_point(&point?).map_err(io::Error::other)?;
         writer.write_point(point).map_err(io::Error::other)?;
+        is_empty = false;
     }
     writer.close().map_err(io::Error::other)?;
     let Target { mut out, failed } = writer.into_inner().map_err(io::Error::other)?;
@@ -60,6 +65,11 @@ pub fn write_laz<W: Write + Seek + Send + Sync + 'static>(
     // Format 7 has no legacy numbers of points (LAS 1.4 R15, 2.4); the library writes them.
     out.seek(SeekFrom::Start(LEGACY_COUNTS_AT))?;
     out.write_all(&[0; LEGACY_COUNTS_BYTES])?;
+    if is_empty {
+        // The library writes infinite ones.
+        out.seek(SeekFrom::Start(BOUNDS_AT))?;
+        out.write_all(&[0; BOUNDS_BYTES])?;
+    }
     out.seek(SeekFrom::End(0))?;
     out.flush()
 }
@@ -227,7 +237,9 @@ mod tests {
 
     #[test]
     fn a_map_without_points_is_a_file_without_points() {
-        let reader = Reader::new(Cursor::new(laz(&[]))).unwrap();
+        let file = laz(&[]);
+        assert_eq!(file[179..227], [0u8; 48]);
+        let reader = Reader::new(Cursor::new(file)).unwrap();
         assert_eq!(reader.header().number_of_points(), 0);
     }
 

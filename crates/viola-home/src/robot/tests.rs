@@ -124,6 +124,25 @@ fn a_segment_belongs_to_the_room_with_most_of_its_cells() {
     assert_eq!(answer.map.unwrap()["layers"][1]["metaData"]["name"], "Room 16");
 }
 
+#[test]
+fn all_layers_of_a_segment_have_its_name() {
+    for has_id in [true, false] {
+        let mut map: Value = serde_json::from_slice(&valetudo_map()).unwrap();
+        let layers = map["layers"].as_array_mut().unwrap();
+        let part = layers[1].clone();
+        layers.insert(2, part);
+        if !has_id {
+            layers[3]["metaData"].as_object_mut().unwrap().remove("segmentId");
+        }
+        let file = map.to_string().into_bytes();
+        let lidar = LidarMap::read(&file).unwrap();
+        assert_eq!(lidar.rooms.len(), 2);
+        let named = valetudo(&level(&lidar), Some(&file)).map.unwrap();
+        let names = [1, 2, 3].map(|layer: usize| named["layers"][layer]["metaData"]["name"].clone());
+        assert_eq!(names, ["Kitchen", "Kitchen", "Bedroom"], "{has_id}");
+    }
+}
+
 /// A room's corners in Valetudo's coordinates: (1 m, 4 m) is 100 cm from the left and 1000 - 400 cm from the top.
 #[test]
 fn zones_and_goals_are_bodies_for_valetudo() {

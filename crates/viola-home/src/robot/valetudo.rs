@@ -177,9 +177,18 @@ fn named(json: Option<&[u8]>, segments: &[SegmentName]) -> Result<Value, Absent>
     }
     let layers = map.get_mut("layers").and_then(Value::as_array_mut);
     let is_segment = |layer: &&mut Value| layer.get("type").and_then(Value::as_str) == Some("segment");
-    // The reader keeps the order of the segments.
-    for (layer, segment) in layers.into_iter().flatten().filter(is_segment).zip(segments) {
-        let Some(name) = &segment.name else { continue };
+    let layers: Vec<&mut Value> = layers.into_iter().flatten().filter(is_segment).collect();
+    let ids: Vec<Option<String>> = layers.iter().map(|layer| segment_id(layer)).collect();
+    // The reader numbers the segments without an id, and keeps their order.
+    let is_numbered = |segment: &&SegmentName| !ids.iter().flatten().any(|id| *id == segment.segment);
+    let mut numbered = segments.iter().filter(is_numbered);
+    for (layer, id) in layers.into_iter().zip(&ids) {
+        // Several layers may have one id: they are parts of one segment.
+        let segment = match id {
+            Some(id) => segments.iter().find(|segment| segment.segment == *id),
+            None => numbered.next(),
+        };
+        let Some(name) = segment.and_then(|segment| segment.name.as_ref()) else { continue };
         let meta = layer
             .as_object_mut()
             .map(|layer| layer.entry("metaData").or_insert_with(|| Value::Object(Default::default())));
@@ -188,6 +197,12 @@ fn named(json: Option<&[u8]>, segments: &[SegmentName]) -> Result<Value, Absent>
         }
     }
     Ok(map)
+}
+
+/// Returns the id that a layer has: a text, or a number in early versions.
+fn segment_id(layer: &Value) -> Option<String> {
+    let id = layer.get("metaData")?.get("segmentId")?;
+    id.as_str().map(str::to_owned).or_else(|| id.as_i64().map(|number| number.to_string()))
 }
 
 fn target(place: Place, frame: &RobotFrame) -> Target {

@@ -23,7 +23,7 @@ pub fn plan_svg(plan: &Plan) -> String {
          <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n",
         escape(&plan.title()),
         page.scale,
-        -plan.map_from_plan.yaw_rad.to_degrees()
+        plan.turn_deg()
     );
     // Writing into a string cannot fail.
     let _ = writeln!(out, "<g id=\"rooms\" fill-rule=\"evenodd\">");

@@ -24,7 +24,8 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
         out,
         "<path d=\"M{LEFT_MM} {top:.2}H{right:.2}\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\"/>"
     );
-    let area_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
+    // The sum of no numbers is -0.
+    let area_m2 = plan.rooms.iter().map(|room| room.area_m2).sum::<f64>() + 0.0;
     let rooms = (0..plan.rooms.len()).filter(|at| !plan.is_further_part(*at)).count();
     let plural = if rooms == 1 { "" } else { "s" };
     let heading = escape(&heading(&plan.title(), page.width_mm - LEFT_MM - AXES_MM));

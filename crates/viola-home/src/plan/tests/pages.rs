@@ -101,6 +101,23 @@ fn a_page_fits_on_a_sheet_at_a_usual_scale() {
     }
 }
 
+/// A home without rooms whose walls are along the axes, and begin right beside the origin.
+#[test]
+fn no_number_is_minus_zero() {
+    let mut plan = Plan { map_from_plan: Pose2::IDENTITY, ..box_of([4.0, 3.0]) };
+    plan.masonry[0].ring_m[0] = [-1e-5, 0.0];
+    let (svg, dxf) = (plan_svg(&plan), plan_dxf(&plan));
+    assert!(svg.contains(">0 rooms, 0.0 m\u{b2}</text>"));
+    assert!(
+        svg.contains("frame is turned by 0.0 degrees") && dxf.contains("frame is turned by 0.000 degrees")
+    );
+    assert!(dxf.contains("\nTurn by 0.000 degrees about") && !dxf.lines().any(|line| line == "-0"));
+    for json in [plan_geojson(&plan), plan_json(&plan)] {
+        let text = json.to_string();
+        assert!(!text.contains("-0.0,") && !text.contains("-0.0]"), "{text}");
+    }
+}
+
 /// Returns the number of an attribute of the text with some words.
 fn of_text(svg: &str, attribute: &str, words: &str) -> f64 {
     let line = svg.lines().find(|line| line.contains(&format!(">{words}</text>"))).unwrap();
