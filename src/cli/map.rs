@@ -18,7 +18,7 @@ mod table;
 use super::args::levels::{self, LevelArgument};
 use super::args::{CompletionArguments, NetworkArguments, numbers};
 use super::output;
-use super::progress::{TerminalProgress, print_line};
+use super::progress::{TerminalProgress, print_line, to_standard_error};
 use super::video_tools::video_tools;
 use super::wrong_file::Advice;
 use crate::api::pretty_json;
@@ -185,7 +185,7 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
             Err(error) => HomeClip::unreadable(path, &error),
         };
         if let Err(reason) = &clip.answer {
-            eprintln!("{part}: failed: {} ({})", reason.detail, reason.code);
+            to_standard_error(&format!("{part}: failed: {} ({})", reason.detail, reason.code));
         }
         clips.push(clip);
     }

@@ -132,6 +132,45 @@ fn output_that_nobody_reads_ends_quietly() {
 }
 
 #[test]
+fn work_does_not_depend_on_readers_of_its_messages() {
+    let mut clip = scannet("s/", &[0, 1, 2]);
+    for (_, depth) in clip.iter_mut().filter(|(name, _)| name.contains("depth/")) {
+        *depth = depth_png(WIDTH, HEIGHT, |_, _| 0);
+    }
+    let files = vec![
+        ("clip.zip".to_string(), zip_bytes(&clip)),
+        ("map.json".to_string(), json(&valetudo(true, true))),
+    ];
+    let folder = as_folder(&files);
+    let closed = || {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        writer
+    };
+    for (arguments, code, words) in [
+        (
+            &["align", "--clip", "clip.zip", "--lidar", "map.json", "--out", "answer", "--verbose", "--json"]
+                [..],
+            3,
+            "\"failed\"",
+        ),
+        (&["keys", "create", "--tenant", "acme", "--role", "admin"], 0, "viola_"),
+        (&["inspect", "missing"], 1, ""),
+    ] {
+        let output = viola(arguments, folder.path()).stderr(closed()).output().unwrap();
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.code() == Some(code) && stdout.contains(words), "{arguments:?}: {output:?}");
+    }
+    // Neither the result nor the error about it can be written.
+    if cfg!(target_os = "linux") {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let output =
+            viola(&["models", "list"], folder.path()).stdout(full).stderr(closed()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+    }
+}
+
+#[test]
 fn shells_and_man_get_their_files() {
     let folder = tempfile::tempdir().unwrap();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
