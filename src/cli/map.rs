@@ -116,7 +116,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let valetudo = levels::valetudo_files(&arguments.lidar, &maps)?;
     let levels = level_maps(&maps);
-    output::folder(out)?;
+    let _own = output::own_folder(out)?;
 
     let mut aligner =
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };

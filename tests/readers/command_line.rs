@@ -4,6 +4,7 @@ use crate::drawing::{text as json, valetudo};
 use crate::writers::{HEIGHT, WIDTH, as_folder, depth_png, scannet, zip_bytes};
 use std::path::Path;
 use std::process::{Command, Output};
+use tempfile::TempDir;
 
 fn viola(arguments: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
@@ -18,18 +19,22 @@ fn run(arguments: &[&str], folder: &Path) -> (Option<i32>, String, String) {
     (status.code(), text(stdout), text(stderr))
 }
 
-#[test]
-fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+/// Returns a folder with a clip without depth, which gets no pose, a map and a text.
+fn without_pose() -> TempDir {
     let mut clip = scannet("s/", &[0, 1, 2]);
     for (_, depth) in clip.iter_mut().filter(|(name, _)| name.contains("depth/")) {
         *depth = depth_png(WIDTH, HEIGHT, |_, _| 0);
     }
-    let files = vec![
+    as_folder(&[
         ("clip.zip".to_string(), zip_bytes(&clip)),
         ("map.json".to_string(), json(&valetudo(true, true))),
         ("notes.txt".to_string(), b"Dear diary,".to_vec()),
-    ];
-    let folder = as_folder(&files);
+    ])
+}
+
+#[test]
+fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+    let folder = without_pose();
     let align = |clip, flag| {
         run(&["align", "--clip", clip, "--lidar", "map.json", "--out", "answer", flag], folder.path())
     };
@@ -65,6 +70,23 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
     let (code, _, stderr) = run(&["inspect", "."], folder.path());
     assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
     assert_eq!(align("clip.zip", "--unknown").0, Some(2));
+}
+
+#[test]
+fn a_wrong_map_or_output_folder_is_told_before_the_work() {
+    let folder = without_pose();
+    // Nobody can make a file in /proc.
+    let proc = if cfg!(target_os = "linux") { "cannot write into the folder /proc" } else { "cannot make" };
+    for (clip, lidar, out, words) in [
+        ("missing", "notes.txt", "answer", "notes.txt is a text file, not a LiDAR map"),
+        ("clip.zip", "map.json", "notes.txt/answer", "cannot make the folder notes.txt/answer"),
+        ("clip.zip", "map.json", "/proc", proc),
+    ] {
+        let arguments = ["align", "--clip", clip, "--lidar", lidar, "--out", out, "--verbose"];
+        let (code, _, stderr) = run(&arguments, folder.path());
+        assert!(code == Some(1) && stderr.contains(words), "{lidar} {out}: {stderr}");
+        assert!(stderr.starts_with("decode\nviola: "), "{lidar} {out}: {stderr}");
+    }
 }
 
 #[test]
@@ -133,15 +155,7 @@ fn output_that_nobody_reads_ends_quietly() {
 
 #[test]
 fn work_does_not_depend_on_readers_of_its_messages() {
-    let mut clip = scannet("s/", &[0, 1, 2]);
-    for (_, depth) in clip.iter_mut().filter(|(name, _)| name.contains("depth/")) {
-        *depth = depth_png(WIDTH, HEIGHT, |_, _| 0);
-    }
-    let files = vec![
-        ("clip.zip".to_string(), zip_bytes(&clip)),
-        ("map.json".to_string(), json(&valetudo(true, true))),
-    ];
-    let folder = as_folder(&files);
+    let folder = without_pose();
     let closed = || {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
