@@ -152,6 +152,12 @@ fn a_clip_is_converted_to_a_folder_or_a_zip_archive() {
     let done = convert("OUT.ZIP");
     assert!(done.status.success(), "{}", text_of(&done.stderr));
     assert!(std::fs::read(folder.path().join("OUT.ZIP")).unwrap().starts_with(b"PK"));
+    // As an interrupted conversion into an empty folder leaves it.
+    std::fs::create_dir_all(folder.path().join("again/viola-AbC123.part/clip/depth")).unwrap();
+    let again = convert("again");
+    assert!(again.status.success(), "{}", text_of(&again.stderr));
+    assert!(folder.path().join("again/depth.txt").exists());
+    assert!(!folder.path().join("again/viola-AbC123.part").exists());
     std::fs::write(folder.path().join("mine"), "mine").unwrap();
     let told = text_of(&convert("mine").stderr);
     assert!(
