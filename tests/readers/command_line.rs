@@ -260,6 +260,7 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
         ("name.toml", "wrokers = 2\n"),
         ("type.toml", "workers = [2]\n"),
         ("half.toml", "workers = \n"),
+        ("both.toml", "complete = \"never\"\ncomplete-always = true\n"),
     ] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
@@ -282,7 +283,11 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
     let url = "mysql://user:secret@db/viola";
     for (command, variable, value, words) in [
         ("work", "VIOLA_WORKERS", "many", "--workers"),
+        ("work", "VIOLA_WORKERS", "0", "with 0 workers does nothing"),
         ("work", "VIOLA_CONFIG", "viola.toml", "--workers"),
+        ("work", "VIOLA_CONFIG", "both.toml", "'--complete-always' cannot be used"),
+        ("serve", "VIOLA_CONFIG", "both.toml", "'--complete-always' cannot be used"),
+        ("serve", "VIOLA_JOB_MEMORY_MB", "0", "--job-memory-mb"),
         ("serve", "VIOLA_LISTEN", "localhost", "--listen"),
         ("serve", "VIOLA_S3_ENDPOINT", "https://s3.example", "--s3-bucket"),
         ("clean", "VIOLA_S3_ACCESS_KEY_ID", "viola", "--s3-bucket"),
