@@ -196,6 +196,19 @@ fn a_clip_is_not_converted_into_itself() {
 
 #[cfg(unix)]
 #[test]
+fn a_ros_map_has_a_name_that_its_yaml_file_can_hold() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    command.args(["convert", "map.rrmap", "--to", "ros", "--out"]).current_dir(folder.path());
+    let refused = command.arg(std::ffi::OsStr::from_bytes(b"m\xff.yaml")).output().unwrap();
+    let told = text_of(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("is not UTF-8"), "{told}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[cfg(unix)]
+#[test]
 fn a_map_is_converted_into_a_pipe() {
     let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
     let done = viola(&["convert", "map.rrmap", "--to", "valetudo", "--out", "/dev/stdout"], folder.path());

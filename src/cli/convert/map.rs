@@ -5,6 +5,7 @@ use crate::cli::args::levels;
 use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
+use std::ffi::OsStr;
 use std::io::Cursor;
 use std::path::Path;
 use viola_formats::clip::write::{Sink, ZipSink};
@@ -61,8 +62,13 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     if !is_in_place {
         output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image), "--out")?;
     }
-    let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let files = map.to_ros(&name)?;
+    let name = image.file_name().and_then(OsStr::to_str).with_context(|| {
+        format!(
+            "--out {} is not UTF-8, so that its yaml file cannot name the image; choose another name",
+            out.display()
+        )
+    })?;
+    let files = map.to_ros(name)?;
     write(&image, &files.pgm)?;
     write(out, &files.yaml)?;
     Ok(all_notes(&map, files.notes))
