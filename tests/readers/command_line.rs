@@ -127,6 +127,14 @@ fn align_overwrites_none_of_its_inputs() {
 }
 
 #[test]
+fn a_simulation_replaces_no_files_of_others() {
+    let folder = as_folder(&[("map.yaml".to_string(), b"mine".to_vec())]);
+    let (code, _, stderr) = run(&["simulate", "--out", "."], folder.path());
+    assert!(code == Some(1) && stderr.contains("map.yaml is not of an earlier simulation"), "{stderr}");
+    assert_eq!(std::fs::read(folder.path().join("map.yaml")).unwrap(), b"mine");
+}
+
+#[test]
 fn the_picture_of_a_network_does_not_replace_its_input() {
     let folder = as_folder(&[("a.png".to_string(), b"mine".to_vec())]);
     let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
