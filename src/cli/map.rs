@@ -166,7 +166,7 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
         let part = format!("clip {number} of {}", paths.len());
         let file = path.display().to_string();
         print_line(&format!("{part}: {file}"));
-        let clip = match Content::of(path) {
+        let clip = match aligner.content(path) {
             Ok(content) => {
                 let recording = content.recording();
                 if let Some(first) = known.get(&recording) {
@@ -182,7 +182,7 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
                 known.insert(recording, clips.len());
                 align_one(path, content, part.clone(), aligner)?
             }
-            Err(error) => HomeClip::unreadable(path, &error),
+            Err(reason) => HomeClip::refused(path, reason),
         };
         if let Err(reason) = &clip.answer {
             to_standard_error(&format!("{part}: failed: {} ({})", reason.detail, reason.code));

@@ -27,13 +27,9 @@ pub struct HomeClip {
 }
 
 impl HomeClip {
-    pub fn unreadable(path: &Path, error: &anyhow::Error) -> HomeClip {
-        HomeClip {
-            file: path.display().to_string(),
-            content: None,
-            recorded_at: None,
-            answer: Err(Reason::new("unreadable", format!("{error:#}"))),
-        }
+    /// Returns a clip whose bytes were not read.
+    pub fn refused(path: &Path, reason: Reason) -> HomeClip {
+        HomeClip { file: path.display().to_string(), content: None, recorded_at: None, answer: Err(reason) }
     }
 
     /// Takes the answer of another argument with the same recording.
@@ -70,6 +66,19 @@ pub struct Aligner<'a> {
 }
 
 impl Aligner<'_> {
+    /// Returns the content of a clip, or why it has none. A folder that is no clip is refused before its bytes are read: it may
+    /// be that of all recordings.
+    pub fn content(&self, path: &Path) -> Result<Content, Reason> {
+        let open = || Clip::open_with(path, &self.params.video).map(drop);
+        if path.is_dir()
+            // A panic is reported by the alignment.
+            && let Ok(Err(error)) = catch_unwind(AssertUnwindSafe(open))
+        {
+            return Err(AlignJobError::from(error).reason());
+        }
+        Content::of(path).map_err(|error| Reason::new("unreadable", format!("{error:#}")))
+    }
+
     /// Aligns a clip. A clip that cannot be used is no error; a contribution that cannot be kept is one.
     pub fn align(&mut self, path: &Path, content: Content, progress: &dyn Progress) -> Result<HomeClip> {
         let tried = catch_unwind(AssertUnwindSafe(|| self.finish(path, progress)));
