@@ -326,14 +326,18 @@ fn a_data_folder_that_is_a_file_is_refused() {
 #[cfg(unix)]
 #[test]
 fn a_clip_without_room_to_unpack_names_the_folder() {
-    let folder = as_folder(&crate::bags::mcap("", &crate::recording::Recording::small(3)));
+    let mut files = crate::bags::mcap("", &crate::recording::Recording::small(3));
+    files.push(("map.json".to_string(), json(&valetudo(true, true))));
+    let folder = as_folder(&files);
     let missing = folder.path().join("missing");
-    for arguments in
-        [&["inspect", "bag_0.mcap"][..], &["convert", "bag_0.mcap", "--to", "tum", "--out", "out"]]
-    {
+    for (arguments, code) in [
+        (&["inspect", "bag_0.mcap"][..], 1),
+        (&["convert", "bag_0.mcap", "--to", "tum", "--out", "out"], 1),
+        (&["map", "bag_0.mcap", "--lidar", "map.json", "--out", "home"], 3),
+    ] {
         let output = viola(arguments, folder.path()).env("TMPDIR", &missing).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert_eq!(output.status.code(), Some(code), "{stderr}");
         for words in ["no room to unpack the pictures", missing.to_str().unwrap(), "TMPDIR"] {
             assert!(stderr.contains(words), "{arguments:?}: {words}: {stderr}");
         }

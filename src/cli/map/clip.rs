@@ -3,13 +3,15 @@
 use super::content::Content;
 use super::contributions::Contributions;
 use crate::api::recorded_at_of_file;
+use crate::cli::wrong_file::unpacked_in;
 use crate::jobs::{AlignJobError, Finished, JobParams, align_opened};
 use anyhow::Result;
 use jiff::Timestamp;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use viola_align::{Alignment, LevelMap};
-use viola_formats::clip::Clip;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::ContainerError;
 use viola_geometry::progress::Progress;
 use viola_home::{Member, Verdict};
 use viola_reconstruct::Reason;
@@ -58,6 +60,17 @@ impl HomeClip {
     }
 }
 
+/// Returns the reason of a clip that has no answer; without room to unpack it, with the folder that it is unpacked in.
+fn reason_of(failure: &AlignJobError) -> Reason {
+    let Reason { code, detail } = failure.reason();
+    match failure {
+        AlignJobError::Clip(ClipError::Container(ContainerError::CannotUnpack { .. })) => {
+            Reason { code, detail: format!("{detail}; {}", unpacked_in()) }
+        }
+        _ => Reason { code, detail },
+    }
+}
+
 /// Aligns clips to the home's LiDAR maps and keeps their contributions.
 pub struct Aligner<'a> {
     pub levels: &'a [LevelMap<'a>],
@@ -74,7 +87,7 @@ impl Aligner<'_> {
             // A panic is reported by the alignment.
             && let Ok(Err(error)) = catch_unwind(AssertUnwindSafe(open))
         {
-            return Err(AlignJobError::from(error).reason());
+            return Err(reason_of(&AlignJobError::from(error)));
         }
         Content::of(path).map_err(|error| Reason::new("unreadable", format!("{error:#}")))
     }
@@ -87,7 +100,7 @@ impl Aligner<'_> {
                 self.contributions.keep(&content.recording(), &finished)?;
                 (recorded_at, Ok(finished.alignment))
             }
-            Ok(Err(failure)) => (None, Err(failure.reason())),
+            Ok(Err(failure)) => (None, Err(reason_of(&failure))),
             Err(_) => (None, Err(Reason::new("internal_error", "the method panicked on this clip"))),
         };
         Ok(HomeClip { file: path.display().to_string(), content: Some(content), recorded_at, answer })
