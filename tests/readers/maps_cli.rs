@@ -83,6 +83,15 @@ fn convert_writes_what_is_read_back() {
         let read = LidarMap::open(&folder.path().join(out)).unwrap();
         assert_eq!(read.info.occupied_points, hits().len(), "{to}");
     }
+    // Each has something that the other one lacks.
+    std::fs::copy(folder.path().join("map.rrmap"), folder.path().join("robot.zip")).unwrap();
+    for (file, to) in [("map.rrmap", "valetudo"), ("map.yaml", "valetudo"), ("robot.zip", "ros")] {
+        let before = std::fs::read(folder.path().join(file)).unwrap();
+        let refused = viola(&["convert", file, "--to", to, "--out", file], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains("choose another --out"), "{file}: {told}");
+        assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before, "{file}");
+    }
     // A clip has points of its own, which other commands write.
     for (name, bytes) in scannet("clip/", &[0, 1, 2]) {
         let path = folder.path().join(name);
