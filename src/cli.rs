@@ -173,7 +173,7 @@ fn end_without_standard_output() {
         match panic.payload_as_str().and_then(|text| text.strip_prefix("failed printing to stdout: ")) {
             Some(cause) if cause.contains("Broken pipe") => std::process::exit(0),
             Some(cause) => {
-                eprintln!("viola: cannot write to standard output: {cause}");
+                progress::to_standard_error(&format!("viola: cannot write to standard output: {cause}"));
                 std::process::exit(1);
             }
             None => hook(panic),
@@ -186,7 +186,7 @@ fn failed(error: &anyhow::Error) -> ExitCode {
     if let Some(error) = error.downcast_ref::<clap::Error>() {
         error.exit();
     }
-    eprintln!("viola: {}", with_causes(error));
+    progress::to_standard_error(&format!("viola: {}", with_causes(error)));
     ExitCode::FAILURE
 }
 

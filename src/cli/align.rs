@@ -93,12 +93,14 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let watch =
         Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
+    // Before the clip, which may have to be unpacked.
+    let maps = levels::open(&arguments.lidar, Advice::Flags)?;
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .map_err(|error| wrong_file::of_clip(&arguments.clip, error, Advice::Flags))?;
     let clip = if arguments.scale.is_some() { clip.with_unknown_scale() } else { clip };
     let frames = arguments.frames.as_ref().map(|range| used_frames(&clip, range)).transpose();
     let frames = frames.with_context(|| format!("clip {}", arguments.clip.display()))?;
-    let maps = levels::open(&arguments.lidar, Advice::Flags)?;
+    let _own = output::own_folder(&arguments.out)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
         align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
@@ -106,7 +108,6 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
 
     watch.enter(Stage::Report);
     let lidar = levels::of_level(&maps, aligned.alignment.level)?;
-    output::folder(&arguments.out)?;
     let write = |name: &str, bytes: &[u8]| output::write_bytes(&arguments.out.join(name), bytes);
     write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;

@@ -3,9 +3,11 @@
 //! command only. `viola config` shows each value and its source, and checks them.
 
 use super::args::wrong_arguments;
+use super::serve::ServeArguments;
+use super::work::WorkArguments;
 use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
-use clap::{Arg, ArgAction, Args, Command};
+use clap::{Arg, ArgAction, Args, Command, FromArgMatches};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -220,8 +222,13 @@ fn check(command: &Command, file: Option<&Path>, program: &Command) -> Result<()
     let file = file.map(|file| [OsString::from(FLAG), file.into()]);
     let given = ["viola", command.get_name()].map(OsString::from).into_iter();
     let arguments = with_file(given.chain(file.into_iter().flatten()), program)?;
-    program.clone().try_get_matches_from(arguments)?;
-    Ok(())
+    let matches = program.clone().try_get_matches_from(arguments)?;
+    // Values that exclude each other.
+    match matches.subcommand() {
+        Some(("serve", matches)) => ServeArguments::from_arg_matches(matches)?.check(),
+        Some(("work", matches)) => WorkArguments::from_arg_matches(matches)?.check(),
+        _ => Ok(()),
+    }
 }
 
 fn value_of(arg: &Arg, setting: Option<&toml::Value>) -> (Option<String>, &'static str) {

@@ -4,6 +4,7 @@ mod clip;
 mod map;
 
 use super::output;
+use super::progress::to_standard_error;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -63,7 +64,7 @@ fn is_zip(out: &Path) -> bool {
 
 /// Prints a line about the output: to standard error if the output is a pipe, which may be standard output.
 fn tell(out: &Path, line: &str) {
-    if out.is_file() || out.is_dir() { println!("{line}") } else { eprintln!("{line}") }
+    if out.is_file() || out.is_dir() { println!("{line}") } else { to_standard_error(line) }
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -5,6 +5,7 @@ mod recordings;
 
 use super::args::{NetworkArguments, numbers};
 use super::output;
+use super::progress::has_bars;
 use crate::api::{
     BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
     serve,
@@ -18,7 +19,6 @@ use indicatif::{MultiProgress, ProgressDrawTarget};
 use recordings::{Recording, Recordings};
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -131,7 +131,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     client.make_home(HOME, "Simulated home").await?;
     client.put_map(HOME, fs::read(&recordings.map).context("cannot read the map back")?).await?;
     let bars = MultiProgress::new();
-    if !std::io::stderr().is_terminal() {
+    if !has_bars() {
         bars.set_draw_target(ProgressDrawTarget::hidden());
     }
     let followed = recordings.clips.iter().map(|clip| follow(&client, clip, &bars));

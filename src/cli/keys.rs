@@ -2,6 +2,7 @@
 
 use super::args::StoreArguments;
 use super::output;
+use super::progress::to_standard_error;
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jiff::{SignedDuration, Timestamp};
@@ -92,7 +93,7 @@ async fn create(arguments: &CreateArguments) -> Result<()> {
     let (key, secret) = storage.create_key(new, now).await?;
     storage.close().await;
     // The secret is alone on standard output, so that a script can read it.
-    eprintln!("key {} of tenant {}; it is not shown again:", key.id, key.tenant.name());
+    to_standard_error(&format!("key {} of tenant {}; it is not shown again:", key.id, key.tenant.name()));
     println!("{}", secret.show());
     Ok(())
 }

@@ -18,7 +18,7 @@ mod table;
 use super::args::levels::{self, LevelArgument};
 use super::args::{CompletionArguments, NetworkArguments, numbers};
 use super::output;
-use super::progress::{TerminalProgress, print_line};
+use super::progress::{TerminalProgress, print_line, to_standard_error};
 use super::video_tools::video_tools;
 use super::wrong_file::Advice;
 use crate::api::pretty_json;
@@ -116,7 +116,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let maps = levels::open(&arguments.lidar, Advice::Arguments)?;
     let valetudo = levels::valetudo_files(&arguments.lidar, &maps)?;
     let levels = level_maps(&maps);
-    output::folder(out)?;
+    let _own = output::own_folder(out)?;
 
     let mut aligner =
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
@@ -166,7 +166,7 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
         let part = format!("clip {number} of {}", paths.len());
         let file = path.display().to_string();
         print_line(&format!("{part}: {file}"));
-        let clip = match Content::of(path) {
+        let clip = match aligner.content(path) {
             Ok(content) => {
                 let recording = content.recording();
                 if let Some(first) = known.get(&recording) {
@@ -182,10 +182,10 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
                 known.insert(recording, clips.len());
                 align_one(path, content, part.clone(), aligner)?
             }
-            Err(error) => HomeClip::unreadable(path, &error),
+            Err(reason) => HomeClip::refused(path, reason),
         };
         if let Err(reason) = &clip.answer {
-            eprintln!("{part}: failed: {} ({})", reason.detail, reason.code);
+            to_standard_error(&format!("{part}: failed: {} ({})", reason.detail, reason.code));
         }
         clips.push(clip);
     }

@@ -1,7 +1,7 @@
 //! Output files, folders and tables.
 
 use anyhow::{Context, Result, bail};
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -39,6 +39,28 @@ pub fn write_bytes(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
 /// Makes a folder and those above it, if they are missing.
 pub fn folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).with_context(|| format!("cannot make the folder {}", path.display()))
+}
+
+/// Keeps other processes of this program from writing into a folder.
+pub struct OwnFolder {
+    /// Closing it ends the lock; `None` if the file system has no locks.
+    _lock: Option<File>,
+}
+
+/// Makes a folder for the outputs of this process alone. Fails if no file can be made in it, so that this is known before the
+/// work, and if another process writes into it: the folder would have files of both.
+pub fn own_folder(path: &Path) -> Result<OwnFolder> {
+    folder(path)?;
+    tempfile::tempfile_in(path)
+        .with_context(|| format!("cannot write into the folder {}", path.display()))?;
+    let Ok(lock) = File::open(path) else { return Ok(OwnFolder { _lock: None }) };
+    match lock.try_lock() {
+        Ok(()) => Ok(OwnFolder { _lock: Some(lock) }),
+        Err(TryLockError::WouldBlock) => {
+            bail!("another process writes into the folder {}; choose another --out", path.display())
+        }
+        Err(TryLockError::Error(_)) => Ok(OwnFolder { _lock: None }),
+    }
 }
 
 /// Removes a file of an earlier run, if it is there.
@@ -122,6 +144,19 @@ mod tests {
         assert_eq!(fs::read(&other).unwrap(), b"mine");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_folder_is_written_by_one_process_at_a_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("new/out");
+        let own = own_folder(&out).unwrap();
+        let told = own_folder(&out).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(told.starts_with("another process writes into the folder "), "{told}");
+        own_folder(&out.join("other")).unwrap();
+        drop(own);
+        own_folder(&out).unwrap();
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 1);
     }
 
     #[test]

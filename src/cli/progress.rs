@@ -3,7 +3,7 @@
 //! One clip of several has a bar of its own, named by its number.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use viola_geometry::progress::{Progress, Stage};
@@ -29,7 +29,7 @@ fn is_at_least(verbosity: Verbosity) -> bool {
 }
 
 /// Returns whether progress is shown as bars: on a terminal and without `--quiet`.
-fn has_bars() -> bool {
+pub fn has_bars() -> bool {
     shows_bars(std::io::stderr().is_terminal(), VERBOSITY.load(Ordering::Relaxed))
 }
 
@@ -88,8 +88,14 @@ impl Drop for Steps {
 /// Prints a line about the work, unless `--quiet` is given.
 pub fn print_line(line: &str) {
     if is_at_least(Verbosity::Normal) {
-        eprintln!("{line}");
+        to_standard_error(line);
     }
+}
+
+/// Prints a line to standard error. If nobody reads it, or its disk is full, the work continues: `eprintln!` would panic.
+pub fn to_standard_error(line: &str) {
+    // There is no other place to report it.
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 pub struct TerminalProgress {
@@ -155,8 +161,8 @@ impl Progress for TerminalProgress {
         match (&self.bar, &self.part) {
             (Some(bar), Some(part)) => bar.set_message(format!("{part}: {name}")),
             (Some(bar), None) => bar.set_message(name),
-            (None, Some(part)) if is_at_least(Verbosity::Normal) => eprintln!("{part}: {name}"),
-            (None, None) if is_at_least(Verbosity::Verbose) => eprintln!("{name}"),
+            (None, Some(part)) => print_line(&format!("{part}: {name}")),
+            (None, None) if is_at_least(Verbosity::Verbose) => to_standard_error(name),
             (None, _) => {}
         }
     }

@@ -50,6 +50,13 @@ pub struct ServeArguments {
     cors_origins: Vec<Origin>,
 }
 
+impl ServeArguments {
+    /// Refuses values that exclude each other.
+    pub fn check(&self) -> Result<()> {
+        self.worker.check()
+    }
+}
+
 pub fn run(arguments: &ServeArguments) -> Result<()> {
     service::run(|| params(arguments), |params, stop| serve(params, stop, print_address))
 }

@@ -3,7 +3,7 @@
 use super::args::numbers;
 use super::output;
 use super::progress::print_line;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
@@ -13,6 +13,8 @@ use viola_lab::simulate::{
 
 /// More clips than one home needs; each is a file of megabytes.
 const MAX_CLIPS: u64 = 999;
+/// The files beside the clips.
+const FILES: [&str; 6] = ["truth.json", "valetudo.json", "map.yaml", "map.pgm", "points.csv", "plan.png"];
 
 #[derive(clap::Args)]
 pub struct SimulateArguments {
@@ -48,6 +50,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     output::folder(out)?;
     let earlier = earlier_clips(out);
+    refuse_files_of_others(out, arguments.clips, earlier)?;
     print_line("making a home and mapping it with its vacuum");
     let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let home = Home::furnished(&HomeParams::new(arguments.set, arguments.seed), &catalogue);
@@ -70,30 +73,45 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         },
         "clips": clips.iter().map(|clip| &clip.truth).collect::<Vec<_>>(),
     });
+    // First, because it tells the next run that the others are those of this one.
+    save(out, "truth.json", serde_json::to_string_pretty(&truth)?)?;
     save(out, "valetudo.json", serde_json::to_string(&valetudo_json(&survey))?)?;
     save(out, "map.yaml", ros_yaml(&survey, "map.pgm"))?;
     save(out, "map.pgm", ros_pgm(&survey))?;
     save(out, "points.csv", points_csv(&survey))?;
-    save(out, "truth.json", serde_json::to_string_pretty(&truth)?)?;
     save(out, "plan.png", plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
-    for (index, clip) in clips.iter().enumerate() {
-        let path = out.join(format!("clip_{index}.zip"));
+    for (index, clip) in (0..).zip(&clips) {
+        let path = out.join(clip_name(index));
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
         println!("{}", path.display());
     }
-    remove_further_clips(out, arguments.clips, earlier)
+    remove_further_clips(out, arguments.clips, earlier.unwrap_or_default())
 }
 
-/// Returns the number of clips that an earlier run wrote, by its truth; 0 without one.
-fn earlier_clips(out: &Path) -> u64 {
-    let truth = std::fs::read(out.join("truth.json")).unwrap_or_default();
-    let truth: serde_json::Value = serde_json::from_slice(&truth).unwrap_or_default();
-    truth["clips"].as_array().map_or(0, |clips| clips.len() as u64).min(MAX_CLIPS)
+/// Returns the number of clips that an earlier run wrote, by its truth; `None` without one.
+fn earlier_clips(out: &Path) -> Option<u64> {
+    let truth = std::fs::read(out.join("truth.json")).ok()?;
+    let truth: serde_json::Value = serde_json::from_slice(&truth).ok()?;
+    Some((truth["clips"].as_array()?.len() as u64).min(MAX_CLIPS))
+}
+
+/// Refuses to replace files that no earlier run wrote: a robot's map and its recordings may have the same names.
+fn refuse_files_of_others(out: &Path, clips: u64, earlier: Option<u64>) -> Result<()> {
+    let beside = FILES.iter().filter(|_| earlier.is_none()).map(|name| (*name).to_owned());
+    let names = beside.chain((earlier.unwrap_or_default()..clips).map(clip_name));
+    match names.map(|name| out.join(name)).find(|path| path.symlink_metadata().is_ok()) {
+        Some(path) => bail!("{} is not of an earlier simulation; choose another --out", path.display()),
+        None => Ok(()),
+    }
+}
+
+fn clip_name(index: u64) -> String {
+    format!("clip_{index}.zip")
 }
 
 /// Removes the clips of an earlier run with more clips, which may be of another home.
 fn remove_further_clips(out: &Path, clips: u64, earlier: u64) -> Result<()> {
-    (clips..earlier).try_for_each(|index| output::remove(&out.join(format!("clip_{index}.zip"))))
+    (clips..earlier).try_for_each(|index| output::remove(&out.join(clip_name(index))))
 }
 
 fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
@@ -114,6 +132,23 @@ mod tests {
     use std::fs;
 
     #[test]
+    fn files_that_no_run_wrote_are_not_replaced() {
+        for (name, text, is_refused) in [
+            ("map.yaml", "", true),
+            ("truth.json", "{}", true),
+            ("truth.json", r#"{"clips": [{}]}"#, false),
+            ("clip_1.zip", "", true),
+            ("clip_2.zip", "", false),
+            ("notes.txt", "", false),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            fs::write(folder.path().join(name), text).unwrap();
+            let answer = refuse_files_of_others(folder.path(), 2, earlier_clips(folder.path()));
+            assert_eq!(answer.is_err(), is_refused, "{name}: {answer:?}");
+        }
+    }
+
+    #[test]
     fn clips_of_an_earlier_run_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -122,7 +157,7 @@ mod tests {
         }
         let left_after = |truth: &str| {
             fs::write(at("truth.json"), truth).unwrap();
-            remove_further_clips(folder.path(), 1, earlier_clips(folder.path())).unwrap();
+            remove_further_clips(folder.path(), 1, earlier_clips(folder.path()).unwrap_or_default()).unwrap();
             fs::remove_file(at("truth.json")).unwrap();
             let entries = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
             let mut left: Vec<_> = entries.collect();

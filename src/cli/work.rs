@@ -18,12 +18,20 @@ pub struct WorkArguments {
     admin_listen: Option<SocketAddr>,
 }
 
-pub fn run(arguments: &WorkArguments) -> Result<()> {
-    if arguments.worker.workers == 0 {
-        return Err(wrong_arguments(
-            "`viola work` with 0 workers does nothing; give it at least --workers 1",
-        ));
+impl WorkArguments {
+    /// Refuses values that exclude each other, and a process without work.
+    pub fn check(&self) -> Result<()> {
+        if self.worker.workers == 0 {
+            return Err(wrong_arguments(
+                "`viola work` with 0 workers does nothing; give it at least --workers 1",
+            ));
+        }
+        self.worker.check()
     }
+}
+
+pub fn run(arguments: &WorkArguments) -> Result<()> {
+    arguments.check()?;
     let params = || {
         Ok(WorkParams {
             storage: arguments.store.params(),

@@ -66,14 +66,15 @@ pub fn of_clip(path: &Path, error: ClipError, advice: Advice) -> Error {
             anyhow!("{name} has {files} files, and no clip that is known{nearest}\n{CLIPS}\n{MORE}")
         }
         (ClipError::Container(error @ ContainerError::CannotUnpack { .. }), _) => {
-            let folder = std::env::temp_dir();
-            anyhow!(
-                "clip {name}: {error}; it is unpacked in {}: name another folder by TMPDIR",
-                folder.display()
-            )
+            anyhow!("clip {name}: {error}; {}", unpacked_in())
         }
         (error, _) => Error::new(error).context(format!("clip {name}")),
     }
+}
+
+/// Names the folder in which archives are unpacked, and how to choose another one.
+pub fn unpacked_in() -> String {
+    format!("it is unpacked in {}: name another folder by TMPDIR", std::env::temp_dir().display())
 }
 
 /// Names the layout of which a folder has most parts without the file that tells it.

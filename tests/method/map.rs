@@ -273,15 +273,23 @@ fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
     assert!(text(&output.stderr).contains("missing"));
     let output = map(&[], lidar, out.path(), 1);
     assert_eq!(output.status.code(), Some(2));
-    let output = map(&[broken, &missing], lidar, out.path(), 1);
+    // The folder of the clips is no clip, and is not read as a whole.
+    let output = map(&[broken, &missing, folder.path()], lidar, out.path(), 1);
     assert_eq!(output.status.code(), Some(3));
     let read =
         |name: &str| -> Value { serde_json::from_slice(&fs::read(out.path().join(name)).unwrap()).unwrap() };
     let map = read("map.json");
     let codes: Vec<&Value> =
         map["clips"].as_array().unwrap().iter().map(|clip| &clip["reasons"][0]["code"]).collect();
-    assert_eq!(codes, ["unreadable", "unknown_layout"]);
-    assert_eq!((&map["clips"][0]["clip"], &map["info"]["points"]), (&Value::Null, &json!(0)));
+    assert_eq!(codes, ["unknown_layout", "unreadable", "unknown_layout"]);
+    assert_eq!(map["clips"][0]["file"], folder.path().to_str().unwrap());
+    for clip in 0..2 {
+        assert_eq!(
+            (&map["clips"][clip]["clip"], &map["clips"][clip]["sha256"]),
+            (&Value::Null, &Value::Null)
+        );
+    }
+    assert_eq!(map["info"]["points"], json!(0));
     assert_eq!(read("objects.json")["objects"], json!([]));
     assert!(!read("rooms.json")["rooms"].as_array().unwrap().is_empty());
 }

@@ -4,6 +4,7 @@ use crate::drawing::{text as json, valetudo};
 use crate::writers::{HEIGHT, WIDTH, as_folder, depth_png, scannet, zip_bytes};
 use std::path::Path;
 use std::process::{Command, Output};
+use tempfile::TempDir;
 
 fn viola(arguments: &[&str], folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
@@ -18,18 +19,22 @@ fn run(arguments: &[&str], folder: &Path) -> (Option<i32>, String, String) {
     (status.code(), text(stdout), text(stderr))
 }
 
-#[test]
-fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+/// Returns a folder with a clip without depth, which gets no pose, a map and a text.
+fn without_pose() -> TempDir {
     let mut clip = scannet("s/", &[0, 1, 2]);
     for (_, depth) in clip.iter_mut().filter(|(name, _)| name.contains("depth/")) {
         *depth = depth_png(WIDTH, HEIGHT, |_, _| 0);
     }
-    let files = vec![
+    as_folder(&[
         ("clip.zip".to_string(), zip_bytes(&clip)),
         ("map.json".to_string(), json(&valetudo(true, true))),
         ("notes.txt".to_string(), b"Dear diary,".to_vec()),
-    ];
-    let folder = as_folder(&files);
+    ])
+}
+
+#[test]
+fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+    let folder = without_pose();
     let align = |clip, flag| {
         run(&["align", "--clip", clip, "--lidar", "map.json", "--out", "answer", flag], folder.path())
     };
@@ -65,6 +70,23 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
     let (code, _, stderr) = run(&["inspect", "."], folder.path());
     assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
     assert_eq!(align("clip.zip", "--unknown").0, Some(2));
+}
+
+#[test]
+fn a_wrong_map_or_output_folder_is_told_before_the_work() {
+    let folder = without_pose();
+    // Nobody can make a file in /proc.
+    let proc = if cfg!(target_os = "linux") { "cannot write into the folder /proc" } else { "cannot make" };
+    for (clip, lidar, out, words) in [
+        ("missing", "notes.txt", "answer", "notes.txt is a text file, not a LiDAR map"),
+        ("clip.zip", "map.json", "notes.txt/answer", "cannot make the folder notes.txt/answer"),
+        ("clip.zip", "map.json", "/proc", proc),
+    ] {
+        let arguments = ["align", "--clip", clip, "--lidar", lidar, "--out", out, "--verbose"];
+        let (code, _, stderr) = run(&arguments, folder.path());
+        assert!(code == Some(1) && stderr.contains(words), "{lidar} {out}: {stderr}");
+        assert!(stderr.starts_with("decode\nviola: "), "{lidar} {out}: {stderr}");
+    }
 }
 
 #[test]
@@ -105,6 +127,14 @@ fn align_overwrites_none_of_its_inputs() {
 }
 
 #[test]
+fn a_simulation_replaces_no_files_of_others() {
+    let folder = as_folder(&[("map.yaml".to_string(), b"mine".to_vec())]);
+    let (code, _, stderr) = run(&["simulate", "--out", "."], folder.path());
+    assert!(code == Some(1) && stderr.contains("map.yaml is not of an earlier simulation"), "{stderr}");
+    assert_eq!(std::fs::read(folder.path().join("map.yaml")).unwrap(), b"mine");
+}
+
+#[test]
 fn the_picture_of_a_network_does_not_replace_its_input() {
     let folder = as_folder(&[("a.png".to_string(), b"mine".to_vec())]);
     let arguments = ["models", "check", "fastdepth", "--picture", "a.png", "--out", "./a.png"];
@@ -128,6 +158,37 @@ fn output_that_nobody_reads_ends_quietly() {
         let output = viola(arguments, folder.path()).stdout(writer).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success() && stderr.is_empty(), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn work_does_not_depend_on_readers_of_its_messages() {
+    let folder = without_pose();
+    let closed = || {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        writer
+    };
+    for (arguments, code, words) in [
+        (
+            &["align", "--clip", "clip.zip", "--lidar", "map.json", "--out", "answer", "--verbose", "--json"]
+                [..],
+            3,
+            "\"failed\"",
+        ),
+        (&["keys", "create", "--tenant", "acme", "--role", "admin"], 0, "viola_"),
+        (&["inspect", "missing"], 1, ""),
+    ] {
+        let output = viola(arguments, folder.path()).stderr(closed()).output().unwrap();
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.code() == Some(code) && stdout.contains(words), "{arguments:?}: {output:?}");
+    }
+    // Neither the result nor the error about it can be written.
+    if cfg!(target_os = "linux") {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let output =
+            viola(&["models", "list"], folder.path()).stdout(full).stderr(closed()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
     }
 }
 
@@ -207,6 +268,7 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
         ("name.toml", "wrokers = 2\n"),
         ("type.toml", "workers = [2]\n"),
         ("half.toml", "workers = \n"),
+        ("both.toml", "complete = \"never\"\ncomplete-always = true\n"),
     ] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
@@ -229,7 +291,11 @@ fn a_configuration_that_a_command_would_refuse_is_refused() {
     let url = "mysql://user:secret@db/viola";
     for (command, variable, value, words) in [
         ("work", "VIOLA_WORKERS", "many", "--workers"),
+        ("work", "VIOLA_WORKERS", "0", "with 0 workers does nothing"),
         ("work", "VIOLA_CONFIG", "viola.toml", "--workers"),
+        ("work", "VIOLA_CONFIG", "both.toml", "'--complete-always' cannot be used"),
+        ("serve", "VIOLA_CONFIG", "both.toml", "'--complete-always' cannot be used"),
+        ("serve", "VIOLA_JOB_MEMORY_MB", "0", "--job-memory-mb"),
         ("serve", "VIOLA_LISTEN", "localhost", "--listen"),
         ("serve", "VIOLA_S3_ENDPOINT", "https://s3.example", "--s3-bucket"),
         ("clean", "VIOLA_S3_ACCESS_KEY_ID", "viola", "--s3-bucket"),
@@ -260,14 +326,18 @@ fn a_data_folder_that_is_a_file_is_refused() {
 #[cfg(unix)]
 #[test]
 fn a_clip_without_room_to_unpack_names_the_folder() {
-    let folder = as_folder(&crate::bags::mcap("", &crate::recording::Recording::small(3)));
+    let mut files = crate::bags::mcap("", &crate::recording::Recording::small(3));
+    files.push(("map.json".to_string(), json(&valetudo(true, true))));
+    let folder = as_folder(&files);
     let missing = folder.path().join("missing");
-    for arguments in
-        [&["inspect", "bag_0.mcap"][..], &["convert", "bag_0.mcap", "--to", "tum", "--out", "out"]]
-    {
+    for (arguments, code) in [
+        (&["inspect", "bag_0.mcap"][..], 1),
+        (&["convert", "bag_0.mcap", "--to", "tum", "--out", "out"], 1),
+        (&["map", "bag_0.mcap", "--lidar", "map.json", "--out", "home"], 3),
+    ] {
         let output = viola(arguments, folder.path()).env("TMPDIR", &missing).output().unwrap();
         let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert_eq!(output.status.code(), Some(code), "{stderr}");
         for words in ["no room to unpack the pictures", missing.to_str().unwrap(), "TMPDIR"] {
             assert!(stderr.contains(words), "{arguments:?}: {words}: {stderr}");
         }

@@ -83,6 +83,15 @@ fn convert_writes_what_is_read_back() {
         let read = LidarMap::open(&folder.path().join(out)).unwrap();
         assert_eq!(read.info.occupied_points, hits().len(), "{to}");
     }
+    // Each has something that the other one lacks.
+    std::fs::copy(folder.path().join("map.rrmap"), folder.path().join("robot.zip")).unwrap();
+    for (file, to) in [("map.rrmap", "valetudo"), ("map.yaml", "valetudo"), ("robot.zip", "ros")] {
+        let before = std::fs::read(folder.path().join(file)).unwrap();
+        let refused = viola(&["convert", file, "--to", to, "--out", file], folder.path());
+        let told = text_of(&refused.stderr);
+        assert!(!refused.status.success() && told.contains("choose another --out"), "{file}: {told}");
+        assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before, "{file}");
+    }
     // A clip has points of its own, which other commands write.
     for (name, bytes) in scannet("clip/", &[0, 1, 2]) {
         let path = folder.path().join(name);
@@ -152,6 +161,12 @@ fn a_clip_is_converted_to_a_folder_or_a_zip_archive() {
     let done = convert("OUT.ZIP");
     assert!(done.status.success(), "{}", text_of(&done.stderr));
     assert!(std::fs::read(folder.path().join("OUT.ZIP")).unwrap().starts_with(b"PK"));
+    // As an interrupted conversion into an empty folder leaves it.
+    std::fs::create_dir_all(folder.path().join("again/viola-AbC123.part/clip/depth")).unwrap();
+    let again = convert("again");
+    assert!(again.status.success(), "{}", text_of(&again.stderr));
+    assert!(folder.path().join("again/depth.txt").exists());
+    assert!(!folder.path().join("again/viola-AbC123.part").exists());
     std::fs::write(folder.path().join("mine"), "mine").unwrap();
     let told = text_of(&convert("mine").stderr);
     assert!(
@@ -186,6 +201,19 @@ fn a_clip_is_not_converted_into_itself() {
     let told = text_of(&refused.stderr);
     assert!(!refused.status.success() && told.contains("choose another --out"), "{told}");
     assert_eq!(std::fs::read(folder.path().join("clip.zip")).unwrap(), clip);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_ros_map_has_a_name_that_its_yaml_file_can_hold() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    command.args(["convert", "map.rrmap", "--to", "ros", "--out"]).current_dir(folder.path());
+    let refused = command.arg(std::ffi::OsStr::from_bytes(b"m\xff.yaml")).output().unwrap();
+    let told = text_of(&refused.stderr);
+    assert!(!refused.status.success() && told.contains("is not UTF-8"), "{told}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 #[cfg(unix)]

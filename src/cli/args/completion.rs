@@ -50,6 +50,11 @@ impl CompletionArguments {
         Ok(CompleteParams { imagination, ..self.without_networks()? })
     }
 
+    /// Refuses values that exclude each other.
+    pub fn check(&self) -> Result<()> {
+        self.without_networks().map(drop)
+    }
+
     fn without_networks(&self) -> Result<CompleteParams> {
         let when = match (self.complete, self.complete_always) {
             (Completion::Never, true) => {

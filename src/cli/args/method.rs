@@ -25,6 +25,11 @@ impl MethodArguments {
         self.networks.folder().is_some()
     }
 
+    /// Refuses values that exclude each other.
+    pub fn check(&self) -> Result<()> {
+        self.completion.check()
+    }
+
     /// Returns the parameters of a service. Networks that cannot be used are left out: the causes are logged, and every
     /// answer says so.
     pub fn params(&self) -> Result<JobParams> {

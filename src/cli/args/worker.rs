@@ -15,6 +15,8 @@ use viola_storage::RetryPolicy;
 /// Default memory limits of a job, without and with networks that see pictures.
 const MEMORY_MB: u64 = 1024;
 const MEMORY_WITH_MODELS_MB: u64 = 4096;
+/// Every clip would be refused with less, for good: 0 does not mean that there is no limit.
+const MIN_MEMORY_MB: u64 = 64;
 
 #[derive(Args)]
 pub struct WorkerArguments {
@@ -31,8 +33,9 @@ pub struct WorkerArguments {
     #[arg(long, value_name = "SECONDS", env = "VIOLA_JOB_SECONDS", default_value = "600", value_parser = job_seconds)]
     job_seconds: Duration,
     /// Memory limit of a job in MiB, in addition to its networks and to four times its files; default: 1024,
-    /// or 4096 with a models folder.
-    #[arg(long, value_name = "MIB", env = "VIOLA_JOB_MEMORY_MB")]
+    /// or 4096 with a models folder. At least 64.
+    #[arg(long, value_name = "MIB", env = "VIOLA_JOB_MEMORY_MB",
+        value_parser = clap::value_parser!(u64).range(MIN_MEMORY_MB..))]
     job_memory_mb: Option<u64>,
     /// Lease of a job in seconds; its worker must renew the lease to keep the job.
     #[arg(long, value_name = "SECONDS", hide = true, default_value = "30", value_parser = seconds)]
@@ -51,6 +54,11 @@ impl WorkerArguments {
         let default = if self.method.has_models_folder() { MEMORY_WITH_MODELS_MB } else { MEMORY_MB };
         let memory_mb = self.job_memory_mb.unwrap_or(default);
         JobLimitParams { time: self.job_seconds, memory_bytes: memory_mb.saturating_mul(1 << 20) }
+    }
+
+    /// Refuses values that exclude each other.
+    pub fn check(&self) -> Result<()> {
+        self.method.check()
     }
 
     pub fn params(&self) -> Result<WorkerParams> {

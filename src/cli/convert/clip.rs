@@ -6,11 +6,49 @@ use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
 use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
-use std::fs;
+use std::ffi::OsStr;
+use std::fs::{self, File};
 use std::path::Path;
 use viola_formats::clip::Clip;
 use viola_formats::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
 use viola_geometry::progress::{Progress, Stage};
+
+/// The name of a temporary folder has random letters between these.
+const PART: (&str, &str) = ("viola-", ".part");
+/// Number of these letters.
+const LETTERS: usize = 6;
+/// The only entry of a temporary folder.
+const WHOLE: &str = "clip";
+
+/// Removes temporary folders of conversions that were interrupted; those of running ones are locked. Otherwise they would
+/// fill the disk, and a folder that was empty could not be given again.
+fn remove_interrupted(place: &Path) {
+    let Ok(entries) = fs::read_dir(place) else { return };
+    for entry in entries.flatten() {
+        let (path, is_folder) = (entry.path(), entry.file_type().is_ok_and(|kind| kind.is_dir()));
+        if !is_folder || !is_part(&entry.file_name()) || !has_only_a_clip(&path) {
+            continue;
+        }
+        if let Ok(lock) = File::open(&path)
+            && lock.try_lock().is_ok()
+        {
+            // The conversion does not depend on it.
+            let _ = fs::remove_dir_all(&path);
+        }
+    }
+}
+
+fn is_part(name: &OsStr) -> bool {
+    let (prefix, suffix) = PART;
+    let random = name.to_str().and_then(|name| name.strip_prefix(prefix)?.strip_suffix(suffix));
+    random.is_some_and(|random| random.len() == LETTERS && random.bytes().all(|b| b.is_ascii_alphanumeric()))
+}
+
+fn has_only_a_clip(folder: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(folder) else { return false };
+    let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
+    names == [WHOLE]
+}
 
 /// Writes files into a temporary folder, which gets the name `out` when it is whole: after a command that fails or is
 /// interrupted there is no `out`. An empty folder that is there is filled.
@@ -20,11 +58,18 @@ fn in_whole_folder<T>(out: &Path, write: impl FnOnce(&Path) -> Result<T>) -> Res
     // A folder that is there may be a link or a mount point, so that no other folder can get its name.
     let place = if is_there { out } else { out.parent().with_context(cannot)? };
     output::folder(place)?;
+    // An empty path is the working folder.
+    remove_interrupted(&Path::new(".").join(place));
     // It is removed when `part` is dropped.
-    let part = tempfile::Builder::new().prefix("viola-").suffix(".part").tempdir_in(place);
+    let (prefix, suffix) = PART;
+    let part = tempfile::Builder::new().prefix(prefix).suffix(suffix).rand_bytes(LETTERS).tempdir_in(place);
     let part = part.with_context(cannot)?;
+    // Before it has its entry, because another conversion may look for interrupted ones.
+    let lock = File::open(part.path()).with_context(cannot)?;
+    // A file system without locks keeps the folders of interrupted conversions.
+    let _ = lock.lock();
     // Only its owner may read a temporary folder, and a folder in it has the usual permissions.
-    let whole = part.path().join("clip");
+    let whole = part.path().join(WHOLE);
     output::folder(&whole)?;
     let written = write(&whole)?;
     if is_there {
@@ -65,6 +110,9 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
         if fs::symlink_metadata(out).is_ok() && !out.is_dir() {
             bail!("--out {} is not a folder; name a new or empty folder, or a .zip file", out.display());
         }
+        if out.is_dir() {
+            remove_interrupted(out);
+        }
         // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("--out {} is not empty; name a folder that is, or a .zip file", out.display());
@@ -79,6 +127,30 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_folders_of_interrupted_conversions_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for path in [
+            "viola-AbC121.part/clip/depth",
+            "viola-AbC122.part/clip",
+            "viola-AbC123.part/clip",
+            "viola-AbC123.part/mine",
+            "viola-AbC124.part",
+            "viola-mine.part/clip",
+        ] {
+            fs::create_dir_all(at(path)).unwrap();
+        }
+        let running = File::open(at("viola-AbC122.part")).unwrap();
+        running.lock().unwrap();
+        remove_interrupted(folder.path());
+        let mut left: Vec<_> =
+            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        left.sort();
+        let others = ["viola-AbC122.part", "viola-AbC123.part", "viola-AbC124.part", "viola-mine.part"];
+        assert_eq!(left, others);
+    }
 
     #[test]
     fn a_conversion_that_fails_leaves_nothing_and_removes_nothing_of_others() {

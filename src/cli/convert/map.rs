@@ -5,6 +5,7 @@ use crate::cli::args::levels;
 use crate::cli::output;
 use crate::cli::wrong_file::{self, Advice};
 use anyhow::{Context, Result, bail};
+use std::ffi::OsStr;
 use std::io::Cursor;
 use std::path::Path;
 use viola_formats::clip::write::{Sink, ZipSink};
@@ -19,8 +20,17 @@ fn all_notes(map: &LidarMap, written: Vec<String>) -> Vec<String> {
     map.info.notes.iter().cloned().chain(written).collect()
 }
 
+/// Refuses to replace a file of another format, which may have more than the new one keeps.
+fn keep_another_format(map: &LidarMap, format: &str, file: &Path, out: &Path) -> Result<()> {
+    if map.info.format == format {
+        return Ok(());
+    }
+    output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()], "--out")
+}
+
 pub(super) fn valetudo(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
+    keep_another_format(&map, "valetudo", file, out)?;
     let written = map.to_valetudo()?;
     write(out, &written.bytes)?;
     Ok(all_notes(&map, written.notes))
@@ -39,6 +49,7 @@ pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
 pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
     if is_zip(out) {
+        keep_another_format(&map, "ros_map_server", file, out)?;
         let files = map.to_ros("map.pgm")?;
         let mut sink = ZipSink::new(Cursor::new(Vec::new()));
         sink.put("map.yaml", &files.yaml)?;
@@ -61,8 +72,13 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     if !is_in_place {
         output::refuse_to_overwrite(&levels::files_of(file), std::slice::from_ref(&image), "--out")?;
     }
-    let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let files = map.to_ros(&name)?;
+    let name = image.file_name().and_then(OsStr::to_str).with_context(|| {
+        format!(
+            "--out {} is not UTF-8, so that its yaml file cannot name the image; choose another name",
+            out.display()
+        )
+    })?;
+    let files = map.to_ros(name)?;
     write(&image, &files.pgm)?;
     write(out, &files.yaml)?;
     Ok(all_notes(&map, files.notes))

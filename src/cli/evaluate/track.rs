@@ -2,6 +2,7 @@
 
 use super::{EvaluateArguments, save};
 use crate::cli::output;
+use crate::cli::progress::print_line;
 use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::Path;
@@ -79,10 +80,7 @@ fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackR
                 let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();
                 let name = format!("{} {seed:06}_{number}", set.name());
                 let of_clip = ours(&name, &rendered, &truth, params);
-                eprint!(
-                    "{}",
-                    markdown(&of_clip).lines().skip(2).take(2).map(|l| format!("{l}\n")).collect::<String>()
-                );
+                markdown(&of_clip).lines().skip(2).take(2).for_each(print_line);
                 of_set.extend(of_clip);
             }
         }

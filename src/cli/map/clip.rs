@@ -3,13 +3,15 @@
 use super::content::Content;
 use super::contributions::Contributions;
 use crate::api::recorded_at_of_file;
+use crate::cli::wrong_file::unpacked_in;
 use crate::jobs::{AlignJobError, Finished, JobParams, align_opened};
 use anyhow::Result;
 use jiff::Timestamp;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use viola_align::{Alignment, LevelMap};
-use viola_formats::clip::Clip;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::ContainerError;
 use viola_geometry::progress::Progress;
 use viola_home::{Member, Verdict};
 use viola_reconstruct::Reason;
@@ -27,13 +29,9 @@ pub struct HomeClip {
 }
 
 impl HomeClip {
-    pub fn unreadable(path: &Path, error: &anyhow::Error) -> HomeClip {
-        HomeClip {
-            file: path.display().to_string(),
-            content: None,
-            recorded_at: None,
-            answer: Err(Reason::new("unreadable", format!("{error:#}"))),
-        }
+    /// Returns a clip whose bytes were not read.
+    pub fn refused(path: &Path, reason: Reason) -> HomeClip {
+        HomeClip { file: path.display().to_string(), content: None, recorded_at: None, answer: Err(reason) }
     }
 
     /// Takes the answer of another argument with the same recording.
@@ -62,6 +60,17 @@ impl HomeClip {
     }
 }
 
+/// Returns the reason of a clip that has no answer; without room to unpack it, with the folder that it is unpacked in.
+fn reason_of(failure: &AlignJobError) -> Reason {
+    let Reason { code, detail } = failure.reason();
+    match failure {
+        AlignJobError::Clip(ClipError::Container(ContainerError::CannotUnpack { .. })) => {
+            Reason { code, detail: format!("{detail}; {}", unpacked_in()) }
+        }
+        _ => Reason { code, detail },
+    }
+}
+
 /// Aligns clips to the home's LiDAR maps and keeps their contributions.
 pub struct Aligner<'a> {
     pub levels: &'a [LevelMap<'a>],
@@ -70,6 +79,19 @@ pub struct Aligner<'a> {
 }
 
 impl Aligner<'_> {
+    /// Returns the content of a clip, or why it has none. A folder that is no clip is refused before its bytes are read: it may
+    /// be that of all recordings.
+    pub fn content(&self, path: &Path) -> Result<Content, Reason> {
+        let open = || Clip::open_with(path, &self.params.video).map(drop);
+        if path.is_dir()
+            // A panic is reported by the alignment.
+            && let Ok(Err(error)) = catch_unwind(AssertUnwindSafe(open))
+        {
+            return Err(reason_of(&AlignJobError::from(error)));
+        }
+        Content::of(path).map_err(|error| Reason::new("unreadable", format!("{error:#}")))
+    }
+
     /// Aligns a clip. A clip that cannot be used is no error; a contribution that cannot be kept is one.
     pub fn align(&mut self, path: &Path, content: Content, progress: &dyn Progress) -> Result<HomeClip> {
         let tried = catch_unwind(AssertUnwindSafe(|| self.finish(path, progress)));
@@ -78,7 +100,7 @@ impl Aligner<'_> {
                 self.contributions.keep(&content.recording(), &finished)?;
                 (recorded_at, Ok(finished.alignment))
             }
-            Ok(Err(failure)) => (None, Err(failure.reason())),
+            Ok(Err(failure)) => (None, Err(reason_of(&failure))),
             Err(_) => (None, Err(Reason::new("internal_error", "the method panicked on this clip"))),
         };
         Ok(HomeClip { file: path.display().to_string(), content: Some(content), recorded_at, answer })

@@ -37,7 +37,7 @@ pub struct LevelDocument {
 /// A clip in `map.json`. Fields that the API has too have its names and meanings.
 #[derive(Debug, Serialize)]
 pub struct ClipDocument {
-    /// Id of the clip, a function of its content; null if the file cannot be read.
+    /// Id of the clip, a function of its content; null if the file cannot be read, and for a folder that is no clip.
     pub clip: Option<Uuid>,
     /// The argument that names it; of several arguments with the same recording the one with the lowest `sha256`, and of those
     /// the first in byte order.

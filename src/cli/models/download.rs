@@ -6,24 +6,33 @@ use indicatif::ProgressBar;
 use reqwest::header::{CONTENT_RANGE, RANGE};
 use reqwest::{Response, StatusCode};
 use std::path::Path;
+use std::time::Duration;
 use tokio::fs::{File, OpenOptions};
 use tokio::io::AsyncWriteExt;
 use viola_network::MAX_MODEL_BYTES;
 
+/// Time after which a server that sends nothing is given up.
+const SILENCE: Duration = Duration::from_secs(60);
+
 /// Downloads to `part`, which may already hold the beginning.
 pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
+    with_silence(url, part, SILENCE)
+}
+
+fn with_silence(url: &str, part: &Path, silence: Duration) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .context("cannot start the asynchronous runtime")?;
-    runtime.block_on(fetch(url, part)).with_context(|| format!("download of {url}"))
+    runtime.block_on(fetch(url, part, silence)).with_context(|| format!("download of {url}"))
 }
 
-async fn fetch(url: &str, part: &Path) -> Result<()> {
+async fn fetch(url: &str, part: &Path, silence: Duration) -> Result<()> {
     let have = part.metadata().map_or(0, |metadata| metadata.len());
     viola_storage::tls::use_ring();
     // A redirect must not leave https.
-    let client = reqwest::Client::builder().https_only(url.starts_with("https://")).build()?;
+    let client = reqwest::Client::builder().https_only(url.starts_with("https://"));
+    let client = client.connect_timeout(silence).read_timeout(silence).build()?;
     let ask = client.get(url);
     let ask = if have > 0 { ask.header(RANGE, format!("bytes={have}-")) } else { ask };
     let answer = ask.send().await?;
@@ -66,8 +75,21 @@ fn begins_at(answer: &Response) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use super::to_file;
+    use super::{to_file, with_silence};
     use crate::cli::models::test_server::{answer, serve};
+    use std::net::TcpListener;
+    use std::time::Duration;
+
+    #[test]
+    fn a_server_that_sends_nothing_is_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        // The system accepts the connection; nobody answers.
+        let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/net.onnx", silent.local_addr().unwrap());
+        let part = folder.path().join("net.part");
+        let error = format!("{:#}", with_silence(&url, &part, Duration::from_millis(100)).unwrap_err());
+        assert!(error.contains("timed out") && !part.exists(), "{error}");
+    }
 
     #[test]
     fn a_broken_download_goes_on() {

@@ -3,7 +3,7 @@
 use super::{download, sum};
 use crate::cli::{output, progress};
 use anyhow::{Context, Result, bail};
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -14,8 +14,7 @@ use viola_network::manifest::{ModelEntry, Source};
 
 pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     let path = entry.path(models);
-    if path.is_file() && entry.sha256.as_ref().is_some_and(|w| sum::of_file(&path).is_ok_and(|g| g == *w)) {
-        println!("{} is there already, with the right sum", path.display());
+    if is_there(entry, &path) {
         return Ok(());
     }
     if entry.source.is_built_in() {
@@ -23,15 +22,21 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
         return Ok(());
     }
     let folder = path.parent().unwrap_or(models);
-    if !matches!(entry.source, Source::Export { .. }) {
+    let _turn = if matches!(entry.source, Source::Export { .. }) {
+        None
+    } else {
         output::folder(folder)?;
         println!("{}: licence {}", entry.name, entry.licence);
-    }
+        let turn = take_turn(folder);
+        if is_there(entry, &path) {
+            return Ok(());
+        }
+        turn
+    };
     match &entry.source {
         Source::BuiltIn { how } | Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
         Source::Https { url } => {
-            // The part lies beside the file, so that the next try resumes the download.
-            let part = path.with_extension("part");
+            let part = part_of(&path, entry.sha256.as_deref().unwrap_or_default());
             download::to_file(url, &part)?;
             if let Some(wanted) = &entry.sha256
                 && let Err(error) = sum::expect(&part, wanted, &entry.name)
@@ -57,6 +62,38 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     }
     println!("{}", path.display());
     Ok(())
+}
+
+/// Returns whether the file has the right sum, and says so.
+fn is_there(entry: &ModelEntry, path: &Path) -> bool {
+    let is_right = |wanted: &String| sum::of_file(path).is_ok_and(|sum| sum == *wanted);
+    let is_there = path.is_file() && entry.sha256.as_ref().is_some_and(is_right);
+    if is_there {
+        println!("{} is there already, with the right sum", path.display());
+    }
+    is_there
+}
+
+/// Waits until no other process fetches into the folder. The turn ends when its file is closed; `None` if the file system has
+/// no locks.
+fn take_turn(folder: &Path) -> Option<File> {
+    let turn = File::open(folder).ok()?;
+    match turn.try_lock() {
+        Ok(()) => Some(turn),
+        Err(TryLockError::WouldBlock) => {
+            let folder = folder.display();
+            progress::print_line(&format!("another process fetches into {folder}; waiting until it ends"));
+            turn.lock().ok().map(|()| turn)
+        }
+        Err(TryLockError::Error(_)) => None,
+    }
+}
+
+/// Returns the place of an unfinished download: beside the file, so that the next try resumes it. Its name has a part of the
+/// wanted sum, so that it is not that of another program's file, nor of another version's download.
+fn part_of(path: &Path, sum: &str) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}.part", sum.get(..16).unwrap_or(sum)))
 }
 
 /// Fetches a package with the registry's own client, so that its settings, mirrors and proxies apply, and
@@ -168,12 +205,39 @@ mod tests {
         let path = entry.path(folder.path());
         let error = run(&entry, folder.path()).unwrap_err().to_string();
         assert!(error.contains("SHA-256") && error.contains("nothing is installed"), "{error}");
-        assert!(!path.exists() && !path.with_extension("part").exists());
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 0);
 
         run(&entry, folder.path()).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"right");
         // The server has no third answer.
         run(&entry, folder.path()).unwrap();
+    }
+
+    fn slow(_request: &str) -> Vec<u8> {
+        std::thread::sleep(Duration::from_millis(300));
+        answer("200 OK\r\ncontent-length: 5", "right")
+    }
+
+    #[test]
+    fn two_fetches_at_once_are_one_download_and_leave_the_files_of_others_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        // The server has no second answer.
+        let url = serve(vec![slow as fn(&str) -> Vec<u8>]);
+        let entry = ModelEntry { source: Source::Https { url }, ..entry(&sum::of_bytes(b"right")) };
+        let path = entry.path(folder.path());
+        let other = path.with_extension("part");
+        fs::create_dir(path.parent().unwrap()).unwrap();
+        fs::write(&other, "mine").unwrap();
+        let fetch = || run(&entry, folder.path());
+        std::thread::scope(|scope| {
+            let fetches = [scope.spawn(fetch), scope.spawn(fetch)];
+            fetches.into_iter().for_each(|fetch| fetch.join().unwrap().unwrap());
+        });
+        assert_eq!(
+            (fs::read(&path).unwrap(), fs::read(&other).unwrap()),
+            (b"right".to_vec(), b"mine".to_vec())
+        );
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 2);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::{ClipResult, JournalError};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -38,13 +38,8 @@ impl Journal {
     /// Opens or creates the file. An incomplete last line, left by an interrupted run, is removed.
     pub fn open(path: &Path) -> Result<Journal, JournalError> {
         let failed = |source| JournalError::File { path: path.to_owned(), source };
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-            .map_err(failed)?;
+        // Each line goes to the end of the file, even if another process has added lines.
+        let file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(failed)?;
         let mut known = HashMap::new();
         let mut complete_bytes = 0;
         let mut reader = BufReader::new(&file);
@@ -60,8 +55,9 @@ impl Journal {
                 .map_err(|source| JournalError::Damaged { path: path.to_owned(), line, source })?;
             known.insert(key(&fingerprint, &result), result);
         }
-        file.set_len(complete_bytes).map_err(failed)?;
-        (&file).seek(SeekFrom::End(0)).map_err(failed)?;
+        if !text.is_empty() {
+            file.set_len(complete_bytes).map_err(failed)?;
+        }
         Ok(Journal { path: path.to_owned(), known, found: AtomicUsize::new(0), file: Mutex::new(file) })
     }
 
@@ -99,5 +95,23 @@ fn key(fingerprint: &str, result: &ClipResult) -> Key {
         set: result.set.clone(),
         frames: result.frames,
         clip: result.clip.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_align::AlignmentState;
+
+    #[test]
+    fn two_runs_at_once_overwrite_no_line_of_each_other() {
+        let path = std::env::temp_dir().join(format!("viola-lab-journal-{}.jsonl", std::process::id()));
+        let result = ClipResult::example(AlignmentState::Aligned, Some((0.1, 0.01)));
+        let (first, second) = (Journal::open(&path).unwrap(), Journal::open(&path).unwrap());
+        for (journal, fingerprint) in [(&first, "a"), (&second, "b"), (&first, "c"), (&second, "d")] {
+            journal.append(fingerprint, &result).unwrap();
+        }
+        assert_eq!(Journal::open(&path).unwrap().known.len(), 4);
+        std::fs::remove_file(&path).unwrap();
     }
 }
