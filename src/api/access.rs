@@ -50,7 +50,10 @@ impl Caller {
     /// Returns the tenant's home with an id; refuses a home that the caller may not access.
     pub fn home(&self, id: &HomeId) -> Result<HomeId, Error> {
         let home = self.tenant.home(id);
-        if self.may_know(&home) { Ok(home) } else { Err(viola_storage::StorageError::NoSuchHome.into()) }
+        match &self.home {
+            Some(own) if *own != home => Err(Defence::OtherHome(own.clone()).into()),
+            _ => Ok(home),
+        }
     }
 
     /// Returns whether the caller may access a home and its resources.
