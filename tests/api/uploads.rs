@@ -587,7 +587,8 @@ async fn metadata_tells_of_the_clip() {
     let again = upload(small_clip()).await;
     assert_eq!(again.header("viola-clip"), first.header("viola-clip"));
     let other = viola_testing::zips::zip(&room::clip(3));
-    upload(other).await.problem(422, "idempotency-key-reused");
+    let reused = upload(other).await.problem(422, "idempotency-key-reused");
+    assert_eq!(reused["field"], "Upload-Metadata", "the key came there, and not in a header of its own");
     assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
     assert_eq!(server.blobs().len(), 1);
 }
