@@ -26,6 +26,9 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
             if method == "get" && path.starts_with("/v1/") {
                 allow_conditions(operation);
             }
+            if ["delete", "patch", "post", "put"].contains(&method.as_str()) {
+                tell_full_disk(operation);
+            }
             demand_values(operation);
             give_pattern(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
@@ -155,6 +158,16 @@ fn allow_conditions(operation: &mut Value) {
         contents.into_iter().filter(|(_, content)| content["schema"]["$ref"] == FILE).collect();
     if !files.is_empty() {
         allow_ranges(operation, files);
+    }
+}
+
+/// Adds the answer of an operation that changes something while the disk is full.
+fn tell_full_disk(operation: &mut Value) {
+    if operation["responses"]["507"].is_null() {
+        operation["responses"]["507"] = json!({
+            "description": "`storage-full`",
+            "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        });
     }
 }
 

@@ -223,6 +223,21 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
     assert!(png["image/png"].is_object() && png["application/json"].is_null(), "{png}");
 }
 
+#[test]
+fn every_change_may_meet_a_full_disk() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for (path, operations) in document["paths"].as_object().unwrap() {
+        for method in ["delete", "patch", "post", "put"] {
+            let Some(operation) = operations.get(method) else { continue };
+            let full = resolved(&document, &operation["responses"]["507"]);
+            let description = full["description"].as_str().unwrap_or_default();
+            assert!(description.contains("`storage-full`"), "{method} {path}");
+            // A LiDAR map of earlier comes from the tenant's room, too.
+            assert!(!path.ends_with("/restore") || description.contains("`tenant-full`"), "{path}");
+        }
+    }
+}
+
 /// Collects every `$ref` in a part of the document.
 fn references(part: &serde_json::Value, into: &mut Vec<String>) {
     match part {
