@@ -5,7 +5,7 @@ use super::bodies::{FileBytes, send, send_made};
 use super::error::{Defence, Error};
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use super::reply::{is_known, tag_of, tagged, unless_known};
+use super::reply::{is_known, tag_of, tag_of_made, tagged, unless_known};
 use super::types::ClipScan;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -60,7 +60,7 @@ pub(super) async fn get_clip_cloud(
     let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
     let pose = clip.map_from_clip();
     let of_pose = pose.map(|pose| [pose.x_m, pose.y_m, pose.yaw_rad].map(f64::to_le_bytes).concat());
-    let tag = tag_of(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
+    let tag = tag_of_made(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
