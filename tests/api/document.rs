@@ -238,6 +238,16 @@ fn every_change_may_meet_a_full_disk() {
     }
 }
 
+/// The level `main` may be the ninth one.
+#[test]
+fn both_ways_to_send_a_lidar_map_may_meet_the_maximum_of_levels() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for path in ["/v1/homes/{home}/lidar-map", "/v1/homes/{home}/lidar-maps/{level}"] {
+        let answer = resolved(&document, &document["paths"][path]["put"]["responses"]["409"]);
+        assert!(answer["description"].as_str().unwrap_or_default().contains("`too-many-levels`"), "{path}");
+    }
+}
+
 /// Collects every `$ref` in a part of the document.
 fn references(part: &serde_json::Value, into: &mut Vec<String>) {
     match part {
