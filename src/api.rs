@@ -143,7 +143,7 @@ impl Modify for Security {
     components(schemas(types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
         map::points::PointFormat, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
-        Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. An answer with an `ETag` \
+        Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. A file with an `ETag` \
         and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),
     tags(
         (name = "homes", description = "Homes; each has LiDAR maps and clips"),

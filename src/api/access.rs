@@ -50,7 +50,10 @@ impl Caller {
     /// Returns the tenant's home with an id; refuses a home that the caller may not access.
     pub fn home(&self, id: &HomeId) -> Result<HomeId, Error> {
         let home = self.tenant.home(id);
-        if self.may_know(&home) { Ok(home) } else { Err(viola_storage::StorageError::NoSuchHome.into()) }
+        match &self.home {
+            Some(own) if *own != home => Err(Defence::OtherHome(own.clone()).into()),
+            _ => Ok(home),
+        }
     }
 
     /// Returns whether the caller may access a home and its resources.
@@ -89,7 +92,12 @@ pub(super) async fn check(
     next: Next,
 ) -> Result<Response, Error> {
     let address = peer::client(request.extensions(), request.headers());
-    let credentials = credentials(request.headers())?;
+    let credentials = credentials(request.headers());
+    let is_session =
+        matches!(credentials, Ok(Some(Credentials::Session(_))) | Err(Error::Defence(Defence::SessionEnded)));
+    // The cookie is of another service then: a browser sends the cookies of a machine to all its ports, and a new data folder
+    // knows none of them.
+    let credentials = if is_session && !asks_for_keys(&app).await? { None } else { credentials? };
     // Before the query for the key: it waits for the database, too.
     let known = credentials.as_ref().and_then(|credentials| credentials.known_tenant(&app));
     let mut turn = None;

@@ -2,10 +2,10 @@
 
 use super::App;
 use super::bodies::{FileBytes, send, send_made};
-use super::error::Error;
+use super::error::{Defence, Error};
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use super::reply::{is_known, tag_of, tagged, unless_known};
+use super::reply::{is_known, tag_of, tag_of_made, tagged, unless_known};
 use super::types::ClipScan;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -60,7 +60,7 @@ pub(super) async fn get_clip_cloud(
     let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
     let pose = clip.map_from_clip();
     let of_pose = pose.map(|pose| [pose.x_m, pose.y_m, pose.yaw_rad].map(f64::to_le_bytes).concat());
-    let tag = tag_of(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
+    let tag = tag_of_made(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
@@ -78,8 +78,16 @@ pub(super) async fn get_clip_cloud(
     });
     let damaged =
         |error: UnknownFileFormat| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
-    let bytes = moved.await?.map_err(damaged)?;
+    let bytes = moved.await.map_err(not_made)?.map_err(damaged)?;
     Ok(tagged(send_made(bytes.into(), PLY, place), &tag))
+}
+
+/// Returns the refusal of a file that cannot be made now: the words of a reader are for the sender of a file.
+fn not_made(refusal: Defence) -> Defence {
+    match refusal {
+        Defence::ReadersBusy { wait } | Defence::TookTooLong { limit: wait } => Defence::MakersBusy { wait },
+        other => other,
+    }
 }
 
 /// Get the clip's hits at the vacuum's height and its cameras, in the clip's frame, to draw it at any pose
@@ -141,4 +149,20 @@ async fn send_result(
     let result = clip.result_key().ok_or_else(missing)?;
     let blob = app.storage.clip_result(&clip, name).await?.ok_or_else(missing)?;
     Ok(unless_known(headers, &tag_of(&[result.as_bytes()]), || send(blob, media_type)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn nobody_who_asks_for_points_is_told_to_send_a_file() {
+        let wait = Duration::from_secs(60);
+        for refusal in [Defence::ReadersBusy { wait }, Defence::TookTooLong { limit: wait }] {
+            let problem = Error::from(not_made(refusal)).problem();
+            assert_eq!((problem.status, problem.kind.as_str()), (503, "urn:viola:problem:makers-busy"));
+            assert!(problem.detail.ends_with("ask again later"), "{}", problem.detail);
+        }
+    }
 }

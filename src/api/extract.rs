@@ -74,7 +74,7 @@ pub(super) struct ObjectPath {
     #[param(value_type = types::HomeId)]
     pub home: HomeId,
     /// Id of the object.
-    #[param(example = "sofa-1")]
+    #[param(pattern = "^[^\\x00]+$", example = "sofa-1")]
     pub object: String,
 }
 
@@ -85,7 +85,7 @@ pub(super) struct RoomPath {
     #[param(value_type = types::HomeId)]
     pub home: HomeId,
     /// Id of the room.
-    #[param(example = "1")]
+    #[param(pattern = "^[^\\x00]+$", example = "1")]
     pub room: String,
 }
 
@@ -109,8 +109,8 @@ paths_below_home! {
     LevelPath { level: part }
     LevelRevisionPath { level: part, revision: number }
     ClipPath { clip: id }
-    ObjectPath { object: part }
-    RoomPath { room: part }
+    ObjectPath { object: id_in_map }
+    RoomPath { room: id_in_map }
 }
 
 /// A path to an upload.
@@ -215,6 +215,15 @@ impl Path {
     fn id(&self, name: &'static str) -> Result<Uuid, Error> {
         let what = "is a UUID, for example 01a1f766-7a97-7747-9dbb-391e0eeccb64";
         self.text(name).parse().map_err(|_| invalid(name, format!("{name} {what}")))
+    }
+
+    /// Returns the id of an object or a room. PostgreSQL fails on a text with a NUL.
+    fn id_in_map(&self, name: &'static str) -> Result<String, Error> {
+        let id = self.text(name);
+        if id.contains('\0') {
+            return Err(invalid(name, format!("{name} is an id of the map, and has a NUL character")));
+        }
+        Ok(id.to_owned())
     }
 
     fn number(&self, name: &'static str) -> Result<i64, Error> {

@@ -11,14 +11,15 @@ use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use axum::response::sse::Event;
-use futures::StreamExt;
+use futures::{StreamExt, future, stream};
 
 /// Watch a home by server-sent events
 ///
 /// Every `change` event has a change as in `GET /v1/changes`: of the home, its LiDAR map, a clip, the fused map or
 /// its objects. The `id` of an event is the change's place in the feed; a client that reconnects with it as
 /// `Last-Event-ID` misses nothing. If a restore of the database lost that change, the newest change of everything in the
-/// home comes again. The stream begins with the next change, so open it first and read the home then.
+/// home comes again. The stream begins with the next change, so open it first and read the home then. Before it comes an `id`
+/// without an event: a client that loses the stream before the first change reconnects with it.
 /// It ends when the home is removed, or when the key or session is no longer valid.
 #[utoipa::path(get, path = "/v1/homes/{home}/events", tag = "homes",
     params(HomePath,
@@ -41,6 +42,8 @@ pub(super) async fn watch_home(
     });
     let seen = seen.transpose()?;
     let after = app.storage.home_position(seen).await?;
+    // An EventSource keeps the id and sees no event, because it has no data.
+    let begin = Event::default().id(after.to_string());
     let stop = app.stop.clone();
     let turn = app.turns.of(&caller.tenant);
     let events =
@@ -54,6 +57,7 @@ pub(super) async fn watch_home(
                 Err(axum::Error::new(error))
             }
         });
+    let events = stream::once(future::ready(Ok(begin))).chain(events);
     let events = events.take_until(stop.cancelled_owned()).take_until(access::expiry(app, caller));
     Ok(event_stream(events))
 }

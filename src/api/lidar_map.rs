@@ -93,6 +93,8 @@ pub(super) enum PutAnswer {
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 201, description = "A new revision", body = LidarMapRevision,
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
+        (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
+            content_type = "application/problem+json"),
         (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]

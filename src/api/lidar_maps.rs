@@ -81,6 +81,8 @@ pub(super) async fn put_level_lidar_map(
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
+        (status = 507, description = "The service or the tenant has no room left: `storage-full`, `tenant-full`", body = Problem,
+            content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn restore_lidar_map(
     State(app): State<App>,

@@ -95,7 +95,8 @@ impl ListPage {
         // A path has no space.
         let text = decode(cursor)?;
         let id = text.strip_prefix(self.list.as_str())?.strip_prefix(' ')?;
-        if id.is_empty() { None } else { id.parse().ok() }
+        // PostgreSQL fails on a text with a NUL.
+        if id.is_empty() || id.contains('\0') { None } else { id.parse().ok() }
     }
 
     pub fn list<Record, T: From<Record>, Id: Display>(
@@ -168,5 +169,8 @@ mod tests {
             assert!(page("/v1/a", Some(encode(text))).page::<i64>().is_err(), "{text}");
         }
         assert!(page("/v1/a", Some("*".to_owned())).page::<i64>().is_err());
+        for (text, is_good) in [("/v1/a h sofa-1", true), ("/v1/a h sofa\0", false)] {
+            assert_eq!(page("/v1/a", Some(encode(text))).page::<String>().is_ok(), is_good, "{text:?}");
+        }
     }
 }

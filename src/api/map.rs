@@ -26,7 +26,7 @@ use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, MapProblems};
-use super::reply::{Document, tag_of};
+use super::reply::{Document, tag_of_made};
 use super::types::{self, LeftOut};
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
@@ -114,14 +114,14 @@ async fn missing(app: &App, file: &MapFile) -> Error {
 /// Returns the entity tag of an answer that is made of files of a map: revisions that share the files have one tag.
 fn tag_of_content(files: &[MapFile], parts: &[&[u8]]) -> String {
     let keys: Vec<&[u8]> = files.iter().map(|file| file.key().as_bytes()).collect();
-    tag_of(&[parts, keys.as_slice()].concat())
+    tag_of_made(&[parts, keys.as_slice()].concat())
 }
 
 /// Returns the entity tag of an answer that is made of a revision, from everything else that it depends on.
 fn tag_of_file(map: &HomeMap, parts: &[&[u8]]) -> String {
     let revision = map.revision.to_le_bytes();
     let created_at = map.created_at.as_millisecond().to_le_bytes();
-    tag_of(&[&[&revision[..], &created_at[..]], parts].concat())
+    tag_of_made(&[&[&revision[..], &created_at[..]], parts].concat())
 }
 
 /// Get the fused map of a home: its clips, the clips left out with their reasons, and its contents
@@ -183,6 +183,14 @@ fn file_name(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::api::reply::tag_of;
+
+    #[test]
+    fn the_tag_of_a_made_file_is_of_this_version() {
+        let of_content = tag_of_content(&[], &[b"glb"]);
+        assert_eq!(of_content, tag_of(&[env!("CARGO_PKG_VERSION").as_bytes(), b"glb"]));
+        assert_ne!(of_content, tag_of_content(&[], &[b"obj"]));
+    }
 
     #[test]
     fn different_files_have_different_names() {

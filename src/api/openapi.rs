@@ -26,6 +26,9 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
             if method == "get" && path.starts_with("/v1/") {
                 allow_conditions(operation);
             }
+            if ["delete", "patch", "post", "put"].contains(&method.as_str()) {
+                tell_full_disk(operation);
+            }
             demand_values(operation);
             give_pattern(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
@@ -131,7 +134,8 @@ fn give_pattern(operation: &mut Value) {
     }
 }
 
-/// Adds the entity tag, the condition and the answer of a request that has the answer already. Streams have no entity tag.
+/// Adds the entity tag, the conditions, and the answers of a request that has the answer already or wants another one. Streams
+/// have no entity tag.
 fn allow_conditions(operation: &mut Value) {
     let is_stream = |kind: &String| ["text/event-stream", "application/zip"].contains(&kind.as_str());
     let contents = operation["responses"]["200"]["content"].as_object().cloned().unwrap_or_default();
@@ -140,6 +144,12 @@ fn allow_conditions(operation: &mut Value) {
     }
     let condition = "The `ETag` of an earlier answer: the answer is 304 if nothing has changed";
     add_header(operation, "If-None-Match", &json!({"type": "string"}), condition);
+    let unless_another = "The `ETag` of the answer as it was read: another one gets 412";
+    add_header(operation, "If-Match", &json!({"type": "string"}), unless_another);
+    operation["responses"]["412"] = json!({
+        "description": "The answer would be another one: `changed-meanwhile`",
+        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    });
     operation["responses"]["200"]["headers"]["ETag"] = entity_tag();
     if operation["responses"]["304"].is_null() {
         operation["responses"]["304"] = json!({"description": "The client has it"});
@@ -151,6 +161,16 @@ fn allow_conditions(operation: &mut Value) {
     }
 }
 
+/// Adds the answer of an operation that changes something while the disk is full.
+fn tell_full_disk(operation: &mut Value) {
+    if operation["responses"]["507"].is_null() {
+        operation["responses"]["507"] = json!({
+            "description": "`storage-full`",
+            "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        });
+    }
+}
+
 /// Adds the headers and the answers of a request for a part of one of `files`.
 fn allow_ranges(operation: &mut Value, files: Map<String, Value>) {
     let range = "One range of bytes. The whole file comes for several ranges, and for a file of text or points if the \
@@ -158,17 +178,11 @@ fn allow_ranges(operation: &mut Value, files: Map<String, Value>) {
     add_header(operation, "Range", &json!({"type": "string", "examples": ["bytes=0-1023"]}), range);
     let unless_changed = "The `ETag` of the file of which the client has a part: another file comes whole";
     add_header(operation, "If-Range", &json!({"type": "string"}), unless_changed);
-    let unless_another = "The `ETag` of the file as it was read: another file gets 412";
-    add_header(operation, "If-Match", &json!({"type": "string"}), unless_another);
     let place = json!({"description": "Place of the bytes, and size of the whole file", "schema": {"type": "string"}});
     operation["responses"]["206"] = json!({
         "description": "The bytes of the range",
         "headers": {"Content-Range": place, "ETag": entity_tag()},
         "content": files,
-    });
-    operation["responses"]["412"] = json!({
-        "description": "The file is another one: `changed-meanwhile`",
-        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
     });
     operation["responses"]["416"] = json!({
         "description": "The range begins behind the end of the file: `range-not-satisfiable`",

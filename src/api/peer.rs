@@ -1,7 +1,7 @@
 //! The address of a client.
 
 use axum::http::{Extensions, HeaderMap, HeaderName};
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
 const FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
@@ -15,7 +15,10 @@ pub(super) fn client(extensions: &Extensions, headers: &HeaderMap) -> Option<IpA
     let Peer(peer) = *extensions.get()?;
     let forwarded = || {
         let last = headers.get_all(FORWARDED_FOR).iter().next_back()?.to_str().ok()?;
-        last.rsplit(',').next()?.trim().parse().ok()
+        let last = last.rsplit(',').next()?.trim();
+        // Azure's gateways add the port, some other proxies brackets.
+        let with_port = || last.parse().ok().map(|address: SocketAddr| address.ip());
+        last.trim_matches(['[', ']']).parse().ok().or_else(with_port)
     };
     let proxied = Some(peer).filter(|peer| is_private(peer.to_canonical())).and_then(|_| forwarded());
     Some(network(proxied.unwrap_or(peer)))
@@ -31,9 +34,15 @@ pub(super) fn network(address: IpAddr) -> IpAddr {
 
 fn is_private(address: IpAddr) -> bool {
     match address {
-        IpAddr::V4(address) => address.is_loopback() || address.is_private(),
+        IpAddr::V4(address) => address.is_loopback() || address.is_private() || is_shared(address),
         IpAddr::V6(address) => address.is_loopback() || address.is_unique_local(),
     }
+}
+
+/// Returns whether an address is of the shared space 100.64.0.0/10 (RFC 6598), which clusters use for their pods.
+fn is_shared(address: Ipv4Addr) -> bool {
+    let [first, second, ..] = address.octets();
+    first == 100 && second & 0xc0 == 64
 }
 
 #[cfg(test)]
@@ -61,6 +70,14 @@ mod tests {
         );
         assert_eq!(of("127.0.0.1", &["192.0.2.1", "198.51.100.2"]), "198.51.100.2");
         assert_eq!(of("127.0.0.1", &["unknown"]), "127.0.0.1");
+        assert_eq!(of("10.0.0.4", &["192.0.2.1:55001, 198.51.100.1:40112"]), "198.51.100.1");
+        for (peer, is_proxy) in [("100.64.0.9", true), ("100.127.255.1", true), ("100.128.0.9", false)] {
+            let counted = of(peer, &["198.51.100.1"]);
+            assert_eq!(counted, if is_proxy { "198.51.100.1" } else { peer }, "{peer}");
+        }
+        for written in ["2001:db8:1:2::7", "[2001:db8:1:2::7]", "[2001:db8:1:2::7]:443"] {
+            assert_eq!(of("10.0.0.4", &[written]), "2001:db8:1:2::", "{written}");
+        }
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! Range requests (RFC 9110, section 14) for every answer of known length that has an entity tag.
+//! Range requests (RFC 9110, section 14) for every answer of known length that has an entity tag, except JSON: a part of a
+//! document is no document.
 //!
 //! One range of bytes is served. A blob is opened at its first byte; of a file that was made, the bytes around it are left
 //! out. A request for several ranges gets the whole answer, as does one that accepts a compressed answer of a compressible
@@ -58,10 +59,18 @@ fn accepts_only_identity(headers: &HeaderMap) -> bool {
 /// Returns the length of an answer of which parts can be served; `None` for others.
 fn length_of(answer: &Response) -> Option<u64> {
     let headers = answer.headers();
-    let is_whole = answer.status() == StatusCode::OK && headers.contains_key(header::ETAG);
+    let is_whole =
+        answer.status() == StatusCode::OK && headers.contains_key(header::ETAG) && !is_json(headers);
     let told = || headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok();
     let known = || answer.body().size_hint().exact();
     if is_whole { told().or_else(known) } else { None }
+}
+
+fn is_json(headers: &HeaderMap) -> bool {
+    let media_type =
+        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let media_type = media_type.split(';').next().unwrap_or_default().trim();
+    media_type == "application/json" || media_type.ends_with("+json")
 }
 
 /// The range begins behind the end.

@@ -70,6 +70,12 @@ pub(super) fn tag_of(parts: &[&[u8]]) -> String {
     format!("\"{sum}\"")
 }
 
+/// Returns the entity tag of a file that is made for a request, from everything that it is made of. Another version of the
+/// service may make other bytes of the same.
+pub(super) fn tag_of_made(parts: &[&[u8]]) -> String {
+    tag_of(&[&[env!("CARGO_PKG_VERSION").as_bytes()][..], parts].concat())
+}
+
 /// Returns the entity tag of a document.
 pub(super) fn tag_of_document<T: Serialize>(document: &T) -> String {
     tag_of(&[&json(document)])

@@ -308,7 +308,12 @@ async fn a_key_for_one_home_knows_no_other() {
         let detail = problem["detail"].as_str().unwrap();
         assert!(detail.contains("`admin`") && detail.contains("`own`"), "{path}: {detail}");
     }
-    key.put("/v1/homes/new", "").await.problem(404, "home-not-found");
+    // The refusal says why, in the same words for a home that exists.
+    for path in ["/v1/homes/new", other.home.as_str()] {
+        let problem = key.put(path, "").await.problem(404, "home-not-found");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("for the home `own` only") && !detail.contains("PUT"), "{path}: {detail}");
+    }
 }
 
 #[tokio::test]

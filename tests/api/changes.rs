@@ -71,6 +71,33 @@ async fn a_home_is_watched_until_it_is_removed() {
     }
 }
 
+/// A client that lost its stream before the first event once missed everything until it was back.
+#[tokio::test]
+async fn a_quiet_stream_resumes_where_it_began() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let watch = |seen: Option<&str>| {
+        let mut request = server.request(reqwest::Method::GET, &format!("{home}/events"));
+        if let Some(seen) = seen {
+            request = request.header("Last-Event-ID", seen);
+        }
+        request.send()
+    };
+    let mut quiet = watch(None).await.unwrap();
+    let begin = quiet.chunk().await.unwrap().unwrap();
+    let begin = std::str::from_utf8(&begin).unwrap();
+    let id = begin.strip_prefix("id: ").and_then(|id| id.strip_suffix("\n\n"));
+    let id = id.unwrap_or_else(|| panic!("{begin}"));
+    drop(quiet);
+    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    let mut back = watch(Some(id)).await.unwrap();
+    let mut text = String::new();
+    while !text.contains("\"kind\":\"clip\"") {
+        text.push_str(std::str::from_utf8(&back.chunk().await.unwrap().unwrap()).unwrap());
+    }
+    assert!(text.contains(clip["id"].as_str().unwrap()), "{text}");
+}
+
 #[tokio::test]
 async fn a_mirror_follows_the_feed() {
     let server = Server::without_workers().await;

@@ -201,12 +201,15 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
         let parameters = operation["parameters"].as_array().unwrap();
         let has_header = |name: &str| parameters.iter().any(|parameter| parameter["name"] == name);
         let answers = &operation["responses"];
-        assert_eq!(has_header("If-None-Match"), has_tag, "{path}");
         assert_eq!(answers["200"]["headers"]["ETag"].is_object(), has_tag, "{path}");
-        for name in ["Range", "If-Range", "If-Match"] {
+        for (name, status) in [("If-None-Match", "304"), ("If-Match", "412")] {
+            assert_eq!(has_header(name), has_tag, "{path} {name}");
+            assert_eq!(answers[status].is_object(), has_tag, "{path} {status}");
+        }
+        for name in ["Range", "If-Range"] {
             assert_eq!(has_header(name), has_parts, "{path} {name}");
         }
-        for status in ["206", "412", "416"] {
+        for status in ["206", "416"] {
             assert_eq!(answers[status].is_object(), has_parts, "{path} {status}");
         }
     }
@@ -218,6 +221,31 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
     }
     let png = &document["paths"]["/v1/homes/{home}/map/plan"]["get"]["responses"]["206"]["content"];
     assert!(png["image/png"].is_object() && png["application/json"].is_null(), "{png}");
+}
+
+#[test]
+fn every_change_may_meet_a_full_disk() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for (path, operations) in document["paths"].as_object().unwrap() {
+        for method in ["delete", "patch", "post", "put"] {
+            let Some(operation) = operations.get(method) else { continue };
+            let full = resolved(&document, &operation["responses"]["507"]);
+            let description = full["description"].as_str().unwrap_or_default();
+            assert!(description.contains("`storage-full`"), "{method} {path}");
+            // A LiDAR map of earlier comes from the tenant's room, too.
+            assert!(!path.ends_with("/restore") || description.contains("`tenant-full`"), "{path}");
+        }
+    }
+}
+
+/// The level `main` may be the ninth one.
+#[test]
+fn both_ways_to_send_a_lidar_map_may_meet_the_maximum_of_levels() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    for path in ["/v1/homes/{home}/lidar-map", "/v1/homes/{home}/lidar-maps/{level}"] {
+        let answer = resolved(&document, &document["paths"][path]["put"]["responses"]["409"]);
+        assert!(answer["description"].as_str().unwrap_or_default().contains("`too-many-levels`"), "{path}");
+    }
 }
 
 /// Collects every `$ref` in a part of the document.

@@ -1,6 +1,8 @@
 //! Exports: their limit, slow clients, and their use of threads. The map's tests check their content.
 
 use crate::server::Server;
+use reqwest::Method;
+use serde_json::{Value, json};
 use std::io::{Cursor, ErrorKind};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -52,7 +54,7 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     let server = server(LONG_LIMIT).await;
     let (home, job) = home_with_recording(&server).await;
     // The job does not change, so its events are a connection that is silent for long.
-    let mut events = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let mut events = server.request(Method::GET, &format!("{job}/events")).send().await.unwrap();
     assert!(events.chunk().await.unwrap().is_some());
 
     let mut silent = Vec::new();
@@ -112,6 +114,54 @@ async fn a_client_that_reads_slowly_gets_all() {
     }
     assert!(begun.elapsed() > 2 * LIMIT, "{:?}", begun.elapsed());
     assert!(answer.len() > RECORDING_BYTES && answer.ends_with(b"\r\n0\r\n\r\n"), "{}", answer.len());
+}
+
+/// Returns the body of an answer that came in chunks (RFC 9112, section 7.1), from anywhere in its head on.
+fn body_of(answer: &[u8]) -> Vec<u8> {
+    let head = answer.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+    let (mut rest, mut body) = (&answer[head + 4..], Vec::new());
+    loop {
+        let digits = rest.windows(2).position(|two| two == b"\r\n").unwrap();
+        let size = std::str::from_utf8(&rest[..digits]).unwrap();
+        let (begin, size) = (digits + 2, usize::from_str_radix(size, 16).unwrap());
+        if size == 0 {
+            return body;
+        }
+        body.extend_from_slice(&rest[begin..begin + size]);
+        rest = &rest[begin + size + 2..];
+    }
+}
+
+/// An export once had the state in which a clip was when the export began, and the files of a later one, or none.
+#[tokio::test]
+async fn a_clip_is_exported_as_it_is_when_its_turn_comes() {
+    let server = Server::without_workers().await;
+    let (home, _) = home_with_recording(&server).await;
+    let mut later = Vec::new();
+    for frames in [3, 4] {
+        let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
+        later.push(clip.header("location").to_owned());
+    }
+    let (status, mut connection) = ask(&server, &home).await;
+    assert_eq!(status, 200);
+    // The first recording is on its way, and does not come further until it is read.
+    let (mut answer, mut part): (Vec<u8>, Vec<u8>) = (Vec::new(), vec![0; 4 << 10]);
+    while !answer.windows(10).any(|name| name == b"/recording") {
+        let read = connection.read(&mut part).await.unwrap();
+        assert!(read > 0, "{}", String::from_utf8_lossy(&answer));
+        answer.extend_from_slice(&part[..read]);
+    }
+    server.delete(&later[0]).await.ok(204);
+    let titled = server.request(Method::PATCH, &later[1]).json(&json!({"title": "Kitchen"}));
+    server.send(titled).await.ok(200);
+    connection.read_to_end(&mut answer).await.unwrap();
+
+    let mut zip = zip::ZipArchive::new(Cursor::new(body_of(&answer))).unwrap();
+    let [removed, titled] = [0, 1].map(|at: usize| later[at].rsplit('/').next().unwrap());
+    assert!(!zip.file_names().any(|name| name.unwrap().contains(removed)), "it was removed");
+    let clip = zip.by_name(&format!("clips/{titled}/clip.json")).unwrap();
+    let clip: Value = serde_json::from_reader(clip).unwrap();
+    assert_eq!(clip["title"], "Kitchen");
 }
 
 #[test]

@@ -25,6 +25,16 @@ async fn bad_requests_are_told_apart() {
         (Method::PUT, "/v1/homes/%ff".to_owned(), 400, "invalid-path", Some("home")),
         (Method::GET, "/v1/homes/h/clips/7".to_owned(), 400, "invalid-path", Some("clip")),
         (Method::GET, "/v1/jobs/seven".to_owned(), 400, "invalid-path", Some("job")),
+        // PostgreSQL fails on a text with a NUL.
+        (Method::GET, "/v1/homes/h/map/objects/sofa-1%00".to_owned(), 400, "invalid-path", Some("object")),
+        (Method::PATCH, "/v1/homes/h/map/rooms/%00".to_owned(), 400, "invalid-path", Some("room")),
+        (
+            Method::GET,
+            "/v1/objects?after=L3YxL29iamVjdHMgaCBhAA".to_owned(),
+            400,
+            "invalid-query",
+            Some("after"),
+        ),
         (Method::GET, format!("/v1/homes/h/clips/{ID}"), 404, "clip-not-found", None),
         (Method::GET, format!("/v1/homes/none/clips/{ID}"), 404, "home-not-found", None),
         (Method::POST, "/v1/homes/none/clips".to_owned(), 404, "home-not-found", None),

@@ -55,3 +55,25 @@ async fn a_part_of_a_file_is_served() {
     let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
     assert_eq!(problem["type"], "urn:viola:problem:range-not-satisfiable");
 }
+
+/// The document lists ranges of files only, and a part of a JSON document is no document.
+#[tokio::test]
+async fn json_comes_whole_and_with_conditions() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let whole = server.get(&home).await;
+    assert_eq!((whole.status, whole.header("accept-ranges")), (200, ""));
+    for range in ["bytes=0-0", "bytes=100000-"] {
+        assert_eq!(
+            ask(&server, &home, &[("range", range)]).await,
+            (200, None, whole.bytes.clone()),
+            "{range}"
+        );
+    }
+    let tag = whole.header("etag");
+    for (header, value, status) in
+        [("if-none-match", tag, 304), ("if-match", tag, 200), ("if-match", "\"another\"", 412)]
+    {
+        assert_eq!(ask(&server, &home, &[(header, value)]).await.0, status, "{header}: {value}");
+    }
+}

@@ -59,6 +59,22 @@ async fn a_browser_has_a_session_of_its_own() {
     with_cookie(&server, Method::GET, &second).await.problem(401, "session-ended");
 }
 
+/// A browser that had signed in to another service of the same machine was once asked for a key that does not exist.
+#[tokio::test]
+async fn a_service_without_keys_has_no_use_for_the_cookie_of_another_one() {
+    let every = Duration::from_secs(3600);
+    let server = Server::with(|params| params.failed_keys = FailedKeyParams { burst: 1, every }).await;
+    let cookies = ["0".repeat(64), "x".to_owned()].map(|token| format!("viola_session={token}"));
+    for cookie in cookies.iter().cycle().take(6) {
+        let session = with_cookie(&server, Method::GET, cookie).await.ok(200);
+        assert_eq!(session, json!({"tenant": "default", "role": "admin", "with_key": false}), "{cookie}");
+    }
+    server.key("acme", Role::Reader, None).await;
+    for cookie in &cookies {
+        with_cookie(&server, Method::GET, cookie).await.problem(401, "session-ended");
+    }
+}
+
 /// Streams once went on after their key was revoked.
 #[tokio::test]
 async fn event_streams_end_with_their_key_or_session() {

@@ -167,6 +167,23 @@ async fn the_newer_of_two_writers_goes_on() {
     check_made(&server, last.header("viola-clip"), &clip).await;
 }
 
+/// A request that was refused for its size once stopped the one that went on.
+#[tokio::test]
+async fn a_refused_request_stops_no_other() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let mut running = server.patch_partly(&upload, 0, &clip, 1000);
+    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    let larger = server.send(server.patch(&upload, 0, &vec![7; clip.len() + 1])).await;
+    larger.problem(413, "body-too-large");
+    running.write_all(&clip[1000..]).unwrap();
+    let told = answer_of(running).await;
+    assert!(told.starts_with("HTTP/1.1 204 "), "{told}");
+    check_made(&server, server.head(&upload).await.header("viola-clip"), &clip).await;
+}
+
 /// A phone whose POST hangs asks for its upload by a second POST, and sends the bytes by PATCH.
 #[tokio::test]
 async fn a_post_that_was_overtaken_deletes_nothing() {

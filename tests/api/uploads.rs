@@ -377,6 +377,28 @@ async fn a_length_may_be_told_later() {
     check_clip(&server, last.header("viola-clip"), &clip).await;
 }
 
+/// A refused request once set the length all the same: 50 bytes were a whole file then.
+#[tokio::test]
+async fn a_refused_body_sets_no_length() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let begun = server.tus(Method::POST, UPLOADS).header("Upload-Defer-Length", 1);
+    let begun = server.send(begun.header("Upload-Metadata", metadata(&[("home", "h")]))).await;
+    let upload = begun.header("location");
+    server.send(server.patch(upload, 0, &clip[..50])).await.ok(204);
+    for length in [50, 55] {
+        let larger = server.patch(upload, 50, &clip[50..60]).header("Upload-Length", length);
+        check_refused(larger, 413, "body-too-large", "Upload-Length").await;
+        let head = server.head(upload).await;
+        let told = ["upload-offset", "upload-defer-length", "upload-length"].map(|name| head.header(name));
+        assert_eq!(told, ["50", "1", ""], "{length}");
+    }
+    let last = server.patch(upload, 50, &clip[50..]).header("Upload-Length", clip.len());
+    let last = server.send(last).await;
+    check_clip(&server, last.header("viola-clip"), &clip).await;
+}
+
 #[tokio::test]
 async fn sums_are_checked() {
     let server = Server::without_workers().await;
@@ -565,7 +587,8 @@ async fn metadata_tells_of_the_clip() {
     let again = upload(small_clip()).await;
     assert_eq!(again.header("viola-clip"), first.header("viola-clip"));
     let other = viola_testing::zips::zip(&room::clip(3));
-    upload(other).await.problem(422, "idempotency-key-reused");
+    let reused = upload(other).await.problem(422, "idempotency-key-reused");
+    assert_eq!(reused["field"], "Upload-Metadata", "the key came there, and not in a header of its own");
     assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
     assert_eq!(server.blobs().len(), 1);
 }

@@ -2,6 +2,7 @@
 
 use axum::http::StatusCode;
 use std::time::Duration;
+use viola_storage::HomeId;
 
 /// Time after which there may be a place again.
 const BUSY_RETRY_AFTER: Duration = Duration::from_secs(10);
@@ -26,6 +27,11 @@ pub(in crate::api) enum Defence {
     ForeignSession(String),
     #[error("the session has ended; sign in again")]
     SessionEnded,
+    /// The same words for a home that exists and for one that does not.
+    #[error(
+        "this key is for the home `{0}` only; for another home, send a key of that home, or one for all homes"
+    )]
+    OtherHome(HomeId),
     #[error("too many keys from this address were not valid; wait {} s", .wait.as_secs() + 1)]
     TooManyFailures { wait: Duration },
     #[error("other files are being read, and none of them ended within {} s; send the file again later", .wait.as_secs_f64())]
@@ -51,6 +57,7 @@ impl Defence {
                 (S::FORBIDDEN, "foreign_origin", "Pages of other origins may not call the service")
             }
             Defence::SessionEnded => (S::UNAUTHORIZED, "session_ended", "The session has ended"),
+            Defence::OtherHome(_) => (S::NOT_FOUND, "home_not_found", "There is no such home"),
             Defence::TooManyFailures { .. } => {
                 (S::TOO_MANY_REQUESTS, "too_many_failed_keys", "Too many keys were not valid")
             }
@@ -74,7 +81,8 @@ impl Defence {
             Defence::ForeignHost(_) => Some("Host"),
             Defence::ForeignOrigin(_) | Defence::ForeignSession(_) => Some("Origin"),
             Defence::SessionEnded => Some("Cookie"),
-            Defence::TooManyFailures { .. }
+            Defence::OtherHome(_)
+            | Defence::TooManyFailures { .. }
             | Defence::ReadersBusy { .. }
             | Defence::MakersBusy { .. }
             | Defence::ArrivalsFull

@@ -53,8 +53,14 @@ impl Contents {
         let mut page = Page { limit: PAGE, after: None };
         loop {
             let clips = self.app.storage.clips(&self.home, &ClipFilter::default(), &page).await?;
-            for clip in &clips {
-                self.clip(&mut zip, clip).await?;
+            for listed in &clips {
+                // The clips before it may take an hour to send: it may have a newer answer by then, and no files of the listed
+                // one, or be removed.
+                match self.app.storage.clip(&self.home, listed.id).await {
+                    Ok(clip) => self.clip(&mut zip, &clip).await?,
+                    Err(StorageError::NoSuchClip) => {}
+                    Err(error) => return Err(error.into()),
+                }
             }
             match clips.last() {
                 Some(last) if clips.len() == PAGE as usize => page.after = Some(last.id),
@@ -132,7 +138,7 @@ impl Contents {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }
         }
-        // A recording removed since the list was read is not in the export.
+        // A recording that was removed meanwhile is not in the export.
         if let Some(blob) = storage.clip_recording(clip.id).await? {
             zip.stream(&format!("{folder}/recording"), blob.stream).await?;
         }

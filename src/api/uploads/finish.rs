@@ -158,7 +158,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
     };
     let record = app.uploads.limits.record;
     match app.storage.finish_upload(claim, new, record, app.storage.now()).await? {
-        Some(Added::KeyReused) => Err(Error::KeyReused),
+        Some(Added::KeyReused) => Err(UploadRefusal::KeyReused.into()),
         // None: another process has made the clip meanwhile.
         Some(Added::New(_) | Added::Replayed(_)) | None => Ok(()),
     }
@@ -195,7 +195,7 @@ mod tests {
             (lost(), false, &later),
             (lost(), true, &Next::Refuse),
             (Error::BodyEmpty, false, &Next::Refuse),
-            (Error::KeyReused, false, &Next::Refuse),
+            (UploadRefusal::KeyReused.into(), false, &Next::Refuse),
             (UploadRefusal::Unreadable.into(), false, &Next::Refuse),
             (UploadRefusal::FileMismatch.into(), false, &Next::Refuse),
         ];

@@ -10,7 +10,7 @@ use axum::body::{Body, BodyDataStream};
 use bytes::Bytes;
 use std::time::Instant;
 use uuid::Uuid;
-use viola_storage::{Incoming, UploadWriter};
+use viola_storage::{Incoming, Tenant, UploadKind, UploadWriter};
 
 /// Description of a body, from its request.
 pub(super) struct Append {
@@ -30,27 +30,21 @@ struct Piece {
 /// Appends a body. If the body breaks off, the received bytes are kept; a body with a checksum is kept whole
 /// or not at all.
 pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(), Error> {
+    let tenant = check_room(app, &append).await?;
     let Append { id, offset, length_bytes, body_bytes, mut checksum } = append;
-    let limits = &app.uploads.limits;
-    if let Some(length) = length_bytes {
-        check_late_length(app, id, length).await?;
-    }
-    let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, app.storage.now()).await?;
-    let length = writer.length_bytes;
-    let room = length.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
-    let too_large = || match length {
-        Some(length) => Error::BodyBeyondUpload { offset, length },
-        None => Error::BodyTooLarge { limit: room },
-    };
-    if body_bytes.is_some_and(|bytes| bytes > room) {
-        return Err(too_large());
-    }
-    let mut left = room;
     // Other bodies are kept piece by piece, and their bytes count for the tenant.
     let mut arrival = match checksum {
-        Some(_) => Some(app.arrivals.begin(writer.tenant.name(), body_bytes.unwrap_or_default())?),
+        Some(_) => Some(app.arrivals.begin(tenant.name(), body_bytes.unwrap_or_default())?),
         None => None,
     };
+    let limits = &app.uploads.limits;
+    let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, app.storage.now()).await?;
+    let length = writer.length_bytes;
+    let mut left = room(app, length, offset);
+    // Another request may have given the length meanwhile.
+    if body_bytes.is_some_and(|bytes| bytes > left) {
+        return Err(too_large(app, length, offset));
+    }
     let mut piece: Option<Piece> = None;
     let mut chunks = body.into_data_stream();
     let mut pace = Pace::new(app.bodies.window);
@@ -65,7 +59,7 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
         if chunk.is_empty() {
             continue;
         }
-        left = left.checked_sub(chunk.len() as u64).ok_or_else(too_large)?;
+        left = left.checked_sub(chunk.len() as u64).ok_or_else(|| too_large(app, length, offset))?;
         if let Some(arrival) = &mut arrival {
             arrival.grow(chunk.len() as u64)?;
         }
@@ -125,15 +119,37 @@ pub(super) fn may_go_on(error: Error) -> Error {
     }
 }
 
-/// Refuses a length that was deferred and for which the tenant has no room. A length that was given first has
-/// counted since.
-async fn check_late_length(app: &App, id: Uuid, length_bytes: u64) -> Result<(), Error> {
-    let upload = app.storage.living_upload(id, app.storage.now()).await?;
-    if upload.length_bytes.is_some() {
-        return Ok(());
+/// Returns the tenant of an upload. Refuses a body for which the upload or the tenant has no room, before the request takes
+/// effect: it would set a deferred length, and stop another request that appends.
+async fn check_room(app: &App, append: &Append) -> Result<Tenant, Error> {
+    let upload = app.storage.living_upload(append.id, app.storage.now()).await?;
+    // A length that was given first has counted since.
+    if let (None, Some(length)) = (upload.length_bytes, append.length_bytes) {
+        let more_bytes = length.saturating_sub(upload.received_bytes);
+        app.limits.check_quota(&app.storage, &upload.tenant, more_bytes).await?;
     }
-    let more_bytes = length_bytes.saturating_sub(upload.received_bytes);
-    app.limits.check_quota(&app.storage, &upload.tenant, more_bytes).await
+    let (offset, length) = (append.offset, upload.length_bytes.or(append.length_bytes));
+    // Requests of other offsets and lengths have refusals of their own when they begin.
+    let may_begin = upload.kind != UploadKind::Final
+        && upload.received_bytes == offset
+        && length.is_none_or(|length| length >= offset);
+    if may_begin && append.body_bytes.is_some_and(|bytes| bytes > room(app, length, offset)) {
+        return Err(too_large(app, length, offset));
+    }
+    Ok(upload.tenant)
+}
+
+/// Returns the number of bytes that an upload may still get.
+fn room(app: &App, length: Option<u64>, offset: u64) -> u64 {
+    length.unwrap_or(app.max_upload_bytes).saturating_sub(offset)
+}
+
+/// Returns the refusal of a body with more bytes than that.
+fn too_large(app: &App, length: Option<u64>, offset: u64) -> Error {
+    match length {
+        Some(length) => Error::BodyBeyondUpload { offset, length },
+        None => Error::BodyTooLarge { limit: room(app, None, offset) },
+    }
 }
 
 async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Result<(), Error> {

@@ -29,6 +29,11 @@ pub(in crate::api) enum UploadRefusal {
         "the file does not have the sha256 of its Upload-Metadata: bytes were damaged, or are of another file; send it again"
     )]
     FileMismatch,
+    #[error(
+        "the idempotency_key of its Upload-Metadata came with another recording before, or with an archive of this one that \
+         failed; begin an upload with a new key"
+    )]
+    KeyReused,
     #[error("the service is stopping; retry in a few seconds")]
     Stopping,
     #[error("the body is too slow: {0}; ask for the offset (HEAD) and resume there")]
@@ -79,6 +84,11 @@ impl UploadRefusal {
             UploadRefusal::FileMismatch => {
                 (S::UNPROCESSABLE_ENTITY, "checksum_mismatch", "The body was damaged on its way")
             }
+            UploadRefusal::KeyReused => (
+                S::UNPROCESSABLE_ENTITY,
+                "idempotency_key_reused",
+                "The Idempotency-Key was used for another file",
+            ),
             UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
             UploadRefusal::Stalled(_) => {
                 (S::SERVICE_UNAVAILABLE, "body_stalled", "The body did not arrive in time")
@@ -146,7 +156,7 @@ impl UploadRefusal {
             ) => Some("Upload-Concat"),
             UploadRefusal::State(UploadError::WrongOffset { .. }) => Some("Upload-Offset"),
             UploadRefusal::OtherChecksum | UploadRefusal::ChecksumMismatch => Some("Upload-Checksum"),
-            UploadRefusal::FileMismatch => Some("Upload-Metadata"),
+            UploadRefusal::FileMismatch | UploadRefusal::KeyReused => Some("Upload-Metadata"),
             UploadRefusal::OtherVersion => Some("Tus-Resumable"),
             UploadRefusal::MediaType { .. } => Some("Content-Type"),
             _ => None,
