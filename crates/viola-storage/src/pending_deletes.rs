@@ -14,6 +14,10 @@ const AT_ONCE: i64 = 100;
 /// Maximum number of blobs of one deletion: the store removes as many with one request.
 const BLOBS_OF_ROW: usize = 1000;
 
+/// Selects the next deletions, oldest first: their ids grow with time. No index has the time, so a page by it would read all of
+/// them.
+pub(super) const NEXT: &str = "SELECT id, blob_keys FROM doomed_blobs WHERE id > $1 ORDER BY id LIMIT $2";
+
 /// Records blobs to remove, in as many deletions as they need. `owner` names the deleted resource.
 pub(super) async fn add(
     transaction: &mut Transaction,
@@ -76,16 +80,12 @@ impl Storage {
         self.require_store().await?;
         let (mut finished, mut failed) = (0, None);
         let mut timed_out = false;
-        let mut after = (i64::MIN, String::new());
+        let mut after = String::new();
         loop {
-            let rows = query(
-                "SELECT id, blob_keys, created_at FROM doomed_blobs WHERE (created_at, id) > ($1, $2)
-                ORDER BY created_at, id LIMIT $3",
-            );
-            let rows = rows.bind(after.0).bind(&after.1).bind(AT_ONCE);
+            let rows = query(NEXT).bind(&after).bind(AT_ONCE);
             let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
             for row in &rows {
-                after = (row.number("created_at")?, row.text("id")?);
+                after = row.text("id")?;
                 let removed = self.remove_row(row.id("id")?, row.json("blob_keys")?).await;
                 let earlier_timed_out = timed_out;
                 timed_out = removed.as_ref().is_err_and(StorageError::is_timeout);
