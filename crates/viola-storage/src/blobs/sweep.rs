@@ -315,12 +315,16 @@ fn open(folder: &Path) -> Result<Option<ReadDir>, StorageError> {
     }
 }
 
-/// Returns the kind and time of an entry; `None` if it was removed meanwhile.
+/// Returns the kind and time of an entry; `None` if it was removed meanwhile, or if it is a link.
 fn look(entry: &DirEntry) -> io::Result<Option<Entry>> {
     let metadata = match entry.metadata() {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         metadata => metadata?,
     };
+    // The service makes none. A person may have moved a folder to another disk, and its files have rows.
+    if metadata.is_symlink() {
+        return Ok(None);
+    }
     // Without a valid time it is never swept.
     let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
     let path = entry.path();

@@ -135,3 +135,19 @@ async fn the_folder_of_a_disks_own_checks_is_left_alone() {
     opened.unwrap().close().await;
     assert!(of_disk.join("file").exists());
 }
+
+#[tokio::test]
+async fn a_link_to_a_folder_of_another_disk_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    let (id, _) = one_job(&storage).await;
+    let (moved, elsewhere) = (folder.path().join("blobs/lidar-maps"), folder.path().join("elsewhere"));
+    std::fs::rename(&moved, &elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, &moved).unwrap();
+    for limit in [SweepLimit::Leftovers, SweepLimit::Everything] {
+        assert_eq!(storage.sweep(Timestamp::MAX, limit).await.unwrap(), 0);
+    }
+    let map = storage.lidar_map(&id, LevelName::MAIN).await.unwrap();
+    assert_eq!(storage.lidar_map_file(map.id()).await.unwrap(), "map");
+    storage.close().await;
+}
