@@ -33,6 +33,7 @@ pub(super) async fn update_placements(
             by: placed.by,
             probability: placed.probability,
             map_revision: revision,
+            answer: (placed.by == PlacedBy::Neighbours).then(|| placed.contribution.clone()),
         });
         update_placement(transaction, home, member, placement, revision, now).await?;
     }
@@ -113,7 +114,10 @@ async fn update_placement(
     if row.maybe_json::<Choice>("choice")?.map(|choice| choice.verdict()) != chosen(&member.verdict) {
         return Ok(());
     }
-    let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
+    let same = |old: &Placement| {
+        let answer = old.answer.clone().or_else(|| placement.as_ref()?.answer.clone());
+        Placement { map_revision: revision, answer, ..old.clone() }
+    };
     let before = row.maybe_json::<Placement>("placement")?;
     // A clip that stays in place is not updated with every revision.
     let unchanged = before.as_ref().map(same) == placement;
