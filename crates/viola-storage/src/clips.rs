@@ -50,7 +50,7 @@ pub struct Clip {
     /// Time of the recording, from the sender or the file; null if neither gives it.
     pub recorded_at: Option<Timestamp>,
     /// The method's own answer from the newest job; null if that job has none. Its pose, level and probability are
-    /// those of the placement if the clips around it decided.
+    /// those of the placement if the clips around it decided, and the answer is not newer than the placement.
     pub alignment: Option<Alignment>,
     /// The answer of an earlier job, while the newest one has none.
     pub last_answer: Option<LastAnswer>,
