@@ -11,7 +11,7 @@ use super::align_clip::LevelFile;
 use super::{Queue, give_way, metrics};
 use assembling::assemble;
 use bytes::Bytes;
-use describing::removed_levels;
+use describing::{loses_objects, removed_levels};
 pub(super) use error::MergeError;
 use finishing::Finishing;
 use futures::stream::{self, StreamExt, TryStreamExt};
@@ -67,8 +67,7 @@ pub(super) async fn merge(
         Err(_) => "failed",
     };
     metrics::merged(outcome, took);
-    let seconds = took.as_secs_f64();
-    let clips = claim.members.len();
+    let (seconds, clips) = (took.as_secs_f64(), claim.members.len());
     match merged {
         Ok(Merged::Revision { tiles }) => info!(home = %claim.home, clips, tiles, seconds, "map merged"),
         Ok(Merged::Nothing) => info!(home = %claim.home, clips, seconds, "the map is as it was"),
@@ -185,6 +184,7 @@ async fn merge_from(
         let kept = storage.finish_merge(claim, None, storage.now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
+    let loses_objects = loses_objects(&scenes, |level| claim.lidar_maps.iter().any(|map| map.level == level));
     let mut levels = levels(storage, claim, manifest, scenes).await?;
     let is_labelled = assembly.is_labelled_by(surface.as_deref());
     for level in &mut levels {
@@ -194,6 +194,7 @@ async fn merge_from(
     let label = move || label(assembly, kept, surface.as_deref());
     let mut new =
         on_own_thread(move || revision(label()?, &levels))?.await.unwrap_or(Err(MergeError::Panicked))?;
+    new.has_object_changes |= loses_objects;
     remove_others(&mut new, &last_tiles);
     let tiles = new.tiles.len();
     finishing.begin();

@@ -1,31 +1,73 @@
 //! Sending of one message to one address.
 //!
-//! The host name is resolved for each connection, and the connection uses only the addresses that were
-//! checked then. So a name that is public when the webhook is created and private later is refused. Redirects
+//! The host name is resolved for each connection, once for those that begin at the same time, and the connection uses only the
+//! addresses that were checked then. So a name that is public when the webhook is created and private later is refused. Redirects
 //! are not followed, the environment's proxies are not used, and only the head of the answer is read.
 
 use super::address::is_public;
 use super::params::{ANSWER, WebhookParams};
 use super::sign::signature;
 use super::target::check_url;
-use futures::future::BoxFuture;
+use futures::FutureExt;
+use futures::future::{BoxFuture, Shared};
 use jiff::Timestamp;
 use reqwest::StatusCode;
 use reqwest::dns::{Addrs, Name, Resolve, Resolving};
 use reqwest::header::{CONTENT_TYPE, HeaderMap, RETRY_AFTER};
+use std::collections::HashMap;
 use std::error::Error;
+use std::io;
 use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tracing::warn;
 use viola_storage::tls::use_ring;
 use viola_storage::{Sending, Sent, ToSend};
 
 /// Function from a name to its addresses.
-pub type Lookup = fn(String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>>;
+pub type Lookup = fn(String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>>;
 
 /// Resolves a name as the system does.
-pub fn resolve(name: String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>> {
+pub fn resolve(name: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
     Box::pin(async move { Ok(tokio::net::lookup_host((name, 0)).await?.collect()) })
+}
+
+/// The addresses of a name, for all who wait for them.
+type Finding = Shared<BoxFuture<'static, Result<Vec<SocketAddr>, Arc<io::Error>>>>;
+
+/// The lookups that run, one of each name. A lookup blocks a thread until the system gives up, even if nobody waits any more, and
+/// the files of the service are read by threads of the same pool.
+#[derive(Clone, Default)]
+struct Lookups(Arc<Mutex<HashMap<String, Finding>>>);
+
+impl Lookups {
+    fn running(&self) -> MutexGuard<'_, HashMap<String, Finding>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the lookup of a name; starts it if none runs.
+    fn find(&self, name: &str, lookup: Lookup) -> Finding {
+        let mut running = self.running();
+        if let Some(finding) = running.get(name).filter(|finding| finding.peek().is_none()) {
+            return finding.clone();
+        }
+        let (lookups, of_task) = (self.clone(), name.to_owned());
+        let task = tokio::spawn(async move {
+            let found = lookup(of_task.clone()).await;
+            lookups.running().remove(&of_task);
+            found
+        });
+        let found = async move {
+            let found = match task.await {
+                Ok(found) => found,
+                Err(error) => Err(io::Error::other(error)),
+            };
+            found.map_err(Arc::new)
+        };
+        let finding = found.boxed().shared();
+        running.insert(name.to_owned(), finding.clone());
+        finding
+    }
 }
 
 pub struct Sender {
@@ -41,13 +83,14 @@ struct NotPublic {
 
 struct Checked {
     lookup: Lookup,
+    lookups: Lookups,
     private_addresses: bool,
 }
 
 impl Resolve for Checked {
     fn resolve(&self, name: Name) -> Resolving {
         let name = name.as_str().to_owned();
-        let (found, private_addresses) = ((self.lookup)(name.clone()), self.private_addresses);
+        let (found, private_addresses) = (self.lookups.find(&name, self.lookup), self.private_addresses);
         Box::pin(async move {
             let found = found.await?;
             let refused = found.iter().map(SocketAddr::ip).find(|address| !is_public(*address));
@@ -64,7 +107,8 @@ impl Resolve for Checked {
 impl Sender {
     pub fn new(params: &WebhookParams, lookup: Lookup) -> Result<Sender, reqwest::Error> {
         use_ring();
-        let resolver = Checked { lookup, private_addresses: params.private_addresses };
+        let private_addresses = params.private_addresses;
+        let resolver = Checked { lookup, lookups: Lookups::default(), private_addresses };
         let client = reqwest::Client::builder()
             .user_agent(concat!("viola/", env!("CARGO_PKG_VERSION")))
             .timeout(ANSWER)
@@ -131,7 +175,6 @@ fn cause(error: &reqwest::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Resolves a name to a public address first, then to a link-local one.
@@ -150,7 +193,7 @@ mod tests {
 
     async fn resolved(lookup: Lookup, private_addresses: bool) -> Result<usize, String> {
         use_ring();
-        let resolver = Checked { lookup, private_addresses };
+        let resolver = Checked { lookup, lookups: Lookups::default(), private_addresses };
         let found = resolver.resolve("hooks.example".parse().unwrap()).await;
         found.map(Iterator::count).map_err(|error| error.to_string())
     }
@@ -162,6 +205,26 @@ mod tests {
         assert!(refused.contains("hooks.example leads to an address of a private network"), "{refused}");
         assert!(resolved(mixed, false).await.is_err(), "one private address spoils all");
         assert_eq!(resolved(mixed, true).await, Ok(2));
+    }
+
+    #[tokio::test]
+    async fn a_name_without_an_answer_blocks_one_thread() {
+        static ASKED: AtomicUsize = AtomicUsize::new(0);
+        let lookup = |_: String| -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
+            ASKED.fetch_add(1, Ordering::SeqCst);
+            Box::pin(std::future::pending())
+        };
+        use_ring();
+        let resolver = Checked { lookup, lookups: Lookups::default(), private_addresses: false };
+        // The requests of a batch end before the lookup, and the next batch comes.
+        for _ in 0..3 {
+            let resolve = |_| resolver.resolve("hooks.example".parse().unwrap());
+            for mut waiting in (0..16).map(resolve).collect::<Vec<_>>() {
+                assert!(futures::poll!(&mut waiting).is_pending());
+                tokio::task::yield_now().await;
+            }
+        }
+        assert_eq!(ASKED.load(Ordering::SeqCst), 1);
     }
 
     #[test]

@@ -10,7 +10,9 @@ const MAX_URL_BYTES: usize = 2048;
 /// Reason why an address cannot be a webhook's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    #[error("url is longer than {MAX_URL_BYTES} bytes")]
+    #[error(
+        "url is longer than {MAX_URL_BYTES} bytes; a character beyond ASCII is percent-encoded and counts as several"
+    )]
     TooLong,
     #[error("url is not a URL: {0}")]
     Malformed(#[from] url::ParseError),
@@ -30,6 +32,10 @@ pub fn check_url(text: &str, params: &WebhookParams) -> Result<Url, TargetError>
         return Err(TargetError::TooLong);
     }
     let url = Url::parse(text)?;
+    // It is stored with its characters beyond ASCII percent-encoded, and checked again for each message.
+    if url.as_str().len() > MAX_URL_BYTES {
+        return Err(TargetError::TooLong);
+    }
     if !(url.scheme() == "https" || params.private_addresses && url.scheme() == "http") {
         return Err(TargetError::NotHttps);
     }
@@ -90,6 +96,11 @@ mod tests {
             assert!(check_url(bad, &strict).is_err(), "{bad}");
         }
         assert_eq!(check_url(&format!("https://a/{}", "x".repeat(2048)), &strict), Err(TargetError::TooLong));
+        // 4.2 kB with each letter as %C3%A9.
+        assert_eq!(
+            check_url(&format!("https://a/{}", "\u{e9}".repeat(700)), &strict),
+            Err(TargetError::TooLong)
+        );
         let lax = WebhookParams { private_addresses: true };
         assert!(check_url("http://127.0.0.1:9/", &lax).is_ok());
         assert!(check_url("ftp://127.0.0.1:9/", &lax).is_err());

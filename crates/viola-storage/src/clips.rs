@@ -50,7 +50,7 @@ pub struct Clip {
     /// Time of the recording, from the sender or the file; null if neither gives it.
     pub recorded_at: Option<Timestamp>,
     /// The method's own answer from the newest job; null if that job has none. Its pose, level and probability are
-    /// those of the placement if the clips around it decided.
+    /// those of the placement if the clips around it decided, and the answer is not newer than the placement.
     pub alignment: Option<Alignment>,
     /// The answer of an earlier job, while the newest one has none.
     pub last_answer: Option<LastAnswer>,
@@ -130,9 +130,12 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
     let placement: Option<Placement> = row.maybe_json("placement")?;
     let mut alignment: Option<Alignment> = row.maybe_json("alignment")?;
     let mut last_answer = last_answer::from_row(row)?;
+    let result_key = row.maybe_text("result_key")?;
     if let Some(placement) = &placement {
-        let last = last_answer.as_mut().map(|last| &mut last.alignment);
-        alignment.iter_mut().chain(last).for_each(|alignment| placement.apply(alignment));
+        let own = alignment.as_mut().filter(|_| placement.is_of(result_key.as_deref()));
+        let last = last_answer.as_mut().filter(|last| placement.is_of(Some(last.result_key.as_str())));
+        let last = last.map(|last| &mut last.alignment);
+        own.into_iter().chain(last).for_each(|answer| placement.apply(answer));
     }
     Ok(Clip {
         id: row.id("id")?,
@@ -153,7 +156,7 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
         job,
         created_at: row.time("created_at")?,
         updated_at: row.time("updated_at")?,
-        result_key: row.maybe_text("result_key")?,
+        result_key,
         result_bytes: row.count("result_bytes")?,
     })
 }

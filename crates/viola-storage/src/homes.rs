@@ -300,6 +300,15 @@ pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<b
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 
+/// [`lock`] that does not wait: it returns false, too, if another transaction holds the home.
+pub(super) async fn lock_if_free(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
+    let row = query(transaction.either(
+        "SELECT id FROM homes WHERE id = $1",
+        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
+    ));
+    Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
+}
+
 /// Adds `bytes`, negative for a removal, to the file sizes of the home and its tenant. The home is locked.
 pub(super) async fn grow(connection: &mut Connection, home: &HomeId, bytes: i64) -> Result<(), StorageError> {
     if bytes == 0 {

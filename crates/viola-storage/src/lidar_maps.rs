@@ -60,7 +60,7 @@ fn owner(home: &HomeId, level: LevelName) -> String {
     format!("lidar-map:{}:{level}", home.key())
 }
 
-fn file_key(id: Uuid) -> String {
+pub(super) fn file_key(id: Uuid) -> String {
     format!("lidar-maps/{id}/file")
 }
 

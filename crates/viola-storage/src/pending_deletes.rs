@@ -4,7 +4,7 @@
 
 use super::columns::{Columns, to_json};
 use super::database::{Transaction, query};
-use super::{Storage, StorageError};
+use super::{Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -13,6 +13,10 @@ const AT_ONCE: i64 = 100;
 
 /// Maximum number of blobs of one deletion: the store removes as many with one request.
 const BLOBS_OF_ROW: usize = 1000;
+
+/// Selects the next deletions, oldest first: their ids grow with time. No index has the time, so a page by it would read all of
+/// them.
+pub(super) const NEXT: &str = "SELECT id, blob_keys FROM doomed_blobs WHERE id > $1 ORDER BY id LIMIT $2";
 
 /// Records blobs to remove, in as many deletions as they need. `owner` names the deleted resource.
 pub(super) async fn add(
@@ -49,7 +53,32 @@ pub(super) async fn take_over(
     Ok(())
 }
 
+/// Returns whether a deletion may be of a tenant's files.
+fn may_be_of(owner: &str, tenant: &Tenant) -> bool {
+    let (kind, of) = owner.split_once(':').unwrap_or((owner, ""));
+    match kind {
+        "home" | "clip" | "lidar-map" | "home-map" => {
+            let of_tenant = of.split_once('/').map_or(Tenant::DEFAULT, |(of_tenant, _)| of_tenant);
+            of_tenant == tenant.name()
+        }
+        "tenant" => of == tenant.name(),
+        // Those of uploads name no tenant.
+        _ => true,
+    }
+}
+
 impl Storage {
+    /// Returns whether pending blobs may be a tenant's.
+    pub(super) async fn may_have_pending(&self, tenant: &Tenant) -> Result<bool, StorageError> {
+        let owners = query("SELECT DISTINCT owner FROM doomed_blobs");
+        for row in &owners.fetch_all(&mut self.database.reader().await?).await? {
+            if may_be_of(&row.text("owner")?, tenant) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Removes an owner's pending blobs; returns whether there were any.
     pub(super) async fn delete_pending(&self, owner: &str) -> Result<bool, StorageError> {
         let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
@@ -76,16 +105,12 @@ impl Storage {
         self.require_store().await?;
         let (mut finished, mut failed) = (0, None);
         let mut timed_out = false;
-        let mut after = (i64::MIN, String::new());
+        let mut after = String::new();
         loop {
-            let rows = query(
-                "SELECT id, blob_keys, created_at FROM doomed_blobs WHERE (created_at, id) > ($1, $2)
-                ORDER BY created_at, id LIMIT $3",
-            );
-            let rows = rows.bind(after.0).bind(&after.1).bind(AT_ONCE);
+            let rows = query(NEXT).bind(&after).bind(AT_ONCE);
             let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
             for row in &rows {
-                after = (row.number("created_at")?, row.text("id")?);
+                after = row.text("id")?;
                 let removed = self.remove_row(row.id("id")?, row.json("blob_keys")?).await;
                 let earlier_timed_out = timed_out;
                 timed_out = removed.as_ref().is_err_and(StorageError::is_timeout);
@@ -114,5 +139,28 @@ impl Storage {
             .execute(&mut transaction)
             .await?;
         transaction.commit().await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deletion_names_its_tenant() {
+        let tenants = [Tenant::DEFAULT, "acme"].map(|name| name.parse::<Tenant>().unwrap());
+        for (owner, of) in [
+            ("home:h", [true, false]),
+            ("home:acme/h", [false, true]),
+            ("clip:h:01a1f766-7a97-7747-9dbb-391e0eeccb64", [true, false]),
+            ("clip:acme/h:01a1f766-7a97-7747-9dbb-391e0eeccb64", [false, true]),
+            ("lidar-map:acme-2/h:main", [false, false]),
+            ("home-map:acme/h:", [false, true]),
+            ("tenant:acme", [false, true]),
+            ("upload:01a1f766-7a97-7747-9dbb-391e0eeccb64", [true, true]),
+            ("expired-uploads", [true, true]),
+        ] {
+            assert_eq!(tenants.each_ref().map(|tenant| may_be_of(owner, tenant)), of, "{owner}");
+        }
     }
 }

@@ -19,12 +19,22 @@ pub struct Placement {
     pub probability: Option<f64>,
     /// Revision of the home's map.
     pub map_revision: i64,
+    /// Key of the files of the answer that the other clips completed; `None` for other placements and in rows of earlier
+    /// versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) answer: Option<String>,
 }
 
 /// Maximum distance of the placement from the first alternative that it refines.
 const SAME_M: f64 = 0.3;
 
 impl Placement {
+    /// Returns whether it may be of the answer with these files. It stays beside a newer answer until the next merge, and
+    /// that answer may be of another LiDAR map.
+    pub(super) fn is_of(&self, result_key: Option<&str>) -> bool {
+        self.answer.is_none() || self.answer.as_deref() == result_key
+    }
+
     /// Gives an answer the pose that the clips around its clip decided, with its probability.
     pub(super) fn apply(&self, answer: &mut Alignment) {
         if self.by != PlacedBy::Neighbours {

@@ -3,12 +3,15 @@
 
 use super::columns::Columns;
 use super::database::{Connection, Transaction, query};
-use super::{Storage, StorageError};
+use super::{Storage, StorageError, clips, lidar_maps};
 use std::sync::atomic::Ordering;
 use uuid::Uuid;
 
 /// Maximum number of unnamed blobs that a start accepts if no blob is named.
 const MAX_ALONE: usize = 100;
+
+/// Number of clips and of LiDAR maps whose files are looked for in the store.
+const NEWEST: i64 = 3;
 
 impl Storage {
     /// Returns the id of the store. Refuses one that is not this database's: another one, or one without its files. The first
@@ -55,7 +58,7 @@ impl Storage {
         if blobs == 0 || !self.named(keys).await?.is_empty() {
             return Ok(());
         }
-        if blobs <= MAX_ALONE && self.has_lived().await? {
+        if (blobs <= MAX_ALONE && self.has_lived().await?) || self.has_newest_files().await? {
             return Ok(());
         }
         Err(StorageError::LostDatabase { blobs, store })
@@ -98,7 +101,7 @@ impl Storage {
         let id = found.unwrap_or_else(Uuid::now_v7);
         let keys = self.blobs.sample().await?;
         let blobs = keys.len();
-        if blobs > 0 && !self.named(keys).await?.is_empty() {
+        if blobs > 0 && (!self.named(keys).await?.is_empty() || self.has_newest_files().await?) {
             // Of a version without ids. A process that is killed after the first step repeats this.
             if found.is_none() {
                 self.blobs.put_store_id(id).await?;
@@ -123,6 +126,26 @@ impl Storage {
             self.blobs.put_store_id(id).await?;
         }
         Err(StorageError::LostDatabase { blobs, store: id })
+    }
+
+    /// Returns whether the store has a file of the newest clips or LiDAR maps. A sample of the store alone does not tell: the
+    /// listing of a bucket begins with the oldest keys, and all of these may be leftovers of clips that were removed since.
+    async fn has_newest_files(&self) -> Result<bool, StorageError> {
+        let mut keys = Vec::new();
+        let newest = query("SELECT id FROM clips ORDER BY id DESC LIMIT $1").bind(NEWEST);
+        for row in &newest.fetch_all(&mut self.database.reader().await?).await? {
+            keys.push(clips::file_key(row.id("id")?));
+        }
+        let newest = query("SELECT id FROM lidar_maps WHERE removed_at IS NULL ORDER BY id DESC LIMIT $1");
+        for row in &newest.bind(NEWEST).fetch_all(&mut self.database.reader().await?).await? {
+            keys.push(lidar_maps::file_key(row.id("id")?));
+        }
+        for key in &keys {
+            if self.blobs.read(key).await?.is_some() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Begins a transaction that may write the id; processes that start at once take turns.

@@ -95,7 +95,12 @@ impl Storage {
         transaction.commit().await?;
         self.delete_pending(&owner).await?;
         // Earlier deletions whose store had failed. One pass: other tenants may always have new ones.
-        self.finish_deletions().await?;
+        if let Err(error) = self.finish_deletions().await {
+            if self.may_have_pending(tenant).await? {
+                return Err(error);
+            }
+            tracing::warn!(%error, "files of other tenants could not be deleted; it is tried again");
+        }
         let mut transaction = self.database.begin().await?;
         let totals = query("DELETE FROM tenant_sizes WHERE tenant = $1").bind(tenant.name());
         totals.execute(&mut transaction).await?;

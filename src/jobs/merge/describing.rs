@@ -162,6 +162,12 @@ pub fn removed_levels(
     removed
 }
 
+/// Returns whether objects of the last revision are on a level that was removed: no description of another level tells that they
+/// are lost.
+pub fn loses_objects(scenes: &BTreeMap<LevelName, MapScene>, is_level: impl Fn(LevelName) -> bool) -> bool {
+    scenes.iter().any(|(level, scene)| !is_level(*level) && !scene.objects.is_empty())
+}
+
 /// Returns the transform into the frame of the new revision from that of the last one.
 fn now_from_last(level: LevelName, clips: &[PlacedClip], last: &Earlier) -> Pose2 {
     let Some(left) = &last.left else { return Pose2::IDENTITY };
@@ -214,6 +220,7 @@ fn missing_objects(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use viola_geometry::taxonomy::Class;
     use viola_home::{Coverage, RoomSource};
 
     /// Returns the scenes of a revision with these levels.
@@ -257,5 +264,32 @@ mod tests {
         }
         let again = Earlier { removed_levels: removed_levels(&last, |_| true), ..Earlier::default() };
         assert_eq!(id_of_new_room(&mut again.history(upper).ids), "upper~2");
+    }
+
+    #[test]
+    fn the_objects_of_a_removed_level_are_lost() {
+        let upper: LevelName = "upper".parse().unwrap();
+        let mut last = scenes([LevelName::MAIN, upper].map(|level| (level, MapHistory::default())).into());
+        let object = |level| MapObject {
+            id: "sofa-1".to_owned(),
+            level,
+            class: Class::Sofa,
+            confidence: 0.9,
+            centre_m: [1.0, 1.0, 0.4],
+            size_m: [2.0, 0.9, 0.8],
+            yaw_rad: 0.0,
+            room: None,
+            points: 500,
+            clips: Vec::new(),
+            last_seen: None,
+            name: None,
+            corrected: Vec::new(),
+        };
+        assert!(!loses_objects(&last, |level| level.is_main()), "the level had none");
+        for (level, scene) in &mut last {
+            scene.objects.push(object(*level));
+        }
+        assert!(loses_objects(&last, |level| level.is_main()));
+        assert!(!loses_objects(&last, |_| true));
     }
 }

@@ -20,6 +20,9 @@ const BATCH: usize = 1000;
 /// Most keys that one listing keeps in memory. The rest is left to the next one.
 const MAX_KEYS: usize = 100_000;
 
+/// Folder of a file system's own checks, at the root of its disk. Only the system's administrator may read it.
+const LOST_AND_FOUND: &str = "lost+found";
+
 /// The blobs that no row names.
 #[derive(Debug, Default)]
 pub struct Unnamed {
@@ -279,6 +282,8 @@ impl Walk {
             };
             let looked = entry.and_then(|entry| look(&entry));
             match looked.map_err(|source| StorageError::File { path: folder.clone(), source })? {
+                // The folder of the blobs may be a disk of its own.
+                Some(Entry::Folder(path, _)) if path == self.root.join(LOST_AND_FOUND) => {}
                 Some(Entry::Folder(path, modified)) => {
                     // Only folders of leftovers are swept; the store removes the folders of its blobs.
                     if is_below(&self.root, &path, self.leftovers.as_ref()) {
@@ -310,12 +315,16 @@ fn open(folder: &Path) -> Result<Option<ReadDir>, StorageError> {
     }
 }
 
-/// Returns the kind and time of an entry; `None` if it was removed meanwhile.
+/// Returns the kind and time of an entry; `None` if it was removed meanwhile, or if it is a link.
 fn look(entry: &DirEntry) -> io::Result<Option<Entry>> {
     let metadata = match entry.metadata() {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         metadata => metadata?,
     };
+    // The service makes none. A person may have moved a folder to another disk, and its files have rows.
+    if metadata.is_symlink() {
+        return Ok(None);
+    }
     // Without a valid time it is never swept.
     let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
     let path = entry.path();

@@ -1,9 +1,10 @@
 //! A person's choice beside the method's own answer.
 
+use super::home_maps::{due, revision};
 use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
-use viola_home::Verdict;
+use viola_home::{PlacedBy, Verdict};
 
 on_every_back_end!(
     an_alternative_is_chosen_and_withdrawn,
@@ -15,6 +16,7 @@ on_every_back_end!(
     a_choice_makes_the_map_due,
     a_choice_during_a_merge_stands,
     a_choice_during_a_claim_keeps_the_state_of_the_clip,
+    a_choice_on_a_copy_takes_back_what_neighbours_decided,
 );
 
 fn pose(x_m: f64) -> Pose2 {
@@ -265,4 +267,27 @@ async fn a_choice_during_a_claim_keeps_the_state_of_the_clip(storage: Storage) {
     claiming.commit().await.unwrap();
     let clip = choosing.await.unwrap();
     assert_eq!((clip.state, standing(&clip)), (ClipState::Aligning, Some((1.0, None, 1))));
+}
+
+async fn a_choice_on_a_copy_takes_back_what_neighbours_decided(storage: Storage) {
+    let (home, _) = one_job(&storage).await;
+    let first = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    let claim = due(&storage, 902).await.expect("the home is due");
+    let new = revision(&claim, PlacedBy::Neighbours, b"first");
+    assert!(storage.finish_merge(&claim, Some(&new), at(902)).await.unwrap());
+    let placed = storage.clip(&home, first.id).await.unwrap();
+    assert_eq!((placed.state, codes(&placed)), (ClipState::Aligned, vec!["decided_by_neighbours"]));
+    // The same recording again. A merge takes the one that a person placed.
+    add(&storage, &home, b"clip").await;
+    let copy = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    choose(&storage, &copy, Chosen::Alternative(0), 903).await;
+    let claim = due(&storage, 904).await.expect("the home is due");
+    assert_eq!(claim.members.iter().map(|member| member.clip).collect::<Vec<_>>(), [copy.id]);
+    let new = revision(&claim, PlacedBy::Person, b"copy");
+    assert!(storage.finish_merge(&claim, Some(&new), at(904)).await.unwrap());
+    let left = storage.clip(&home, first.id).await.unwrap();
+    assert_eq!((left.state, codes(&left)), (ClipState::Ambiguous, vec!["two_modes"]));
+    assert_eq!(left.placement, None);
+    let copy = storage.clip(&home, copy.id).await.unwrap();
+    assert_eq!((copy.state, codes(&copy)), (ClipState::Aligned, vec!["chosen_by_person"]));
 }

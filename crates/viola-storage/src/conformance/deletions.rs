@@ -7,6 +7,7 @@ use super::*;
 on_every_back_end!(
     a_tenant_goes_whole,
     a_tenant_goes_although_others_delete_all_the_time,
+    a_tenant_goes_although_a_deletion_of_another_fails,
     who_deletes_is_told_the_truth,
     one_pass_finishes_all_deletions,
     a_deletion_that_times_out_does_not_stop_the_others,
@@ -119,6 +120,28 @@ async fn a_tenant_goes_although_others_delete_all_the_time(storage: Storage) {
             assert_eq!(removed.expect("it ends").unwrap(), Removed { homes: 1, ..Removed::default() });
         }
     }
+}
+
+async fn a_tenant_goes_although_a_deletion_of_another_fails(mut storage: Storage) {
+    let acme: Tenant = "acme".parse().unwrap();
+    let add_pending = async |storage: &Storage, owner: &str| {
+        let mut transaction = storage.database.begin().await.unwrap();
+        let key = [format!("clips/{}/file", Uuid::now_v7())];
+        pending_deletes::add(&mut transaction, owner, &key, at(0)).await.unwrap();
+        transaction.commit().await.unwrap();
+    };
+    storage.put_home(&acme.home(&home("h")), None, |_| true, at(0)).await.unwrap();
+    add_pending(&storage, "clip:bolt/h:").await;
+    let repair = removals_fail(&mut storage);
+    let removed = storage.delete_tenant(&acme, at(1), |_| {}).await.unwrap();
+    assert_eq!(removed, Removed { homes: 1, ..Removed::default() });
+    assert_eq!((rows(&storage, &acme).await, pending(&storage, "%").await), (0, 1));
+    // One of its own is not gone yet.
+    add_pending(&storage, "clip:acme/h:").await;
+    assert!(storage.delete_tenant(&acme, at(2), |_| {}).await.is_err());
+    repair();
+    storage.delete_tenant(&acme, at(3), |_| {}).await.unwrap();
+    assert_eq!(pending(&storage, "%").await, 0);
 }
 
 async fn one_pass_finishes_all_deletions(storage: Storage) {

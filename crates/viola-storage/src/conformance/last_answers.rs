@@ -1,13 +1,15 @@
 //! The last answer of a clip, while its newest job has none.
 
-use super::home_maps::due;
+use super::home_maps::{align, due, revision};
 use super::limits::check;
 use super::*;
+use viola_home::PlacedBy;
 
 on_every_back_end!(
     a_new_map_keeps_the_last_answer_until_another,
     a_clip_with_a_last_answer_goes_whole,
     a_sweep_leaves_last_answers,
+    a_new_answer_has_not_the_place_of_the_last_one,
 );
 
 /// Answers the next job, with a picture.
@@ -97,4 +99,29 @@ async fn a_sweep_leaves_last_answers(storage: Storage) {
     // Nor does a worker that ends late, and whose files the clip still has.
     storage.discard_unless_kept(before.result_key().unwrap()).await.unwrap();
     assert_eq!(picture(&storage, &before).await, b"picture");
+}
+
+/// The place is in the frame of another LiDAR map, maybe for hours: a merge waits for all clips of the home.
+async fn a_new_answer_has_not_the_place_of_the_last_one(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let read = async || storage.clip(&home, clip.id).await.unwrap();
+    let merge = async |seconds| {
+        let claim = due(&storage, seconds).await.expect("a clip has an answer");
+        let new = revision(&claim, PlacedBy::Neighbours, b"tile");
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+        read().await.placement.expect("it is in the map").map_from_clip
+    };
+    align(&storage, AlignmentState::Ambiguous).await;
+    let own = read().await.alignment.unwrap();
+    let place = merge(110).await;
+    assert_ne!(own.map_from_clip, Some(place));
+    assert_eq!(read().await.alignment.unwrap().map_from_clip, Some(place));
+    put_map(&storage, &home, b"second map").await;
+    assert_eq!(read().await.last_answer.unwrap().alignment.map_from_clip, Some(place));
+    align(&storage, AlignmentState::Ambiguous).await;
+    let again = read().await;
+    assert_eq!((again.alignment.unwrap(), again.state), (own, ClipState::Ambiguous));
+    assert!(again.placement.is_some(), "the newest map has it");
+    let place = merge(120).await;
+    assert_eq!(read().await.alignment.unwrap().map_from_clip, Some(place));
 }

@@ -22,6 +22,7 @@ on_every_back_end!(
     a_job_given_up_is_not_held_against_it,
     cancelling_ends_what_waits_or_runs,
     jobs_that_cannot_be_read_let_others_pass,
+    a_lost_job_that_cannot_be_read_lets_others_pass,
 );
 
 /// Returns the claim of a worker at this moment.
@@ -344,4 +345,42 @@ async fn jobs_that_cannot_be_read_let_others_pass(storage: Storage) {
         let held = claim(&storage, 6).await;
         assert_eq!((held.job.clip, held.job.attempts), (clip, 1));
     }
+}
+
+async fn a_lost_job_that_cannot_be_read_lets_others_pass(storage: Storage) {
+    let (home, first) = one_job(&storage).await;
+    let second = add(&storage, &home, b"second").await;
+    let held = [claim(&storage, 0).await, claim(&storage, 1).await];
+    assert_eq!(held.map(|claim| claim.job.clip), [first.id, second.id]);
+    let later = "UPDATE clips SET choice = 'of a later version' WHERE id = $1";
+    execute(&storage, later, &first.id.to_string()).await;
+    assert_eq!(storage.release_lost(&RetryPolicy::default(), at(31)).await.unwrap(), 2);
+    let refused = storage.claim(LEASE, at(31)).await;
+    assert!(matches!(refused, Err(StorageError::Column { .. })), "{refused:?}");
+    assert_eq!(claim(&storage, 31).await.job.clip, second.id);
+    execute(&storage, "UPDATE clips SET choice = NULL WHERE id = $1", &first.id.to_string()).await;
+    assert_eq!(storage.clip(&home, first.id).await.unwrap().state, ClipState::Queued);
+    let held = claim(&storage, 50).await;
+    assert_eq!((held.job.clip, held.job.attempts), (first.id, 1));
+}
+
+/// On SQLite no two transactions write at once.
+#[tokio::test]
+async fn a_lost_job_of_a_busy_home_lets_others_pass() {
+    let Some(postgres) = Schema::new().await else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let storage = on(&postgres, folder.path(), None).await;
+    let (busy, _) = one_job(&storage).await;
+    let other = home("other");
+    storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
+    put_map(&storage, &other, b"map").await;
+    add(&storage, &other, b"clip").await;
+    assert_eq!(claim(&storage, 0).await.job.home, busy);
+    assert_eq!(claim(&storage, 1).await.job.home, other);
+    let mut change = storage.database.begin().await.unwrap();
+    assert!(crate::homes::lock(&mut change, &busy).await.unwrap());
+    assert_eq!(claim(&storage, 31).await.job.home, other);
+    change.commit().await.unwrap();
+    assert_eq!(claim(&storage, 31).await.job.home, busy);
+    postgres.remove().await;
 }

@@ -114,3 +114,40 @@ fn only_harmless_home_ids_pass() {
         assert!(bad.parse::<HomeId>().is_err(), "{bad:?}");
     }
 }
+
+/// A disk of its own for the blobs has such a folder, which the service may not read unless it is the administrator's.
+#[tokio::test]
+async fn the_folder_of_a_disks_own_checks_is_left_alone() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    let of_disk = folder.path().join("blobs/lost+found");
+    std::fs::create_dir(&of_disk).unwrap();
+    std::fs::write(of_disk.join("file"), "found").unwrap();
+    std::fs::set_permissions(&of_disk, std::fs::Permissions::from_mode(0)).unwrap();
+    let swept = storage.sweep(Timestamp::MAX, SweepLimit::Everything).await;
+    storage.close().await;
+    drop(storage);
+    let opened = Storage::open(&StorageParams::in_folder(folder.path())).await;
+    // So that the test can remove it.
+    std::fs::set_permissions(&of_disk, std::fs::Permissions::from_mode(0o700)).unwrap();
+    assert!(matches!(swept, Ok(0)), "{swept:?}");
+    opened.unwrap().close().await;
+    assert!(of_disk.join("file").exists());
+}
+
+#[tokio::test]
+async fn a_link_to_a_folder_of_another_disk_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    let (id, _) = one_job(&storage).await;
+    let (moved, elsewhere) = (folder.path().join("blobs/lidar-maps"), folder.path().join("elsewhere"));
+    std::fs::rename(&moved, &elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, &moved).unwrap();
+    for limit in [SweepLimit::Leftovers, SweepLimit::Everything] {
+        assert_eq!(storage.sweep(Timestamp::MAX, limit).await.unwrap(), 0);
+    }
+    let map = storage.lidar_map(&id, LevelName::MAIN).await.unwrap();
+    assert_eq!(storage.lidar_map_file(map.id()).await.unwrap(), "map");
+    storage.close().await;
+}

@@ -311,6 +311,25 @@ async fn an_empty_store_of_another_database_is_refused(mut bench: Bench) {
     bench.remove().await;
 }
 
+/// The listing of a bucket begins with the oldest keys.
+#[tokio::test]
+async fn a_store_that_begins_with_leftovers_is_no_lost_one() {
+    let (folder, server) = (tempfile::tempdir().unwrap(), S3Server::start());
+    let bench = Bench { folder, server: Some(server), schemas: Vec::new() };
+    let mut clip = None;
+    bench.with(async |storage| clip = Some(one_job(storage).await.1)).await;
+    // Results that killed workers left of a clip that was removed since: more files than a sample has.
+    for attempt in 0..1001_u128.div_ceil(result_file::ALL.len() as u128) {
+        let result = format!("clips/{}/results/{}-1", Uuid::nil(), Uuid::from_u128(attempt));
+        let result = bench.server.as_ref().unwrap().path_of(&result);
+        std::fs::create_dir_all(&result).unwrap();
+        result_file::ALL.iter().for_each(|name| std::fs::write(result.join(name), "left").unwrap());
+    }
+    let clip = clip.unwrap().id;
+    bench.with(async |storage| assert!(storage.clip_recording(clip).await.unwrap().is_some())).await;
+    bench.remove().await;
+}
+
 /// A start needs no store that answers. It is checked later.
 #[tokio::test]
 async fn a_wrong_store_that_was_silent_at_the_start_is_not_ready() {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::columns::Columns;
 use crate::database::query;
-use crate::{changes, clip_list, clips, home_maps, job_list, jobs, lidar_maps, tenants};
+use crate::{changes, clip_list, clips, home_maps, job_list, jobs, lidar_maps, pending_deletes, tenants};
 use sqlx::AssertSqlSafe;
 
 /// Returns the reads of a statement, which end with the index and the columns by which SQLite finds the rows.
@@ -31,6 +31,7 @@ async fn statements_read_their_own_rows() {
         (clips::BLOBS_OF_HOME, vec!["(home_id=?)"]),
         (home_maps::BLOBS_OF_HOME, vec!["(home_id=?)"]),
         (changes::CHANGED_HOMES, vec!["changes_by_seq (seq>?)"]),
+        (pending_deletes::NEXT, vec!["(id>?)"]),
         (objects(None, None), vec!["home_objects_of_tenant (tenant=? AND (home_id,object_id)>(?,?))"]),
         (
             objects(Some("chair"), None),

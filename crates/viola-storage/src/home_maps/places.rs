@@ -3,8 +3,9 @@
 use crate::changes::{self, Changed};
 use crate::columns::{Columns, to_json};
 use crate::database::{Row, Transaction, query};
-use crate::{Choice, HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
+use crate::{Choice, ClipState, HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
 use jiff::Timestamp;
+use uuid::Uuid;
 use viola_align::Alignment;
 use viola_home::{Member, PlacedBy, PlacedClip, Verdict};
 
@@ -32,6 +33,7 @@ pub(super) async fn update_placements(
             by: placed.by,
             probability: placed.probability,
             map_revision: revision,
+            answer: (placed.by == PlacedBy::Neighbours).then(|| placed.contribution.clone()),
         });
         update_placement(transaction, home, member, placement, revision, now).await?;
     }
@@ -45,23 +47,50 @@ async fn remove_placements(
     members: &[Member],
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let rows = query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+    let rows = query("SELECT id, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
         .bind(home.key())
         .fetch_all(transaction)
         .await?;
     for row in &rows {
         let contribution = row.maybe_text("result_key")?;
         if !members.iter().any(|member| contribution.as_ref() == Some(&member.contribution)) {
-            query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
-                .bind(row.text("id")?)
-                .bind(now.as_millisecond())
-                .execute(transaction)
-                .await?;
-            let clip = Changed::Clip { id: row.id("id")?, state: row.name("state")? };
-            changes::record(transaction, home, clip, now).await?;
+            remove_placement(transaction, home, row.id("id")?, now).await?;
         }
     }
     Ok(())
+}
+
+/// Removes the placement of a clip. If other clips had decided its pose, its state and reasons are those of its own answer again.
+async fn remove_placement(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    id: Uuid,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let row = query("SELECT state, alignment, choice FROM clips WHERE id = $1").bind(id.to_string());
+    let row = row.fetch_one(transaction).await?;
+    let state: ClipState = row.name("state")?;
+    let is_chosen = row.maybe_text("choice")?.is_some();
+    let is_by_others =
+        |own: &Alignment| !is_chosen && state == ClipState::Aligned && ClipState::from(own.state) != state;
+    let own = row.maybe_json::<Alignment>("alignment")?.filter(is_by_others);
+    let (update, state) = match own {
+        Some(own) => {
+            let (state, reasons) = (ClipState::from(own.state), to_json(&own.reasons));
+            let update = query(
+                "UPDATE clips SET placement = NULL, updated_at = $2, state = $3, reasons = $4 WHERE id = $1",
+            );
+            let update = update.bind(id.to_string()).bind(now.as_millisecond());
+            (update.bind(state.name()).bind(reasons), state)
+        }
+        // A claim may change the state of a queued clip meanwhile.
+        None => {
+            let update = query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1");
+            (update.bind(id.to_string()).bind(now.as_millisecond()), state)
+        }
+    };
+    update.execute(transaction).await?;
+    changes::record(transaction, home, Changed::Clip { id, state }, now).await
 }
 
 /// Updates the placement of one clip, and its state and reasons.
@@ -85,7 +114,10 @@ async fn update_placement(
     if row.maybe_json::<Choice>("choice")?.map(|choice| choice.verdict()) != chosen(&member.verdict) {
         return Ok(());
     }
-    let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
+    let same = |old: &Placement| {
+        let answer = old.answer.clone().or_else(|| placement.as_ref()?.answer.clone());
+        Placement { map_revision: revision, answer, ..old.clone() }
+    };
     let before = row.maybe_json::<Placement>("placement")?;
     // A clip that stays in place is not updated with every revision.
     let unchanged = before.as_ref().map(same) == placement;

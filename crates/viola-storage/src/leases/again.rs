@@ -53,7 +53,7 @@ impl Storage {
     /// their turns now.
     ///
     /// The end of such a worker is unknown: anything may have killed its process, so the attempt does not
-    /// count.
+    /// count. A job waits for the next call while another transaction holds its home.
     pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
         self.advance_turns(now).await?;
         let rows = query(
@@ -66,7 +66,10 @@ impl Storage {
         let mut released = 0;
         for row in &rows {
             let mut transaction = self.database.begin().await?;
-            homes::lock(&mut transaction, &row.home("home_id")?).await?;
+            // A long change of one home must not make the jobs of others wait. It may also be that of this job.
+            if !homes::lock_if_free(&mut transaction, &row.home("home_id")?).await? {
+                continue;
+            }
             // Unless another process did so, or the worker sent a heartbeat, since.
             let lost = query(
                 "UPDATE jobs SET fence = fence + 1
@@ -83,7 +86,13 @@ impl Storage {
                     faults => retry.delay(faults),
                 };
                 let id = row.id("id")?;
-                requeue_or_fail(&mut transaction, id, retries, Fault::WorkerLost, retry, pause, now).await?;
+                let requeued =
+                    requeue_or_fail(&mut transaction, id, retries, Fault::WorkerLost, retry, pause, now)
+                        .await;
+                if let Err(unreadable @ StorageError::Column { .. }) = &requeued {
+                    tracing::error!(job = %id, %unreadable, "the clip of a lost worker's job cannot be read");
+                }
+                despite_its_clip(&mut transaction, id, requeued, now).await?;
                 released += 1;
             }
             transaction.commit().await?;
@@ -125,18 +134,28 @@ pub(super) async fn set_aside(
     now: Timestamp,
 ) -> Result<(), StorageError> {
     let (id, retries, retry) = (row.id("id")?, RetryState::from_row(row)?, RetryPolicy::default());
-    match requeue_after_fault(transaction, id, retries, Fault::Storage, &retry, now).await {
-        // The job is changed, and the clip could not be read. It still waits, or fails with its job.
-        Err(StorageError::Column { .. }) => {
-            let clip = query(
-                "UPDATE clips SET state = 'failed', updated_at = $2
-                WHERE job_id = $1 AND EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND state = 'failed')",
-            );
-            clip.bind(id.to_string()).bind(now.as_millisecond()).execute(transaction).await?;
-            Ok(())
-        }
-        requeued => requeued,
+    let requeued = requeue_after_fault(transaction, id, retries, Fault::Storage, &retry, now).await;
+    despite_its_clip(transaction, id, requeued, now).await
+}
+
+/// Returns the result of requeueing a job. If the job is changed, and its clip could not be read, the clip waits or fails with
+/// the job: otherwise it would be the next one each time, and others would wait.
+async fn despite_its_clip(
+    transaction: &mut Transaction,
+    job: Uuid,
+    requeued: Result<(), StorageError>,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    if !matches!(requeued, Err(StorageError::Column { .. })) {
+        return requeued;
     }
+    let clip = query(
+        "UPDATE clips SET state = (SELECT CASE state WHEN 'failed' THEN 'failed' ELSE 'queued' END FROM jobs
+            WHERE jobs.id = $1), updated_at = $2
+        WHERE job_id = $1",
+    );
+    clip.bind(job.to_string()).bind(now.as_millisecond()).execute(transaction).await?;
+    Ok(())
 }
 
 /// Requeues a job after a fault, with the pause of `retry`.
