@@ -259,6 +259,27 @@ fn a_network_that_fails_is_told_and_structure_stays() {
     assert!(codes.contains(&"imagination_failed"), "{codes:?}");
 }
 
+/// Networks would complete black pictures.
+#[test]
+fn a_clip_without_colour_is_completed_by_structure_alone() {
+    let Recorded { clip, lidar, .. } = &*SHARED;
+    let (mut info, headers, up) = (clip.info().clone(), clip.frames().to_vec(), clip.up_in_world());
+    (info.color_width, info.color_height) = (0, 0);
+    let load = |index: usize| {
+        let frame = SHARED.clip.stream(vec![index]).next_batch(1).remove(0).unwrap();
+        Frame { color: None, ..frame }
+    };
+    let clip = Clip::from_frames(info, headers, up.map(|up| up.direction), load);
+    let white = Arc::new(White::default());
+    let params = params(Some(imagination(white.clone(), None)));
+    let aligned = align::align(&clip, None, lidar, &params, &Silent).unwrap();
+    assert_eq!(white.asked.load(Ordering::Relaxed), 0);
+    let report = aligned.alignment.completion.unwrap();
+    assert!(report.views.is_empty() && report.imagined_by.is_empty() && report.structure_points > 0);
+    let codes: Vec<&str> = aligned.alignment.reasons.iter().map(|reason| reason.code.as_str()).collect();
+    assert!(codes.contains(&"no_colour"), "{codes:?}");
+}
+
 /// With structure, clips are found that the points at the vacuum's height alone do not find; none is lost.
 #[test]
 fn walls_that_go_on_help_clips_of_the_upper_part() {

@@ -27,7 +27,7 @@ use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
 use std::cell::OnceCell;
 use std::time::Duration;
 use viola_geometry::progress::{self, Progress, Stage};
-use viola_reconstruct::{FloorReport, PointCloud, Reason};
+use viola_reconstruct::{FloorReport, NO_COLOR, PointCloud, Reason};
 
 /// Parameters of the completion.
 #[derive(Debug, Clone, PartialEq)]
@@ -199,7 +199,9 @@ fn fill(
     };
     let structure_points = points.len();
     let (mut imagined, mut imagined_by) = (imagine::Imagined::default(), Vec::new());
-    if let Some(imagination) = imagination {
+    // Pictures of surface without a colour are black, and so would be what a network adds.
+    let has_color = on_floor.cloud_in_clip.points.iter().any(|point| point.color != NO_COLOR);
+    if let Some(imagination) = imagination.filter(|_| has_color) {
         let segmenter = params.label.segmenter.as_deref();
         let height_m = params.raycast.vacuum_height_m;
         let setting =

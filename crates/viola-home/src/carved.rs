@@ -188,7 +188,7 @@ impl CarvedSpace {
                 *layer = u64::from_le_bytes(*eight);
             }
             // Far outside of any home; its cells would overflow.
-            let is_near = key.iter().all(|c| c.abs() < 1 << 20);
+            let is_near = key.iter().all(|c| c.unsigned_abs() < 1 << 20);
             is_near.then_some((key, bits)).ok_or(UnknownFileFormat)
         };
         let blocks: FxHashMap<[i32; 3], Bits> = blocks.iter().map(block).collect::<Result<_, _>>()?;

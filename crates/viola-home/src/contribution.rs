@@ -238,6 +238,19 @@ mod tests {
     }
 
     #[test]
+    fn carved_space_beyond_any_home_is_refused() {
+        for (place, is_near) in
+            [(0, true), (1 << 20, false), (-(1 << 20), false), (i32::MAX, false), (i32::MIN, false)]
+        {
+            // A block: its place along x, y and z, and eight layers.
+            let mut bytes = i32::to_le_bytes(place).to_vec();
+            bytes.resize(3 * 4 + 8 * 8, 1);
+            bytes[4..12].fill(0);
+            assert_eq!(CarvedSpace::read(&bytes).is_ok(), is_near, "{place}");
+        }
+    }
+
+    #[test]
     fn other_bytes_are_refused() {
         let good = views_bytes(&PointCloud::default(), &views());
         for length in 0..good.len() {

@@ -175,7 +175,8 @@ struct Planes<'a> {
     up: Vector3,
     cone: f64,
     heights_m: &'a RangeInclusive<f64>,
-    /// By descending score. Ties go to the earlier pick, so that the answer does not depend on threads.
+    /// By descending score. If gravity is unknown and the best one is not walked on, floors that are walked on come first.
+    /// Ties go to the earlier pick, so that the answer does not depend on threads.
     candidates: Vec<Candidate>,
 }
 
@@ -208,8 +209,21 @@ impl<'a> Planes<'a> {
         let scorer = planes.scorer();
         let mut candidates: Vec<Candidate> = picks.par_iter().filter_map(|&pick| scorer.grow(pick)).collect();
         candidates.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let is_likely = |candidate: &Candidate| planes.is_floor(candidate) && planes.is_walked_on(candidate);
+        if up_in_world.is_none() && candidates.first().is_some_and(|best| !planes.is_walked_on(best)) {
+            // Stable: planes of either kind stay in the order of their scores.
+            candidates.sort_by_key(|candidate| !is_likely(candidate));
+        }
         planes.candidates = candidates;
         Ok(planes)
+    }
+
+    /// Returns whether nearly all cameras are at an allowed height above a plane. A wall may be as near to the first one, but
+    /// a person walks along a floor, and away from a wall.
+    fn is_walked_on(&self, candidate: &Candidate) -> bool {
+        let heights_m = self.cameras.iter().map(|camera| candidate.plane.height_m(camera));
+        let allowed = heights_m.filter(|height_m| self.heights_m.contains(height_m)).count();
+        10 * allowed >= 9 * self.cameras.len()
     }
 
     fn scorer(&self) -> Scorer<'_> {
@@ -220,13 +234,20 @@ impl<'a> Planes<'a> {
     /// Returns the best plane, if it is large enough and little lies below it.
     fn best(&self) -> Result<Floor, NoFloor> {
         let best = self.candidates.first().ok_or_else(|| no_plane_at_all(self.up_in_world))?;
-        let best_area_m2 = self.area_m2(best);
-        let below_fraction = best.below as f64 / self.scored.len() as f64;
-        if best_area_m2 < MIN_AREA_M2 || below_fraction > MAX_BELOW_FRACTION {
-            let is_up_known = self.up_in_world.is_some();
-            return Err(NoFloor::NoPlane { best_area_m2, below_fraction, is_up_known });
+        if self.is_floor(best) {
+            return Ok(self.floor(best));
         }
-        Ok(self.floor(best))
+        let (best_area_m2, below_fraction) = (self.area_m2(best), self.below_fraction(best));
+        Err(NoFloor::NoPlane { best_area_m2, below_fraction, is_up_known: self.up_in_world.is_some() })
+    }
+
+    /// Returns whether a plane is large enough and little lies below it.
+    fn is_floor(&self, candidate: &Candidate) -> bool {
+        self.area_m2(candidate) >= MIN_AREA_M2 && self.below_fraction(candidate) <= MAX_BELOW_FRACTION
+    }
+
+    fn below_fraction(&self, candidate: &Candidate) -> f64 {
+        candidate.below as f64 / self.scored.len() as f64
     }
 
     /// Returns the largest plane at a usual height. If the best plane is a floor, it needs [`RIVAL_RATIO`] times its inliers,

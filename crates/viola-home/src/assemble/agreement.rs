@@ -5,7 +5,7 @@ use super::surface::{Surface, SurfacePoint};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{Point3, Pose3};
-use viola_reconstruct::View;
+use viola_reconstruct::{NO_COLOR, View};
 
 /// Sampled points of each clip.
 const SAMPLES: usize = 1_500;
@@ -39,7 +39,7 @@ impl<'a> Side<'a> {
 /// Numbers of surface patches by what two clips observed of each other's surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Agreement {
-    /// Same surface in the same colour.
+    /// Same surface, and no other colour.
     pub agree: u16,
     /// Same surface in another colour.
     pub recolored: u16,
@@ -119,10 +119,49 @@ enum Observed {
 fn observed(sample: &SurfacePoint, at: &Point3, asked_from_asking: &Pose3, asked: &Side) -> Observed {
     let (position, normal) = (asked_from_asking * sample.position, asked_from_asking * sample.normal);
     if let Some(near) = asked.surface.nearest(&position, &normal) {
+        // A clip without colour pictures says nothing about the colour.
+        if near.color == NO_COLOR || sample.color == NO_COLOR {
+            return Observed::Same;
+        }
         let difference = |i: usize| f64::from(near.color[i]) - f64::from(sample.color[i]);
         let squared: f64 = (0..3).map(|i| difference(i).powi(2)).sum();
         return if squared < 3.0 * COLOR * COLOR { Observed::Same } else { Observed::Recolored };
     }
     let (surface, through) = asked.sights.of(at);
     if through > 2 * surface { Observed::Through } else { Observed::Nothing }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_reconstruct::cloud::BLACK;
+    use viola_reconstruct::{CloudPoint, Label, PointCloud};
+
+    /// Returns an upright wall of 3 x 2 m.
+    fn wall(color: [u8; 3]) -> Surface {
+        let point = |i: u16| CloudPoint {
+            position_m: [f32::from(i % 50) * 0.06, 0.0, f32::from(i / 50) * 0.06],
+            normal: [0.0, -1.0, 0.0],
+            color,
+            label: Label::NONE,
+            weight: 100,
+        };
+        Surface::new(&PointCloud { points: (0..1_650).map(point).collect(), voxel_m: 0.03 })
+    }
+
+    #[test]
+    fn surface_without_a_colour_has_no_other_colour() {
+        let of = |a: [u8; 3], b: [u8; 3]| {
+            let (a, b) = (wall(a), wall(b));
+            let side = |surface| Side::new(surface, &[], Pose3::identity());
+            Agreement::of(&side(&a), &side(&b))
+        };
+        let same = of([200; 3], [190; 3]);
+        assert!(same.agree > 10 && same.recolored == 0 && same.differ == 0, "{same:?}");
+        for (a, b) in [([200; 3], NO_COLOR), (NO_COLOR, [200; 3]), (NO_COLOR, NO_COLOR)] {
+            assert_eq!(of(a, b), same);
+        }
+        let other = of([200; 3], BLACK);
+        assert_eq!((other.agree, other.recolored), (0, same.agree));
+    }
 }

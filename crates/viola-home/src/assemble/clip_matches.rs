@@ -60,8 +60,10 @@ pub(super) fn clip_matches<E>(
 ) -> Result<Vec<ClipMatch>, E> {
     let place: FxHashMap<&str, usize> =
         candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.contribution, i)).collect();
+    // A clip whose time was corrected may have changed its place, and a match is of the earlier clip to the later one.
     let kept = |clip_match: &ClipMatch| {
-        Some(((*place.get(&*clip_match.a)?, *place.get(&*clip_match.b)?), clip_match.clone()))
+        let (a, b) = (*place.get(&*clip_match.a)?, *place.get(&*clip_match.b)?);
+        (a < b).then(|| ((a, b), clip_match.clone()))
     };
     let mut found: Found = before.iter().filter_map(kept).collect();
     find(known, candidates, cache, &mut found)?;
@@ -96,25 +98,28 @@ pub(super) fn clip_matches<E>(
     Ok(found.into_values().collect())
 }
 
-/// Adds the matches of clips that the last merge did not know.
+/// Adds the matches of clips that the last merge did not know, or knew in the other order.
 fn find<E>(
     known: &[KnownClip],
     candidates: &[Candidate],
     cache: &mut Cache<E>,
     found: &mut Found,
 ) -> Result<(), E> {
-    let known: FxHashSet<&str> = known.iter().map(|known| &*known.contribution).collect();
-    let is_new: Vec<bool> =
-        candidates.iter().map(|candidate| !known.contains(&*candidate.member.contribution)).collect();
-    if !is_new.contains(&true) {
+    let place: FxHashMap<&str, usize> =
+        known.iter().enumerate().map(|(i, known)| (&*known.contribution, i)).collect();
+    let before: Vec<Option<usize>> =
+        candidates.iter().map(|candidate| place.get(&*candidate.member.contribution).copied()).collect();
+    let is_known =
+        |a: usize, b: usize| matches!((before[a], before[b]), (Some(first), Some(second)) if first < second);
+    let pairs: Vec<(usize, usize)> = (0..candidates.len())
+        .flat_map(|b| (0..b).map(move |a| (a, b)))
+        .filter(|(a, b)| !is_known(*a, *b))
+        .collect();
+    if pairs.is_empty() {
         return Ok(());
     }
     let members: Vec<&Member> = candidates.iter().map(|candidate| candidate.member).collect();
     let features: Vec<Vec<Feature>> = cache.features(&members)?;
-    let pairs: Vec<(usize, usize)> = (0..candidates.len())
-        .flat_map(|b| (0..b).map(move |a| (a, b)))
-        .filter(|(a, b)| is_new[*a] || is_new[*b])
-        .collect();
     let clip_match = |&(a, b): &(usize, usize)| {
         let motion = motion::motion(&features[a], &features[b])?;
         let name = |clip: usize| candidates[clip].member.contribution.clone();

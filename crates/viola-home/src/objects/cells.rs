@@ -11,8 +11,9 @@ const MAX_VIEWS: f32 = 4.0;
 const WALL_VOTE: f32 = 0.6;
 /// Heights of objects in metres above the floor.
 const HEIGHTS_M: std::ops::Range<f32> = 0.03..4.0;
-/// Half the number of cells along an axis.
-const HALF: i64 = 1 << 20;
+/// Bits of a packed cell index along x, y and z. Along x and y they reach 500 km: a LiDAR map may lie 100 km from its
+/// origin.
+const BITS: [u32; 3] = [24, 24, 16];
 
 /// Cells with points that are neither floor nor ceiling, sorted by key.
 pub struct Cells {
@@ -244,18 +245,58 @@ impl Ceiling {
     }
 }
 
-/// Returns the packed cell index; none far outside any home.
+/// Returns the packed cell index, which has the order of the places; none far outside any home.
 fn pack(place: [i64; 3]) -> Option<u64> {
     let mut key = 0;
-    for c in place {
-        if !(-HALF..HALF).contains(&c) {
+    for (c, bits) in place.into_iter().zip(BITS) {
+        let half = 1i64 << (bits - 1);
+        if !(-half..half).contains(&c) {
             return None;
         }
-        key = key << 21 | (c + HALF) as u64;
+        key = key << bits | (c + half) as u64;
     }
     Some(key)
 }
 
 fn unpack(key: u64) -> [i64; 3] {
-    [42, 21, 0].map(|shift| (key >> shift & ((1 << 21) - 1)) as i64 - HALF)
+    let mut shift = u64::BITS;
+    BITS.map(|bits| {
+        shift -= bits;
+        (key >> shift & ((1u64 << bits) - 1)) as i64 - (1i64 << (bits - 1))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    #[test]
+    fn packed_places_keep_their_order_up_to_the_farthest_map() {
+        let farthest = (1e5 / super::super::CELL_M) as i64;
+        let along = [-farthest, -1, 0, 1, farthest];
+        let places = along.iter().flat_map(|x| along.iter().map(move |y| (*x, *y)));
+        let places: Vec<[i64; 3]> = places.flat_map(|(x, y)| [-70, 0, 70].map(|z| [x, y, z])).collect();
+        let keys: Vec<u64> = places.iter().map(|place| pack(*place).unwrap()).collect();
+        assert!(keys.is_sorted());
+        assert_eq!(keys.into_iter().map(unpack).collect::<Vec<_>>(), places);
+        for far in [[1 << 23, 0, 0], [0, -(1 << 23) - 1, 0], [0, 0, 1 << 15]] {
+            assert_eq!(pack(far), None);
+        }
+    }
+
+    /// At the coordinates of a survey.
+    #[test]
+    fn points_far_from_the_origin_are_in_cells() {
+        let point = CloudPoint {
+            position_m: [90_000.0, -90_000.0, 0.7],
+            normal: [0.0, 0.0, 1.0],
+            color: [0; 3],
+            label: Label::new(Class::Table, 0.8, 4),
+            weight: 100,
+        };
+        let cells = Cells::new(&[MapPoint { point, clip: 0 }], super::super::CELL_M);
+        assert_eq!(cells.len(), 1);
+        assert_eq!(cells.at(&point.position_m.map(f64::from)), Some(0));
+    }
 }

@@ -10,6 +10,8 @@ use viola_geometry::taxonomy::ClassTable;
 const MAX_TEXT_BYTES: usize = 2000;
 /// Maximum side of a network's picture, in pixels.
 const MAX_SIDE: usize = 4096;
+/// Maximum number of channels before the first class.
+const MAX_FIRST_CLASS: usize = 1000;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -248,7 +250,7 @@ impl EntryForm {
         }
         let fits = match (self.task, &self.output) {
             (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
-            (Task::Depth, Some(Output::Depth { scale, .. })) => scale.is_finite() && *scale > 0.0,
+            (Task::Depth, Some(Output::Depth { .. })) => true,
             (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_))) => true,
             (Task::Surface | Task::Runtime, None) => true,
             _ => false,
@@ -256,8 +258,8 @@ impl EntryForm {
         if !fits {
             return refuse("output", "does not fit the task");
         }
-        if let Some(Output::Diffusion(diffusion)) = &self.output
-            && let Err((field, problem)) = diffusion.check()
+        if let Some(output) = &self.output
+            && let Err((field, problem)) = output.check()
         {
             return refuse(field, problem);
         }
@@ -313,6 +315,21 @@ impl Input {
             return Err(("input.multiple", "must be 1 to 256"));
         }
         Ok(())
+    }
+}
+
+impl Output {
+    fn check(&self) -> Result<(), Problem> {
+        match self {
+            Output::Logits { first_class, .. } if *first_class > MAX_FIRST_CLASS => {
+                Err(("output.first_class", "must be at most 1000"))
+            }
+            Output::Depth { scale, .. } if !(scale.is_finite() && *scale > 0.0) => {
+                Err(("output.scale", "must be a number above zero"))
+            }
+            Output::Diffusion(diffusion) => diffusion.check(),
+            _ => Ok(()),
+        }
     }
 }
 

@@ -48,7 +48,8 @@ fn refusals_name_the_field() {
         ("width = 64", "width = 64, mean = [nan, 0, 1]", "field input.mean"),
         ("width = 64", "width = 64, multiple = 0", "field input.multiple"),
         ("width = 64", "width = 64, shortest = 600, longest = 500", "field input.longest"),
-        ("\"logits\"", "\"depth\"", "field output"),
+        ("\"logits\"", "\"depth\"", "field output: does not fit the task"),
+        ("\"logits\"", "\"logits\", first_class = 1000000000000", "field output.first_class"),
         ("\"logits\"", "\"lodgings\"", "lodgings"),
         ("classes = \"home\"", "", "field classes"),
         ("\"home\"", "\"house\"", "house"),
@@ -123,6 +124,22 @@ fn built_in_weights_are_replaced_by_own_files() {
     assert_eq!(found(Some(folder.path())), ("columns".to_owned(), false));
     std::fs::write(folder.path().join("own.onnx"), b"x").unwrap();
     assert_eq!(found(Some(folder.path())), ("own".to_owned(), false));
+}
+
+#[test]
+fn the_scale_of_depth_is_a_number_above_zero() {
+    let written = |scale: &str| {
+        let text = GOOD
+            .replace("\"segmentation\"", "\"depth\"")
+            .replace("classes = \"home\"", "")
+            .replace("kind = \"logits\"", &format!("kind = \"depth\", scale = {scale}"));
+        Manifest::parse(&text)
+    };
+    assert!(written("0.001").is_ok());
+    for scale in ["0.0", "-1.0", "nan", "inf"] {
+        let error = written(scale).expect_err(scale).to_string();
+        assert!(error.contains("field output.scale: must be a number above zero"), "{scale}: {error}");
+    }
 }
 
 #[test]

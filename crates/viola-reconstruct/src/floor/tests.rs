@@ -160,6 +160,34 @@ fn without_gravity_a_sideways_recording_is_told() {
     assert!(find(Some(&z_up())).is_ok());
 }
 
+/// The floor, and the wall before a camera that looks up, are equally far from its upward axis.
+#[test]
+fn without_gravity_a_wall_that_the_camera_leaves_is_not_the_floor() {
+    let (cloud, _) = room(&[level((0.0, 3.0), (0.5, 2.0), 0.0), wall(2.4)], &Pose3::identity());
+    let looking = UnitQuaternion::face_towards(&Vector3::new(0.0, 1.0, 1.0), &-Vector3::z());
+    let camera = |y: f64| Pose3::from_parts(Vector3::new(1.5, y, 1.4).into(), looking);
+    let find = |step_m: f64| {
+        let keys: Vec<KeyFrame> =
+            (0..20).map(|i| KeyFrame::blind(camera(1.0 - step_m * f64::from(i)))).collect();
+        find_floor(&cloud, &keys, None, &CAMERA_HEIGHT_M, 5).unwrap().first_camera_height_m
+    };
+    assert!((find(0.13) - 1.4).abs() < 0.01);
+    // Without a step nothing tells them apart: the wall is larger.
+    assert!((find(0.0) - 2.0).abs() < 0.01);
+}
+
+/// A phone that is laid down is too near to the floor, and false depth lies below it.
+#[test]
+fn without_gravity_a_scrap_below_all_cameras_is_not_the_floor() {
+    let scrap = level((1.0, 1.32), (1.0, 1.32), -0.4);
+    let (cloud, _) = room(&[level((0.0, 3.0), (0.5, 3.0), 0.0), scrap], &Pose3::identity());
+    let looking = UnitQuaternion::face_towards(&Vector3::new(0.0, 1.0, -0.4), &-Vector3::z());
+    let camera = |z: f64| KeyFrame::blind(Pose3::from_parts(Vector3::new(1.5, 0.2, z).into(), looking));
+    let keys: Vec<KeyFrame> = (0..20).map(|i| camera(if i < 16 { 1.4 } else { 0.1 })).collect();
+    let floor = find_floor(&cloud, &keys, None, &CAMERA_HEIGHT_M, 5).unwrap();
+    assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{floor:?}");
+}
+
 /// Checks the heights of the camera above the possible floors, and whether each is assumed.
 fn check_floors(surfaces: &[Vec<(Point3, Vector3)>], expected: &[(f64, bool)]) {
     let (cloud, keys) = room(surfaces, &Pose3::identity());

@@ -50,3 +50,19 @@ fn a_clip_without_a_pose_is_placed_by_its_features() {
     let without: Vec<Member> = members[1..].to_vec();
     assert_eq!(made(&at_once, &without), made(&Manifest::default(), &without));
 }
+
+/// A match is of the earlier clip to the later one, and a corrected time changes which is which.
+#[test]
+fn a_corrected_time_gives_the_map_of_the_new_order() {
+    let remade = |all: &mut WithFeatures, last: &Manifest| {
+        let members = all.0.iter().map(|clip| clip.member.clone()).collect();
+        assemble(last, members, all).unwrap().manifest
+    };
+    let mut all = WithFeatures(clips());
+    let before = remade(&mut all, &Manifest::default());
+    assert_eq!(before.clip_matches.len(), 6);
+    // The first clip becomes the last one.
+    all.0[1].member.recorded_at_ms = Some(1_000);
+    let corrected = remade(&mut all, &before);
+    assert_eq!(corrected, remade(&mut all, &Manifest::default()));
+}
