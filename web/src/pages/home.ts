@@ -68,7 +68,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const downloads = new Downloads(data);
   const layers = new LayersPanel(data, looks);
   const coverage = new CoveragePanel(data, select);
-  const legend = new Legend(data, looks);
+  const legend = new Legend(data, looks, signal);
   const summary = new Summary(data, looks);
   const stage = h("section", { class: "stage", "aria-label": "Map" });
   const side = h("aside", { class: "side", "aria-label": "Clips, objects and layers" });

@@ -94,3 +94,15 @@ export async function isResponsive(page, { act, isShown, limit_ms, say }) {
   }
   throw new Error(`an input waited ${limit_ms} ms longer than without the map, three times`);
 }
+
+/** Checks it for every colouring that has a legend, on the plan. */
+export async function theLegendLiesBelowThePlan(page) {
+  for (const colouring of ["probability", "class"]) {
+    await page.locator(`#colouring-${colouring}`).check({ force: true });
+    await page.locator(".legend").waitFor();
+    await page.waitForFunction(() => {
+      const [plan, legend] = [".views > .plan", ".legend"].map((name) => document.querySelector(name).getBoundingClientRect());
+      return plan.height > 100 && plan.bottom <= legend.top;
+    });
+  }
+}
