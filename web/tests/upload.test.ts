@@ -84,6 +84,16 @@ test("after a loss the upload resumes at the offset of the service", async () =>
   assert.deepEqual(service.seen, ["HEAD", `PATCH ${PART_BYTES + 1000}`]);
 });
 
+test("two senders of one upload give way, and do not refuse each other's parts for ever", async () => {
+  const clip = clipOf();
+  await send(clip);
+  [service.state, service.offset, service.seen.length] = ["arriving", 0, 0];
+  let refusals = 0;
+  answerRequests((asked) => (asked.method === "PATCH" && ++refusals < 100 ? { status: 409, body: "{}" } : service.answer(asked)));
+  await assert.rejects(send(clip), (error: unknown) => retryDelay_ms(error, 1) !== null);
+  assert.ok(refusals < 5, `the upload is tried ${refusals} times without a pause`);
+});
+
 test("a clip whose last answer was lost is not sent again", async () => {
   const clip = clipOf();
   service.loses = [`PATCH ${2 * PART_BYTES}`];
