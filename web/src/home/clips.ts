@@ -178,7 +178,7 @@ export class ClipsPanel {
     const text = "Its recording, its place and its points are removed for good, and the map is rebuilt without it.";
     if (!(await confirm(`Delete ${named(name)}?`, text, "Delete clip"))) return;
     await attempt(button, async () => {
-      await deleteClip(clip);
+      await this.data.deleting(clip.id, () => deleteClip(clip));
       say(`${named(name)} is deleted.`);
       this.onDeleted();
     });

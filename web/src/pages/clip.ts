@@ -60,6 +60,8 @@ class ClipPage {
   /** The reason that the page is not up to date. */
   private readonly lost = h("p", { class: "reason", role: "status" });
   private readonly repeated: Repeated;
+  /** True while the clip is deleted here: its event may come before the answer. */
+  private isDeleted = false;
 
   constructor(
     private readonly place: Place,
@@ -89,7 +91,7 @@ class ClipPage {
         backoff.reset();
       } catch (error) {
         if (signal.aborted) return null;
-        if (error instanceof api.Refusal && error.status === 404) return (location.hash = toHome(clip.home)), null;
+        if (error instanceof api.Refusal && error.status === 404) return this.leave(), null;
         if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
         this.lost.textContent = messageOf(error);
         return backoff.nextReading_ms(error);
@@ -97,6 +99,12 @@ class ClipPage {
       followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
       return null;
     }, signal);
+  }
+
+  /** Shows the home of the clip, which is gone: deleted here, or by somebody else. */
+  private leave(): void {
+    if (!this.isDeleted) say(`${named(this.name)} was deleted in another tab or by another person.`);
+    location.hash = toHome(this.clip.home);
   }
 
   private get name(): string {
@@ -200,7 +208,11 @@ class ClipPage {
     const remove = async () => {
       const text = "Its recording, its place and its points are removed for good.";
       if (!(await confirm(`Delete ${named(this.name)}?`, text, "Delete clip"))) return;
-      await api.deleteClip(clip);
+      this.isDeleted = true;
+      await api.deleteClip(clip).catch((error: unknown) => {
+        this.isDeleted = false;
+        throw error;
+      });
       say(`${named(this.name)} is deleted.`);
       // The person may have gone to another page meanwhile.
       if (!this.place.signal.aborted) location.hash = toHome(clip.home);
