@@ -1,6 +1,7 @@
 // Fetches and reads points beside the page, so that it stays responsive.
 
 import { delay_s, explanation, Refusal } from "../api.ts";
+import { nextPiece } from "../pieces.ts";
 import type { Ask, Told } from "./messages.ts";
 import { type Points, PlyStream } from "./ply.ts";
 
@@ -52,7 +53,7 @@ async function load(ask: Ask): Promise<void> {
   let [at, size, begun] = [0, 0, false];
   let chunks: Uint8Array[] = [];
   for (;;) {
-    const { value, done } = await pieces.read().catch(lost);
+    const { value, done } = await nextPiece(pieces).catch(lost);
     if (value) {
       chunks.push(value);
       size += value.length;
