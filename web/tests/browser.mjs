@@ -8,7 +8,7 @@ import { cloudOf } from "./browser/cloud.mjs";
 import { fileSteps } from "./browser/files.mjs";
 import { homeSteps } from "./browser/home.mjs";
 import { lossSteps } from "./browser/losses.mjs";
-import { boxOf, dropFiles, isResponsive, recordProgress, theLegendLiesBelowThePlan } from "./browser/page.mjs";
+import { aTurnedPhoneShowsTheHomeWhole, boxOf, dropFiles, isResponsive, recordProgress, theLegendLiesBelowThePlan } from "./browser/page.mjs";
 import { placeSteps } from "./browser/places.mjs";
 import { surfaceSteps } from "./browser/surface.mjs";
 
@@ -135,6 +135,8 @@ async function themesAndPhones() {
       await pointsShown();
       await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
       await theCardLiesBelowTheMap();
+      // The card belonged to a room, and the view flew to it.
+      await aTurnedPhoneShowsTheHomeWhole(page);
     }
     const name = `08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`;
     await shot(name);

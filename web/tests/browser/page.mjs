@@ -106,3 +106,23 @@ export async function theLegendLiesBelowThePlan(page) {
     });
   }
 }
+
+/** Checks that a view that nobody moved shows the whole home again after the window has got another shape. */
+export async function aTurnedPhoneShowsTheHomeWhole(page) {
+  const isDrawn = () => page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+  const names = () => page.locator(".name.room:visible").evaluateAll((all) => all.map((name) => {
+    const { x, y } = name.getBoundingClientRect();
+    return [name.textContent, Math.round(x), Math.round(y)].join(" ");
+  }));
+  const { width, height } = page.viewportSize();
+  await page.getByRole("button", { name: "Fit" }).click();
+  await isDrawn();
+  const whole = await names();
+  for (const size of [{ width: 1280, height: 800 }, { width, height }]) {
+    await page.setViewportSize(size);
+    await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+    await isDrawn();
+  }
+  const again = await names();
+  if (whole.length === 0 || again.join() !== whole.join()) throw new Error(`the names are at ${again} instead of ${whole}`);
+}
