@@ -102,10 +102,14 @@ export function lossSteps({ page, base, go, file, shot }) {
   /** A tab that is looked at again after the session's end. */
   async function anEndedSessionAsksForAKey() {
     await showHome();
+    await page.getByRole("button", { name: "Rename home" }).click();
+    await page.getByRole("dialog").waitFor();
     const all = `${home}**`;
     await page.route(all, (route) => route.fulfill(problem(401, "the session has ended; sign in again")));
     await page.evaluate(() => document.dispatchEvent(new Event("visibilitychange")));
     await page.getByRole("heading", { name: "This service asks for a key" }).waitFor();
+    assert.equal(await page.getByRole("dialog").count(), 0, "the question of the page before lies over the form");
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Key");
     await shot("14-session-ended");
     await page.unroute(all);
   }
