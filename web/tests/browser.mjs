@@ -8,7 +8,7 @@ import { cloudOf } from "./browser/cloud.mjs";
 import { fileSteps } from "./browser/files.mjs";
 import { homeSteps } from "./browser/home.mjs";
 import { lossSteps } from "./browser/losses.mjs";
-import { aTurnedPhoneShowsTheHomeWhole, boxOf, dropFiles, isResponsive, recordProgress, theLegendLiesBelowThePlan } from "./browser/page.mjs";
+import { aSmallPhoneHasAPlan, aTurnedPhoneShowsTheHomeWhole, boxOf, dropFiles, isResponsive, recordProgress, theLegendLiesBelowThePlan } from "./browser/page.mjs";
 import { placeSteps } from "./browser/places.mjs";
 import { surfaceSteps } from "./browser/surface.mjs";
 
@@ -180,6 +180,7 @@ async function theCardLiesBelowTheMap() {
     return tools.bottom <= plan.top;
   });
   await theLegendLiesBelowThePlan(page);
+  await aSmallPhoneHasAPlan(page);
   await page.locator("label:has(#view-3d)").click();
   // A measurement has the whole map.
   await page.getByRole("button", { name: "Measure" }).click();

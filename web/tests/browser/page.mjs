@@ -107,6 +107,16 @@ export async function theLegendLiesBelowThePlan(page) {
   }
 }
 
+/** Checks that the tools and the legend leave a small phone a plan to look at. */
+export async function aSmallPhoneHasAPlan(page) {
+  const { width, height } = page.viewportSize();
+  for (const size of [{ width: 320, height: 568 }, { width: 844, height: 390 }]) {
+    await page.setViewportSize(size);
+    await page.waitForFunction(() => document.querySelector(".views > .plan").getBoundingClientRect().height > 110);
+  }
+  await page.setViewportSize({ width, height });
+}
+
 /** Checks that a view that nobody moved shows the whole home again after the window has got another shape. */
 export async function aTurnedPhoneShowsTheHomeWhole(page) {
   const isDrawn = () => page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
