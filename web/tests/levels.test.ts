@@ -1,6 +1,7 @@
 import { until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
+import { Refusal } from "../src/api.ts";
 import { inverse } from "../src/frames.ts";
 import { boxBelow, isOfPreviousLidar, lidarBelow } from "../src/home/below.ts";
 import { HomeData } from "../src/home/data.ts";
@@ -14,12 +15,12 @@ afterEach(() => void Object.assign(globalThis, real));
 
 /** Pictures that arrive when a test says so. */
 function pictures() {
-  const [open, shown, revoked]: [Map<string, (isThere: boolean) => void>, (string | null)[], string[]] = [new Map(), [], []];
+  const [open, shown, revoked]: [Map<string, (isThere: boolean | Error) => void>, (string | null)[], string[]] = [new Map(), [], []];
   const failures: unknown[] = [];
   const picture = new LevelPicture({
     load: (level: string, ink: Ink) => new Promise((resolve, reject) => {
       const address = `${level} ${ink}`;
-      open.set(address, (isThere) => (isThere ? resolve({ canvas: {} as HTMLCanvasElement, address }) : reject(new Error("lost"))));
+      open.set(address, (isThere) => (isThere === true ? resolve({ canvas: {} as HTMLCanvasElement, address }) : reject(isThere || new Error("lost"))));
     }),
     show: (picture) => void shown.push(picture && `${picture.address} at ${picture.frame.px_per_m}${picture.at.x_m ? `, ${picture.at.x_m} m` : ""}`),
     onFailed: (error) => void failures.push(error),
@@ -27,7 +28,7 @@ function pictures() {
   }, never);
   const lidar = (revision: number, x_m = 0) =>
     ({ lidar: { revision, image: { px_per_m: revision } as PictureFrame }, at: { x_m, y_m: 0, yaw_rad: 0 } });
-  const arrive = async (address: string, isThere = true) => {
+  const arrive = async (address: string, isThere: boolean | Error = true) => {
     open.get(address)?.(isThere);
     open.delete(address);
     await new Promise((resolve) => setImmediate(resolve));
@@ -87,6 +88,18 @@ test("a picture that fails is tried again by the next update", async () => {
   assert.equal(open.size, 1);
   await arrive("main light");
   assert.deepEqual(shown, ["main light at 1"]);
+});
+
+test("a picture whose connection broke is loaded again without a word", async () => {
+  const { picture, lidar, arrive, open, shown, failures } = pictures();
+  picture.update("main", lidar(1), "light");
+  await arrive("main light", new Refusal(0, "lost"));
+  assert.equal(open.size, 0);
+  // Ends the pause.
+  dispatchEvent(new Event("online"));
+  await until(() => open.size === 1);
+  await arrive("main light");
+  assert.deepEqual([shown, failures], [["main light at 1"], []]);
 });
 
 /** A home with two levels; `hold` holds the objects back until the test lets them go. */

@@ -1,6 +1,7 @@
 // The picture of the shown level's LiDAR map. That of another level goes at once: it would lie under the wrong rooms.
 
 import type { LidarMap, PictureFrame, Pose2 } from "../types.ts";
+import { pause, retryDelay_ms } from "../upload/retry.ts";
 
 export type Ink = "light" | "dark";
 
@@ -61,17 +62,23 @@ export class LevelPicture {
 
   private async load(wanted: string, level: string, { lidar: { image, revision }, at }: Wanted, ink: Ink): Promise<void> {
     const isOld = () => this.signal.aborted || wanted !== this.wanted;
-    try {
-      const loaded = await this.listener.load(level, ink);
-      if (isOld()) return this.listener.revoke(loaded.address);
-      const picture = { ...loaded, frame: image, at, revision, ink };
-      this.listener.show(picture);
-      this.replace(picture);
-    } catch (error) {
-      if (isOld()) return;
-      // The next update tries again.
-      this.wanted = "";
-      this.listener.onFailed(error);
+    for (let failures = 1; !isOld(); failures++) {
+      try {
+        const loaded = await this.listener.load(level, ink);
+        if (isOld()) return this.listener.revoke(loaded.address);
+        const picture = { ...loaded, frame: image, at, revision, ink };
+        this.listener.show(picture);
+        return this.replace(picture);
+      } catch (error) {
+        if (isOld()) return;
+        const wait_ms = retryDelay_ms(error, failures);
+        if (wait_ms === null) {
+          // The next update tries again.
+          this.wanted = "";
+          return this.listener.onFailed(error);
+        }
+        await pause(wait_ms, this.signal);
+      }
     }
   }
 

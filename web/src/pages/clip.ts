@@ -12,7 +12,7 @@ import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { askText, confirm } from "../parts/dialog.ts";
-import { Backoff } from "../parts/backoff.ts";
+import { Backoff, whenDue } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
@@ -44,6 +44,7 @@ export async function showClip(place: Place, home: string, id: string): Promise<
 
 class ClipPage {
   private ground: Ground = noGround();
+  private readonly ofGround = new Backoff();
   private drawn = "";
   /** Names the shown answer. */
   private answer = "";
@@ -164,6 +165,11 @@ class ClipPage {
     this.drawPictures();
     this.cloud.show(shown);
     this.drawLegend();
+    await this.drawGround();
+  }
+
+  /** Draws the places on the LiDAR maps. */
+  private async drawGround(): Promise<void> {
     await this.readGround();
     if (this.place.signal.aborted) return;
     this.drawLegend();
@@ -251,9 +257,13 @@ class ClipPage {
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
         ground.pictures.set(level, address);
       }
+      this.ofGround.reset();
     } catch (error) {
-      // The plan only helps to see; without it the figures remain.
-      if (!signal.aborted) console.warn(error);
+      if (signal.aborted) return;
+      // Without the walls the figures remain; a lost request is made again.
+      const wait_ms = this.ofGround.next_ms(error);
+      if (wait_ms === null) console.warn(error);
+      else whenDue(wait_ms, () => void this.drawGround(), signal);
     }
   }
 

@@ -15,6 +15,18 @@ export async function dropFiles(page, files) {
   }, encoded);
 }
 
+/** Chooses a file in a field; the file is the same after a reload of the page. */
+export async function chooseFile(page, field, { name, bytes }) {
+  await page.evaluate(({ field, name, base64 }) => {
+    const data = new DataTransfer();
+    const file = new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name, { lastModified: 5 });
+    data.items.add(file);
+    const input = document.querySelector(field);
+    input.files = data.files;
+    input.dispatchEvent(new Event("change"));
+  }, { field, name, base64: bytes.toString("base64") });
+}
+
 /** Writes down which bars of progress and which stages are shown from now on. */
 export async function recordProgress(page) {
   await page.evaluate(() => {
