@@ -1,5 +1,6 @@
 // Talks to the service, which is always the host that this page came from.
 
+import { bytesOf } from "./pieces.ts";
 import { wordsFor } from "./problems.ts";
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
@@ -10,6 +11,9 @@ import type {
 
 /** Time until a document must be complete. */
 const LONGEST_READ_MS = 60_000;
+/** Time until an action must be answered: the service deletes the files of a large home before it answers. */
+const LONGEST_ACTION_MS = 120_000;
+const UNANSWERED = "The service did not answer. It may have done it all the same: look before you do it again.";
 /** Ids that are tried for a new home. */
 const MOST_IDS = 5;
 
@@ -115,15 +119,22 @@ async function getIfThere<T>(path: string, signal: AbortSignal): Promise<T | nul
   }
 }
 
+/** Sends an action. One that stalls ends: its button would rest for ever. */
 async function send(method: string, path: string, body?: unknown, headers: Record<string, string> = {}): Promise<Response> {
-  const options: RequestInit = { method, headers };
+  const limit = AbortSignal.timeout(LONGEST_ACTION_MS);
+  const options: RequestInit = { method, headers, signal: limit };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
     options.headers = { ...headers, "content-type": "application/json" };
   }
-  const answer = await ask(path, options);
-  await answer.text();
-  return answer;
+  try {
+    const answer = await ask(path, options);
+    await answer.text();
+    return answer;
+  } catch (error) {
+    if (limit.aborted && !(error instanceof Refusal)) throw new Refusal(0, UNANSWERED);
+    throw error;
+  }
 }
 
 /** Begins a session with a key; its token goes into a cookie. */
@@ -306,7 +317,7 @@ export async function surface(
   const headers: Record<string, string> = known ? { "if-none-match": known } : {};
   const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal, headers });
   if (answer.status === 304) return null;
-  return { glb: await answer.arrayBuffer(), tag: answer.headers.get("etag") };
+  return { glb: await bytesOf(answer), tag: answer.headers.get("etag") };
 }
 
 /** The revisions of the map that are kept, the newest first. */

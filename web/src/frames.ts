@@ -10,6 +10,12 @@ export function place(mapFromClip: Pose2, [x, y]: readonly [number, number]): Po
   return [mapFromClip.x_m + cos * x - sin * y, mapFromClip.y_m + sin * x + cos * y];
 }
 
+/** The pose that takes a point back: of map from clip, that of clip from map. */
+export function inverse({ x_m, y_m, yaw_rad }: Pose2): Pose2 {
+  const [x, y] = place({ x_m: 0, y_m: 0, yaw_rad: -yaw_rad }, [x_m, y_m]);
+  return { x_m: -x, y_m: -y, yaw_rad: -yaw_rad };
+}
+
 /** The corners of a box on the floor, counter-clockwise. */
 export function corners(centre: readonly number[], size: readonly number[], yaw_rad: number): Point2[] {
   const [x_m = 0, y_m = 0] = centre;

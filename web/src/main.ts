@@ -9,7 +9,7 @@ import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
 import { showUploader } from "./pages/uploader.ts";
-import { confirm } from "./parts/dialog.ts";
+import { closeQuestions, confirm } from "./parts/dialog.ts";
 import { attempt, clearNotices, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { isSessionEnd, mayChange, readSession } from "./session.ts";
@@ -53,6 +53,7 @@ async function show(isQuiet = false): Promise<void> {
   const { signal } = page;
   main.className = "";
   if (!isQuiet) {
+    closeQuestions();
     clearNotices();
     failure.reset();
     put(main, h("p", { class: "loading", role: "status" }, "Loading …"));

@@ -3,6 +3,9 @@
 
 import { explanation, Refusal, refusalOf } from "./api.ts";
 
+/** Time until a picture must be complete. */
+const LONGEST_MS = 60_000;
+
 /** Takes white away from every pixel: what remains is ink with as much opacity as it has darkness. */
 export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
   for (let i = 0; i < pixels.length; i += 4) {
@@ -26,8 +29,7 @@ export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
 
 /** A picture without its paper. */
 export async function inkOf(path: string, isDark: boolean, signal: AbortSignal): Promise<HTMLCanvasElement> {
-  const answer = await askPicture(path, signal);
-  const picture = await createImageBitmap(await answer.blob());
+  const picture = await createImageBitmap(await pictureOf(path, signal));
   const canvas = document.createElement("canvas");
   canvas.width = picture.width;
   canvas.height = picture.height;
@@ -41,15 +43,16 @@ export async function inkOf(path: string, isDark: boolean, signal: AbortSignal):
   return canvas;
 }
 
-async function askPicture(path: string, signal: AbortSignal): Promise<Response> {
+/** The bytes of a picture. One that stalls counts as none. */
+async function pictureOf(path: string, signal: AbortSignal): Promise<Blob> {
   let answer: Response;
   try {
-    answer = await fetch(path, { signal });
+    answer = await fetch(path, { signal: AbortSignal.any([signal, AbortSignal.timeout(LONGEST_MS)]) });
+    if (answer.ok) return await answer.blob();
   } catch (error) {
     throw signal.aborted ? error : new Refusal(0, explanation(0, ""));
   }
-  if (!answer.ok) throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
-  return answer;
+  throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
 }
 
 /** An address of the canvas's picture; revoke it when it is no longer shown. */

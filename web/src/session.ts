@@ -4,17 +4,23 @@ import { Refusal, session } from "./api.ts";
 import type { Session } from "./types.ts";
 
 let role: Session["role"] = "admin";
+let tenant = "";
 
 /** Reads the session again: another page of this browser may have signed in with another key. */
 export async function readSession(signal: AbortSignal): Promise<Session> {
   const read = await session(signal);
-  ({ role } = read);
+  ({ role, tenant } = read);
   return read;
 }
 
 /** True if the key may change something; the pages offer their controls by it. */
 export function mayChange(): boolean {
   return role === "admin";
+}
+
+/** The tenant of the session; empty before the first one. */
+export function tenantNow(): string {
+  return tenant;
 }
 
 /** True for names of this machine. The service demands TLS for its cookie everywhere else. */

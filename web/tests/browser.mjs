@@ -8,7 +8,7 @@ import { cloudOf } from "./browser/cloud.mjs";
 import { fileSteps } from "./browser/files.mjs";
 import { homeSteps } from "./browser/home.mjs";
 import { lossSteps } from "./browser/losses.mjs";
-import { boxOf, dropFiles, isResponsive, recordProgress } from "./browser/page.mjs";
+import { aSmallPhoneHasAPlan, aTurnedPhoneShowsTheHomeWhole, boxOf, dropFiles, isResponsive, recordProgress, theLegendLiesBelowThePlan } from "./browser/page.mjs";
 import { placeSteps } from "./browser/places.mjs";
 import { surfaceSteps } from "./browser/surface.mjs";
 
@@ -109,6 +109,7 @@ async function pointsAreColoured() {
   await wall.check();
   await page.locator("#view-2d").check({ force: true });
   await page.locator("svg.plan image.points[href]").waitFor({ state: "attached" });
+  await theLegendLiesBelowThePlan(page);
   await shot("05-2d");
   const before = await page.locator("svg.plan").first().getAttribute("viewBox");
   await page.locator("svg.plan").first().focus();
@@ -134,6 +135,8 @@ async function themesAndPhones() {
       await pointsShown();
       await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
       await theCardLiesBelowTheMap();
+      // The card belonged to a room, and the view flew to it.
+      await aTurnedPhoneShowsTheHomeWhole(page);
     }
     const name = `08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`;
     await shot(name);
@@ -176,6 +179,8 @@ async function theCardLiesBelowTheMap() {
     const [tools, plan] = [".toolbar", ".views > .plan"].map((name) => document.querySelector(name).getBoundingClientRect());
     return tools.bottom <= plan.top;
   });
+  await theLegendLiesBelowThePlan(page);
+  await aSmallPhoneHasAPlan(page);
   await page.locator("label:has(#view-3d)").click();
   // A measurement has the whole map.
   await page.getByRole("button", { name: "Measure" }).click();

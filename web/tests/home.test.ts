@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
-import { afterEach, test } from "node:test";
-import { home, makeHome, Refusal } from "../src/api.ts";
+import { afterEach, mock, test } from "node:test";
+import { home, makeHome, Refusal, renameHome } from "../src/api.ts";
+import { bytesOf } from "../src/pieces.ts";
 import { emptyPoints } from "../src/cloud/ply.ts";
 import { Cloud } from "../src/cloud/points.ts";
 import { Looks } from "../src/home/looks.ts";
@@ -37,6 +38,39 @@ test("an answer that stalls counts as none", async () => {
   const read = home("h", new AbortController().signal);
   setTimeout(() => limit.abort());
   await assert.rejects(read, (error) => error instanceof Refusal && error.status === 0);
+});
+
+test("an action that stalls ends, and may have been done", async () => {
+  const limit = new AbortController();
+  AbortSignal.timeout = () => limit.signal;
+  globalThis.fetch = (_, options) => new Promise((_, reject) => options?.signal?.addEventListener("abort", () => reject(options.signal?.reason)));
+  const renamed = renameHome("h", "Flat");
+  setTimeout(() => limit.abort());
+  await assert.rejects(renamed, (error) => error instanceof Refusal && error.status === 0 && /may have done it/.test(error.message));
+});
+
+test("a large answer may take its time, but not stall", async () => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  let stream: ReadableStreamDefaultController | undefined;
+  let isCancelled = false;
+  const body = () => new Response(new ReadableStream({ start: (begun) => void (stream = begun), cancel: () => void (isCancelled = true) }));
+  const settle = () => new Promise((resolve) => setImmediate(resolve));
+  const whole = bytesOf(body());
+  for (let piece = 0; piece < 5; piece++) {
+    await settle();
+    mock.timers.tick(50_000);
+    stream?.enqueue(new Uint8Array([piece]));
+  }
+  stream?.close();
+  assert.deepEqual([...new Uint8Array(await whole)], [0, 1, 2, 3, 4]);
+  let end = "";
+  const stalled = bytesOf(body()).catch((error: unknown) => (end = String(error)));
+  await settle();
+  mock.timers.tick(60_000);
+  await stalled;
+  assert.match(end, /no more bytes/);
+  assert.ok(isCancelled, "the request goes on");
+  mock.timers.reset();
 });
 
 test("a link to an object, a room or a level that is gone says so", () => {

@@ -8,6 +8,7 @@ import { chosenOf } from "../src/clip/pose.ts";
 import { ClipsPanel } from "../src/home/clips.ts";
 import type { HomeData } from "../src/home/data.ts";
 import { Looks } from "../src/home/looks.ts";
+import { read, written } from "../src/home/share.ts";
 import { thumbnail } from "../src/parts/thumbnail.ts";
 import type { Clip } from "../src/types.ts";
 
@@ -106,4 +107,24 @@ test("the list of clips shows the last answer", () => {
   } as unknown as HomeData;
   const { element } = new ClipsPanel(data, new Looks(), () => {});
   assert.match(fake(element).textContent, /60 framesLast answer: 97 % sure, from the previous map, being placed again$/);
+});
+
+test("of many clips the older ones are folded away until a person asks for them", () => {
+  const clips = Array.from({ length: 35 }, (_, i) => ({ ...aligned, id: `c${i}` }));
+  const data = {
+    clips, map: { clips: [] }, hasLevels: false, indexOf: () => 0, nameOf: ({ id }: Clip) => id, colourOf: () => [0, 0, 0],
+  } as unknown as HomeData;
+  const looks = new Looks();
+  const { element } = new ClipsPanel(data, looks, () => {});
+  const rows = () => fake(element).all("li").filter(({ className }) => className.startsWith("clip "));
+  assert.equal(rows().length, 30);
+  assert.match(rows()[0]?.textContent ?? "", /^c34/, "the newest is not the first");
+  const button = fake(element).all("button").find(({ textContent }) => textContent === "Show 5 older clips");
+  button?.dispatchEvent(new Event("click"));
+  assert.equal(rows().length, 35);
+  assert.ok(!fake(element).textContent.includes("older"));
+  // The browser's Back leads to the same list.
+  const again = new Looks();
+  read(written(looks, null, { from: null, part: null }), again);
+  assert.ok(again.hasAllClips);
 });

@@ -1,10 +1,13 @@
 import { until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
-import { isOfPreviousLidar, lidarBelow } from "../src/home/below.ts";
+import { Refusal } from "../src/api.ts";
+import { inverse } from "../src/frames.ts";
+import { boxBelow, isOfPreviousLidar, lidarBelow } from "../src/home/below.ts";
 import { HomeData } from "../src/home/data.ts";
 import { type Ink, LevelPicture } from "../src/home/picture.ts";
-import type { PictureFrame } from "../src/types.ts";
+import { turned } from "../src/plan/view.ts";
+import type { LidarMap, PictureFrame } from "../src/types.ts";
 
 const never = new AbortController().signal;
 const real = { fetch: globalThis.fetch };
@@ -12,19 +15,20 @@ afterEach(() => void Object.assign(globalThis, real));
 
 /** Pictures that arrive when a test says so. */
 function pictures() {
-  const [open, shown, revoked]: [Map<string, (isThere: boolean) => void>, (string | null)[], string[]] = [new Map(), [], []];
+  const [open, shown, revoked]: [Map<string, (isThere: boolean | Error) => void>, (string | null)[], string[]] = [new Map(), [], []];
   const failures: unknown[] = [];
   const picture = new LevelPicture({
     load: (level: string, ink: Ink) => new Promise((resolve, reject) => {
       const address = `${level} ${ink}`;
-      open.set(address, (isThere) => (isThere ? resolve({ canvas: {} as HTMLCanvasElement, address }) : reject(new Error("lost"))));
+      open.set(address, (isThere) => (isThere === true ? resolve({ canvas: {} as HTMLCanvasElement, address }) : reject(isThere || new Error("lost"))));
     }),
-    show: (picture) => void shown.push(picture && `${picture.address} at ${picture.frame.px_per_m}`),
+    show: (picture) => void shown.push(picture && `${picture.address} at ${picture.frame.px_per_m}${picture.at.x_m ? `, ${picture.at.x_m} m` : ""}`),
     onFailed: (error) => void failures.push(error),
     revoke: (address) => void revoked.push(address),
   }, never);
-  const lidar = (revision: number) => ({ revision, image: { px_per_m: revision } as PictureFrame });
-  const arrive = async (address: string, isThere = true) => {
+  const lidar = (revision: number, x_m = 0) =>
+    ({ lidar: { revision, image: { px_per_m: revision } as PictureFrame }, at: { x_m, y_m: 0, yaw_rad: 0 } });
+  const arrive = async (address: string, isThere: boolean | Error = true) => {
     open.get(address)?.(isThere);
     open.delete(address);
     await new Promise((resolve) => setImmediate(resolve));
@@ -58,6 +62,23 @@ test("a newer picture of one level replaces the earlier one, which stays until t
   assert.deepEqual([shown.at(-1), revoked], ["main dark at 1", ["main light"]]);
 });
 
+test("after a new LiDAR map the picture of the earlier one stays, or the new one is drawn at its place", async () => {
+  const { picture, lidar, arrive, shown } = pictures();
+  picture.update("main", lidar(1), "light", 1);
+  await arrive("main light");
+  // The place of the new one is not known.
+  for (const kept of [1, 1]) picture.update("main", null, "light", kept);
+  assert.deepEqual(shown, ["main light at 1"]);
+  picture.update("main", lidar(2, 5), "light", 1);
+  await arrive("main light");
+  // The home's map is rebuilt.
+  picture.update("main", lidar(2), "light", 2);
+  await arrive("main light");
+  assert.deepEqual(shown.slice(1), ["main light at 2, 5 m", "main light at 2"]);
+  picture.update("main", null, "light", 1);
+  assert.equal(shown.at(-1), null, "the picture of another frame stays");
+});
+
 test("a picture that fails is tried again by the next update", async () => {
   const { picture, lidar, arrive, open, shown, failures } = pictures();
   picture.update("main", lidar(1), "light");
@@ -67,6 +88,18 @@ test("a picture that fails is tried again by the next update", async () => {
   assert.equal(open.size, 1);
   await arrive("main light");
   assert.deepEqual(shown, ["main light at 1"]);
+});
+
+test("a picture whose connection broke is loaded again without a word", async () => {
+  const { picture, lidar, arrive, open, shown, failures } = pictures();
+  picture.update("main", lidar(1), "light");
+  await arrive("main light", new Refusal(0, "lost"));
+  assert.equal(open.size, 0);
+  // Ends the pause.
+  dispatchEvent(new Event("online"));
+  await until(() => open.size === 1);
+  await arrive("main light");
+  assert.deepEqual([shown, failures], [["main light at 1"], []]);
 });
 
 /** A home with two levels; `hold` holds the objects back until the test lets them go. */
@@ -149,17 +182,28 @@ test("a removed object goes at once, and stays away until the map is without it"
   assert.deepEqual(words(data).at(-1), ["bed-1", "sofa-1"]);
 });
 
-test("a LiDAR map in another frame is not drawn below a map of the previous one", () => {
+test("a new LiDAR map is drawn where it lies in the frame of the home's map", () => {
   const below = (revision: number, x_m: number | null, points = 9, replaced = 1) => {
     const from_earlier = x_m === null ? null : { revision: replaced, map_from_earlier: { x_m, y_m: 0, yaw_rad: 0 } };
     const map = { levels: [{ level: "main", lidar_map_revision: 1, info: { points } }] };
     const data = { level: "main", lidar: { revision, from_earlier }, map } as unknown as HomeData;
-    return [lidarBelow(data) !== null, isOfPreviousLidar(data)];
+    const found = lidarBelow(data);
+    return [found && 0 + found.at.x_m, isOfPreviousLidar(data)];
   };
-  assert.deepEqual(below(1, null), [true, false]);
-  assert.deepEqual(below(2, 5), [false, true]);
-  assert.deepEqual(below(2, null), [false, true], "the maps do not tell the frame");
-  assert.deepEqual(below(2, 0.02), [true, true], "the robot kept its frame");
-  assert.deepEqual(below(3, 0.02, 9, 2), [false, true], "the frame of the revision between is not known");
-  assert.deepEqual(below(2, 5, 0), [true, false], "there are no points yet");
+  assert.deepEqual(below(1, null), [0, false]);
+  assert.deepEqual(below(2, 5), [-5, true]);
+  assert.deepEqual(below(2, null), [null, true], "the maps do not tell the frame");
+  assert.deepEqual(below(2, 0.02), [-0.02, true], "the robot kept its frame, nearly");
+  assert.deepEqual(below(3, 0.02, 9, 2), [null, true], "the frame of the revision between is not known");
+  assert.deepEqual(below(2, 5, 0), [0, false], "there are no points yet");
+});
+
+test("the walls of a turned LiDAR map enclose the home's map", () => {
+  const at = inverse({ x_m: 3, y_m: 1, yaw_rad: Math.PI / 2 });
+  const info = { min_m: [0, 0], max_m: [4, 2] };
+  const box = boxBelow({ lidar: { info } as unknown as LidarMap, at });
+  const rounded = [...(box?.min ?? []), ...(box?.max ?? [])].map((value) => 0 + Math.round(100 * value) / 100);
+  // (3, 1) of the new frame is the origin of the earlier one, whose x goes along the new y.
+  assert.deepEqual(rounded, [-1, -1, 1, 3]);
+  assert.equal(turned(at), "translate(-100.0,-300.0) rotate(90.000)");
 });

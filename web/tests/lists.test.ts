@@ -157,7 +157,7 @@ test("the map is promised for the time when all clips have settled", () => {
   ] as const) {
     assert.equal(told([...states]), text);
   }
-  const map = { revision: 2, state: "due", clips: [], info: { points: 9 } };
+  const map = { revision: 2, state: "due", clips: [], levels: [], info: { points: 9 } };
   assert.match(told(["aligned", "queued"], map), / · rebuilt when all clips have settled$/);
   assert.match(told(["aligned"], map), / · being rebuilt$/);
   assert.equal(told(["ambiguous"], { ...map, state: "current", info: { points: 0 } }), "Map 2 · no clip in it yet");

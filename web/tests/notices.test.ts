@@ -1,8 +1,10 @@
-import { body, fake } from "./dom.ts";
+import { body, fake, until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, mock, test } from "node:test";
 import { home, Refusal } from "../src/api.ts";
+import { fileLink } from "../src/parts/download.ts";
 import { attempt, clearNotices, noticeBoard } from "../src/parts/notices.ts";
+import { onSessionEnd } from "../src/session.ts";
 
 const real = { fetch: globalThis.fetch };
 const board = fake(noticeBoard());
@@ -42,4 +44,24 @@ test("an action that succeeds takes the alarms of failed ones away", async () =>
   assert.deepEqual(alarms(), ["lost", "taken"]);
   await attempt(null, async () => {});
   assert.deepEqual(alarms(), []);
+});
+
+test("a download that cannot succeed is told by the page, for the browser does not", async () => {
+  let ended = "";
+  onSessionEnd((message) => (ended = message));
+  let status = 404;
+  const asked: string[] = [];
+  globalThis.fetch = async (path) => {
+    asked.push(String(path));
+    return new Response(JSON.stringify({ detail: `refused with ${status}` }), { status });
+  };
+  const link = fileLink("flat 3", "/v1/homes/flat%203/map/plan?format=pdf", "plan.pdf", "Floor plan");
+  const click = () => link.dispatchEvent(new Event("click"));
+  click();
+  await until(() => alarms().length > 0);
+  assert.deepEqual([alarms(), asked], [["refused with 404"], ["/v1/homes/flat%203"]]);
+  status = 401;
+  click();
+  await until(() => ended !== "");
+  assert.equal(ended, "refused with 401");
 });

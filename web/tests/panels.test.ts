@@ -192,6 +192,17 @@ test("the figures of a level count its own clips, and say that the map is out of
   }
 });
 
+test("the figures say that the new LiDAR map appears later, if its place is not known", () => {
+  const map = { revision: 2, state: "due", clips: [], info: { points: 9 }, levels: [{ level: "main", lidar_map_revision: 1, info: { points: 9 } }] };
+  for (const [revision, from_earlier, isLater] of [
+    [1, null, false], [2, null, true], [2, { revision: 1, map_from_earlier: { x_m: 5, y_m: 0, yaw_rad: 1 } }, false],
+  ] as const) {
+    const data = { level: "main", map, lidar: { revision, from_earlier }, coverage: null, clips: [] };
+    const told = new Summary(data as unknown as HomeData, new Looks()).figures.textContent ?? "";
+    assert.equal(told.includes("the new LiDAR map appears when the map is rebuilt"), isLater, told);
+  }
+});
+
 test("a map that cannot be made is told in the list of homes, and by the home", () => {
   const clips_by_state = { uploaded: 0, queued: 0, aligning: 0, aligned: 2, ambiguous: 0, failed: 0 };
   for (const [map_state, badges, title] of [

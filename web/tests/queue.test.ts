@@ -4,6 +4,7 @@ import { afterEach, beforeEach, test } from "node:test";
 import type { HomeData } from "../src/home/data.ts";
 import { onSessionEnd } from "../src/session.ts";
 import { UploadPanel } from "../src/upload/panel.ts";
+import { Unfinished } from "../src/upload/unfinished.ts";
 import { resumeUploads, stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
 import { type Answer, answerRequests, type Asked } from "./request.ts";
 
@@ -67,8 +68,9 @@ beforeEach(() => {
   kept.clear();
   answerRequests((asked) => service.answer(asked));
   globalThis.fetch = (path) => {
-    const { state } = service.uploads.get(String(path)) ?? {};
-    return Promise.resolve(new Response(JSON.stringify({ state, problem: null })));
+    const upload = service.uploads.get(String(path));
+    const body = JSON.stringify({ state: upload?.state, received_bytes: upload?.offset, problem: null });
+    return Promise.resolve(new Response(body, { status: upload ? 200 : 404 }));
   };
   open();
 });
@@ -170,4 +172,84 @@ test("the unsent files of all homes are counted until the sign-out", async () =>
   assert.equal(unsentFiles(), 2);
   stopUploads();
   assert.equal(unsentFiles(), 0);
+});
+
+/** A file whose upload was interrupted by a reload of the page. */
+async function interrupted(): Promise<File> {
+  const file = fileOf("kitchen.zip", 2 * PART_BYTES);
+  service.loses = `PATCH 1 ${PART_BYTES}`;
+  queue.addClip(file);
+  await until(() => service.seen.includes(service.loses));
+  queue.stop();
+  open();
+  [service.loses, service.seen.length] = ["", 0];
+  return file;
+}
+
+function unfinished() {
+  const list = new Unfinished("h", queue, new AbortController().signal);
+  body.append(fake(list.element));
+  const texts = () => fake(list.element).all("li").map((row) => row.textContent);
+  const choose = (file: File) => {
+    const [input] = fake(list.element).all("input");
+    Object.assign(input ?? {}, { files: [file] });
+    input?.dispatchEvent(new Event("change"));
+  };
+  return { list, texts, choose };
+}
+
+test("an upload that a reload interrupted is told, and continues with the same file", async () => {
+  const file = await interrupted();
+  const { list, texts, choose } = unfinished();
+  await list.draw();
+  assert.equal(texts().length, 1);
+  assert.match(texts()[0] ?? "", /kitchen\.zip.*interrupted\. 50 % of 16\.8 MB has arrived\. Choose the same file/);
+  assert.equal(fake(list.said).textContent, "1 upload is not finished.");
+  choose(fileOf("kitchen.zip", PART_BYTES));
+  assert.deepEqual(service.seen, [], "another file continues the upload");
+  choose(file);
+  await until(() => done === 1);
+  assert.deepEqual(service.seen, ["HEAD 1", `PATCH 1 ${PART_BYTES}`]);
+  await list.draw();
+  assert.deepEqual([texts(), fake(list.element).hidden], [[], true]);
+});
+
+test("an upload that is gone, complete or sent by another tab is not told as unfinished", async () => {
+  await interrupted();
+  const { list, texts } = unfinished();
+  const [upload] = service.uploads.values();
+  assert.ok(upload);
+  const [name] = kept.values();
+  const { key } = Object.values(JSON.parse(name ?? "{}") as Record<string, { key: string }>)[0] ?? { key: "" };
+  Object.assign(navigator, { locks: { query: async () => ({ held: [{ name: `viola upload ${key}` }] }) } });
+  await list.draw();
+  assert.deepEqual(texts(), [], "another tab sends it");
+  Reflect.deleteProperty(navigator, "locks");
+  await list.draw();
+  assert.equal(texts().length, 1);
+  upload.state = "arrived";
+  await list.draw();
+  assert.deepEqual([texts(), kept.size], [[], 1]);
+  service.uploads.clear();
+  await list.draw();
+  assert.deepEqual([texts(), kept.size], [[], 0]);
+});
+
+test("an unfinished upload of another tenant is not told", async () => {
+  await interrupted();
+  kept.set("viola.uploads", (kept.get("viola.uploads") ?? "").replace('[\\"\\"', '[\\"other\\"'));
+  const { list, texts } = unfinished();
+  await list.draw();
+  assert.deepEqual(texts(), []);
+});
+
+test("a file that another tab sends becomes a clip of its own", async () => {
+  const file = await interrupted();
+  let asked = 0;
+  const request = async (_: string, __: object, hold: (lock: object | null) => unknown) => void hold(asked++ === 0 ? null : {});
+  Object.assign(navigator, { locks: { request } });
+  queue.addClip(file);
+  await until(() => done === 1);
+  Reflect.deleteProperty(navigator, "locks");
+  assert.deepEqual([service.uploads.size, service.seen[0]], [2, "POST uploads"]);
 });

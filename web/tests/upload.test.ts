@@ -1,8 +1,10 @@
+import "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, mock, test } from "node:test";
 import { Refusal } from "../src/api.ts";
 import { isLoopback } from "../src/session.ts";
 import { sentName } from "../src/upload/names.ts";
+import { sendMap } from "../src/upload/map.ts";
 import { mayTryAgain, pause, retryDelay_ms } from "../src/upload/retry.ts";
 import { request } from "../src/upload/request.ts";
 import { sendClip, type SentClip } from "../src/upload/tus.ts";
@@ -84,6 +86,16 @@ test("after a loss the upload resumes at the offset of the service", async () =>
   assert.deepEqual(service.seen, ["HEAD", `PATCH ${PART_BYTES + 1000}`]);
 });
 
+test("two senders of one upload give way, and do not refuse each other's parts for ever", async () => {
+  const clip = clipOf();
+  await send(clip);
+  [service.state, service.offset, service.seen.length] = ["arriving", 0, 0];
+  let refusals = 0;
+  answerRequests((asked) => (asked.method === "PATCH" && ++refusals < 100 ? { status: 409, body: "{}" } : service.answer(asked)));
+  await assert.rejects(send(clip), (error: unknown) => retryDelay_ms(error, 1) !== null);
+  assert.ok(refusals < 5, `the upload is tried ${refusals} times without a pause`);
+});
+
 test("a clip whose last answer was lost is not sent again", async () => {
   const clip = clipOf();
   service.loses = [`PATCH ${2 * PART_BYTES}`];
@@ -101,6 +113,19 @@ test("the reason of a refusal is told, also if its answer was lost", async () =>
   service.arrives_bytes = 5;
   await assert.rejects(send(clip), refusal(0));
   await assert.rejects(send(clip), (error: unknown) => refusal(415)(error) && (error as Error).message === "No reader knows the file.");
+});
+
+test("a map that is too large gets the advice for maps", async () => {
+  const told = async (type: string) => {
+    answerRequests(() => ({ status: 413, body: JSON.stringify({ type, title: "Too large", detail: "at most 64 MiB" }) }));
+    const sent = sendMap("h", "main", new File(["x"], "map.pcd"), () => {}, new AbortController().signal);
+    const error = await sent.then(() => null, (error: unknown) => error as Refusal);
+    return [error?.status, error?.message, error?.detail];
+  };
+  const [status, message, detail] = await told("urn:viola:problem:body-too-large");
+  assert.deepEqual([status, detail], [413, "at most 64 MiB"]);
+  assert.match(String(message), /^The map is larger .* larger cells/);
+  assert.deepEqual(await told("urn:viola:problem:unpacks-too-large"), [413, "at most 64 MiB", null]);
 });
 
 test("an upload that is gone begins again, after a pause", async () => {

@@ -7,7 +7,7 @@ import { type Cloud, load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { around, type Point2 } from "../frames.ts";
-import { messageOf } from "../parts/notices.ts";
+import { attempt, messageOf } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
 import { oneOf, showChoice } from "../parts/switches.ts";
 import { isSessionEnd } from "../session.ts";
@@ -53,7 +53,7 @@ export class ClipCloud {
 
   private offer(clip: Clip, word: string, reason = ""): void {
     const button = h("button", { type: "button", "data-key": "points" }, word);
-    button.addEventListener("click", () => void this.open(clip));
+    button.addEventListener("click", () => void attempt(button, () => this.open(clip)));
     const why = reason ? h("p", { class: "reason failed", role: "alert" }, reason) : null;
     putAgain(this.element, h("h2", {}, "Points"), h("div", { class: "row" }, why, button));
   }

@@ -2,6 +2,7 @@
 
 import { clipPath } from "../api.ts";
 import { h } from "../dom.ts";
+import { fileLink } from "../parts/download.ts";
 import type { Clip } from "../types.ts";
 import { bytes, count, levelWord, metres, percent, pose, seconds, STAGES, stageWord, time } from "../words.ts";
 import { layoutWord } from "./layouts.ts";
@@ -67,7 +68,7 @@ export function hasPoints({ alignment, reasons }: Clip): boolean {
 /** Links to the files of a clip. */
 export function files(clip: Clip): HTMLElement {
   const link = (word: string, name: string, format: string) =>
-    h("li", {}, h("a", { href: clipPath(clip, name), download: "" }, word), h("span", { class: "hint" }, format));
+    h("li", {}, fileLink(clip.home, clipPath(clip, name), "", word), h("span", { class: "hint" }, format));
   return h("ul", { class: "downloads" },
     link("Download the recording", "recording", bytes(clip.size_bytes)),
     hasPoints(clip) && link("Download the points", "cloud.ply", "PLY"));

@@ -1,14 +1,21 @@
 // Shapes between the points: the LiDAR map on the floor, camera paths, boxes around objects.
 
 import * as THREE from "three";
-import { corners } from "../frames.ts";
-import type { PictureFrame, Thing } from "../types.ts";
+import { corners, place } from "../frames.ts";
+import type { PictureFrame, Pose2, Thing } from "../types.ts";
 import type { Rgb } from "./colours.ts";
 
 /** Below the floor's own points, so that they do not flicker. */
 const FLOOR_Z_M = -0.04;
 
-export function floorOf(canvas: HTMLCanvasElement, frame: PictureFrame): THREE.Mesh {
+/** A picture of the floor, its place in its own frame, and the pose of that frame. */
+export interface FloorPicture {
+  canvas: HTMLCanvasElement;
+  frame: PictureFrame;
+  at: Pose2;
+}
+
+export function floorOf({ canvas, frame, at }: FloorPicture): THREE.Mesh {
   const [width, height] = [frame.width_px / frame.px_per_m, frame.height_px / frame.px_per_m];
   const texture = new THREE.CanvasTexture(canvas);
   texture.colorSpace = THREE.SRGBColorSpace;
@@ -17,7 +24,9 @@ export function floorOf(canvas: HTMLCanvasElement, frame: PictureFrame): THREE.M
     map: texture, transparent: true, depthWrite: false, side: THREE.DoubleSide,
   });
   const mesh = new THREE.Mesh(new THREE.PlaneGeometry(width, height), material);
-  mesh.position.set(frame.corner_m[0] + width / 2, frame.corner_m[1] - height / 2, FLOOR_Z_M);
+  const [x, y] = place(at, [frame.corner_m[0] + width / 2, frame.corner_m[1] - height / 2]);
+  mesh.position.set(x, y, FLOOR_Z_M);
+  mesh.rotation.z = at.yaw_rad;
   mesh.renderOrder = -1;
   return mesh;
 }

@@ -91,6 +91,8 @@ export class Stage {
   private isStale = true;
   /** The view to show as soon as the stage has a size. */
   private pending: { scene: Scene; from: "corner" | "above" } | null = null;
+  /** The last look at a whole scene; null after a flight. */
+  private looked: { scene: Scene; from: "corner" | "above"; at: string } | null = null;
   private flight = 0;
 
   constructor(label: string, signal: AbortSignal) {
@@ -168,6 +170,7 @@ export class Stage {
     this.controls.target.fromArray(target_m);
     this.camera.position.fromArray(eye_m);
     this.controls.update();
+    this.looked = { scene, from, at: JSON.stringify(this.viewpoint) };
     this.draw();
   }
 
@@ -226,6 +229,7 @@ export class Stage {
 
   private moveTo(eye: THREE.Vector3, target: THREE.Vector3): void {
     cancelAnimationFrame(this.flight);
+    this.looked = null;
     const from = { eye: this.camera.position.clone(), target: this.controls.target.clone() };
     const length_ms = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : FLIGHT_MS;
     const begun = performance.now();
@@ -352,7 +356,9 @@ export class Stage {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.renderer.setSize(width, height);
-    this.lookAtPending();
+    if (this.pending) this.lookAtPending();
+    // A phone was turned: a view that nobody moved shows the whole scene again.
+    else if (this.looked?.at === JSON.stringify(this.viewpoint)) this.look(this.looked.scene, this.looked.from);
     this.draw();
   }
 

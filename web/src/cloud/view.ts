@@ -1,7 +1,7 @@
 // A cloud of points with everything around it, in three dimensions.
 
 import * as THREE from "three";
-import type { PictureFrame, Thing } from "../types.ts";
+import type { Thing } from "../types.ts";
 import { type Colouring, type Rgb, rgb } from "./colours.ts";
 import { cornersOf } from "./fit.ts";
 import { PointMaterial } from "./material.ts";
@@ -9,7 +9,7 @@ import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
 import type { Point3, Ray } from "./pick.ts";
 import { ruleOf } from "./rule.ts";
-import { boxOf, floorOf, outlineOf, patchOf, pathOf, release, solidOf } from "./shapes.ts";
+import { boxOf, type FloorPicture, floorOf, outlineOf, patchOf, pathOf, release, solidOf } from "./shapes.ts";
 import { Stage, type Viewpoint } from "./stage.ts";
 import type { ClassLook, Surface } from "./surface.ts";
 
@@ -153,9 +153,9 @@ export class CloudView {
     this.draw();
   }
 
-  setFloor(canvas: HTMLCanvasElement | null, frame: PictureFrame | null): void {
+  setFloor(picture: FloorPicture | null): void {
     release(this.floor);
-    if (canvas && frame) this.floor.add(floorOf(canvas, frame));
+    if (picture) this.floor.add(floorOf(picture));
     this.draw();
   }
 

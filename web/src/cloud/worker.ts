@@ -3,6 +3,7 @@
 import { delay_s, explanation, Refusal } from "../api.ts";
 import type { Ask, Told } from "./messages.ts";
 import { type Points, PlyStream } from "./ply.ts";
+import { resumed } from "./resume.ts";
 
 /** Pieces from the network are gathered to about this size: each piece costs the page a moment. */
 const BATCH_BYTES = 1 << 20;
@@ -48,11 +49,11 @@ async function load(ask: Ask): Promise<void> {
   if (answer?.status === 304) return tell({ what: "same" });
   if (!answer?.body) return tell({ what: "nothing" });
   const stream = new PlyStream(true);
-  const pieces = answer.body.getReader();
+  const pieces = resumed(answer);
   let [at, size, begun] = [0, 0, false];
   let chunks: Uint8Array[] = [];
   for (;;) {
-    const { value, done } = await pieces.read().catch(lost);
+    const { value, done } = await pieces.next().catch(lost);
     if (value) {
       chunks.push(value);
       size += value.length;

@@ -19,6 +19,9 @@ import {
 import type { HomeData } from "./data.ts";
 import { type Looks, put } from "./looks.ts";
 
+/** Older clips are folded away: on a phone the objects of a home lie below its clips. */
+const MOST_ROWS = 30;
+
 interface Row {
   drawn: string;
   element: HTMLElement;
@@ -34,6 +37,8 @@ export class ClipsPanel {
   private readonly filters = h("div", { class: "row filters", role: "group", "aria-label": "Show clips by state" });
   private readonly list = h("ul", { class: "clips" });
   private readonly said = h("p", { class: "hidden-text", role: "status", "aria-live": "polite" });
+  private readonly showAll = h("button", { type: "button", class: "small" });
+  private readonly more = h("li", {}, this.showAll);
   private readonly rows = new Map<string, Row>();
   private readonly states = new Map<string, ClipState>();
 
@@ -44,6 +49,7 @@ export class ClipsPanel {
   ) {
     this.element = h("div", {}, this.filters, this.list, this.said);
     looks.onChange(() => this.drawSwitches());
+    this.showAll.addEventListener("click", () => this.unfold());
     this.draw();
   }
 
@@ -55,8 +61,12 @@ export class ClipsPanel {
     // The last clip of a state may have got another one.
     const filter = present.some(([state]) => state === this.looks.clips) ? this.looks.clips : null;
     this.drawFilters(present, clips.length, filter);
-    const shown = clips.filter((clip) => !filter || clip.state === filter).reverse();
+    const wanted = clips.filter((clip) => !filter || clip.state === filter).reverse();
+    const shown = this.looks.hasAllClips ? wanted : wanted.slice(0, MOST_ROWS);
     const rows = shown.map((clip) => this.row(clip));
+    const text = `Show ${many(wanted.length - shown.length, "older clip")}`;
+    if (this.showAll.textContent !== text) this.showAll.textContent = text;
+    if (wanted.length > shown.length) rows.push(this.more);
     if (clips.length === 0) {
       const advice = mayChange() ? " Press “Add clips”, or drop recordings with depth anywhere on this page." : "";
       putAgain(this.list, h("li", { class: "hint" }, `No clips yet.${advice}`));
@@ -73,6 +83,14 @@ export class ClipsPanel {
     if (!row) return;
     row.bar.value = job.progress;
     row.stage.textContent = jobWord(job);
+  }
+
+  /** Shows all clips. The focus goes to the first one that was folded away. */
+  private unfold(): void {
+    const first = this.list.children.length - 1;
+    this.looks.change((looks) => (looks.hasAllClips = true));
+    this.draw();
+    this.list.children[first]?.querySelector<HTMLElement>(".title")?.focus({ preventScroll: true });
   }
 
   /** The surface has no clips. */
@@ -178,7 +196,7 @@ export class ClipsPanel {
     const text = "Its recording, its place and its points are removed for good, and the map is rebuilt without it.";
     if (!(await confirm(`Delete ${named(name)}?`, text, "Delete clip"))) return;
     await attempt(button, async () => {
-      await deleteClip(clip);
+      await this.data.deleting(clip.id, () => deleteClip(clip));
       say(`${named(name)} is deleted.`);
       this.onDeleted();
     });

@@ -32,6 +32,8 @@ export class HomeData {
   private readonly removed = new Map<string, Thing>();
   /** The number of objects that were removed or brought back here. */
   removals = 0;
+  /** The ids of the clips and the levels that are deleted here: their events may come before the answers. */
+  readonly deletedHere = new Set<string>();
   private isReading = false;
 
   private constructor(
@@ -130,6 +132,17 @@ export class HomeData {
     if (removals !== this.removals) return;
     const hidden = new Set(objects.filter((object) => object.hidden).map(({ id }) => id));
     for (const id of [...this.removed.keys()]) if (!hidden.has(id)) this.bringBack(id);
+  }
+
+  /** Runs the deletion of a clip or a level. */
+  async deleting(id: string, act: () => Promise<void>): Promise<void> {
+    this.deletedHere.add(id);
+    try {
+      await act();
+    } catch (error) {
+      this.deletedHere.delete(id);
+      throw error;
+    }
   }
 
   /** Takes an object out of the lists at once: the map without it comes later. */

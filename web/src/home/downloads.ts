@@ -2,6 +2,7 @@
 
 import { homePath } from "../api.ts";
 import { h, put } from "../dom.ts";
+import { fileLink } from "../parts/download.ts";
 import type { HomeData } from "./data.ts";
 import { FILES, FOR, type HomeFile } from "./files.ts";
 
@@ -36,6 +37,6 @@ export class Downloads {
     const of = ofLevel && hasLevels ? `${address.includes("?") ? "&" : "?"}level=${encoded}` : "";
     const stem = parts.join("-").split("?")[0]?.replace(/\.\w+$/, "");
     const name = `${home.id}-${stem}${of ? `-${level}` : ""}.${format.toLowerCase()}`;
-    return h("li", {}, h("a", { href: address + of, download: name }, word), h("span", { class: "hint" }, format));
+    return h("li", {}, fileLink(home.id, address + of, name, word), h("span", { class: "hint" }, format));
   }
 }

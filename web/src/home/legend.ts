@@ -7,6 +7,8 @@ import { WANTED, wantedRooms } from "./coverage.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
+/** Below the legend, as in the style sheet, and between it and the plan. */
+const AROUND_PX = 6 + 8;
 /** More classes would hide the home; all of them are in the list at the side. */
 const MOST_CLASSES = 10;
 
@@ -17,7 +19,16 @@ export class Legend {
   constructor(
     private readonly data: HomeData,
     private readonly looks: Looks,
+    signal: AbortSignal,
   ) {
+    // The plan ends above the legend, which may need several rows.
+    const sizes = new ResizeObserver(() => {
+      const { offsetHeight } = this.element;
+      const height_px = offsetHeight > 0 ? offsetHeight + AROUND_PX : 0;
+      this.element.closest<HTMLElement>(".stage")?.style.setProperty("--legend", `${height_px}px`);
+    });
+    sizes.observe(this.element);
+    signal.addEventListener("abort", () => sizes.disconnect());
     looks.onChange(() => this.draw());
     this.draw();
   }

@@ -36,6 +36,8 @@ export class Looks {
   selected: Selection | null = null;
   /** The list shows only clips of this state; null for all. */
   clips: ClipState | null = null;
+  /** True if the list shows also the oldest of many clips. */
+  hasAllClips = false;
   private readonly listeners: (() => void)[] = [];
   /** False if no point of the shown level has a colour: it would be black. */
   private hasColour = true;

@@ -1,6 +1,7 @@
 // The picture of the shown level's LiDAR map. That of another level goes at once: it would lie under the wrong rooms.
 
-import type { LidarMap, PictureFrame } from "../types.ts";
+import type { LidarMap, PictureFrame, Pose2 } from "../types.ts";
+import { pause, retryDelay_ms } from "../upload/retry.ts";
 
 export type Ink = "light" | "dark";
 
@@ -9,7 +10,16 @@ export interface Picture {
   canvas: HTMLCanvasElement;
   address: string;
   frame: PictureFrame;
+  /** The pose of the LiDAR map's frame in that of the home's map. */
+  at: Pose2;
+  /** Of the LiDAR map. */
+  revision: number;
   ink: Ink;
+}
+
+interface Wanted {
+  lidar: Pick<LidarMap, "revision" | "image">;
+  at: Pose2;
 }
 
 interface Listener {
@@ -35,29 +45,40 @@ export class LevelPicture {
     signal.addEventListener("abort", () => this.replace(null));
   }
 
-  /** Shows the picture of a level's LiDAR map; null if it has none. A newer picture of one level replaces the earlier one late. */
-  update(level: string, lidar: Pick<LidarMap, "revision" | "image"> | null, ink: Ink): void {
-    const wanted = lidar ? `${level} ${lidar.revision} ${ink}` : "";
-    if (this.level !== level || !lidar) this.clear();
+  /**
+   * Shows the picture of a level's LiDAR map. A newer picture of one level replaces the earlier one late. Without a map, the picture
+   * of the revision `kept` stays: the home's map is in its frame, and the service has no picture of it any more.
+   */
+  update(level: string, below: Wanted | null, ink: Ink, kept: number | null = null): void {
+    const { x_m, y_m, yaw_rad } = below?.at ?? { x_m: 0, y_m: 0, yaw_rad: 0 };
+    const wanted = below ? [level, below.lidar.revision, ink, x_m, y_m, yaw_rad].join(" ") : "";
+    const stays = kept !== null && this.shown?.revision === kept && this.shown.ink === ink;
+    if (this.level !== level || (!below && !stays)) this.clear();
     this.level = level;
-    if (!lidar || wanted === this.wanted) return;
+    if (wanted === this.wanted) return;
     this.wanted = wanted;
-    void this.load(wanted, level, lidar.image, ink);
+    if (below) void this.load(wanted, level, below, ink);
   }
 
-  private async load(wanted: string, level: string, frame: PictureFrame, ink: Ink): Promise<void> {
+  private async load(wanted: string, level: string, { lidar: { image, revision }, at }: Wanted, ink: Ink): Promise<void> {
     const isOld = () => this.signal.aborted || wanted !== this.wanted;
-    try {
-      const loaded = await this.listener.load(level, ink);
-      if (isOld()) return this.listener.revoke(loaded.address);
-      const picture = { ...loaded, frame, ink };
-      this.listener.show(picture);
-      this.replace(picture);
-    } catch (error) {
-      if (isOld()) return;
-      // The next update tries again.
-      this.wanted = "";
-      this.listener.onFailed(error);
+    for (let failures = 1; !isOld(); failures++) {
+      try {
+        const loaded = await this.listener.load(level, ink);
+        if (isOld()) return this.listener.revoke(loaded.address);
+        const picture = { ...loaded, frame: image, at, revision, ink };
+        this.listener.show(picture);
+        return this.replace(picture);
+      } catch (error) {
+        if (isOld()) return;
+        const wait_ms = retryDelay_ms(error, failures);
+        if (wait_ms === null) {
+          // The next update tries again.
+          this.wanted = "";
+          return this.listener.onFailed(error);
+        }
+        await pause(wait_ms, this.signal);
+      }
     }
   }
 

@@ -7,7 +7,7 @@ import type { Name } from "../cloud/names.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
-import { around, type Box2, type Point2 } from "../frames.ts";
+import { around, type Box2, place, type Point2 } from "../frames.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { alarm, say, tellFailure } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
@@ -18,7 +18,7 @@ import type { Room, Thing } from "../types.ts";
 import { named, percent } from "../words.ts";
 import { filmedRooms, WANTED, wantedRooms } from "./coverage.ts";
 import { Aim } from "./aim.ts";
-import { lidarBelow } from "./below.ts";
+import { boxBelow, frameOf, lidarBelow } from "./below.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
@@ -158,7 +158,8 @@ export class HomeScene {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     const { map } = this.data;
-    const lidar = lidarBelow(this.data);
+    const below = lidarBelow(this.data);
+    const walls = below && boxBelow(below);
     const bounds = this.bounds();
     if (this.level !== this.data.level) {
       this.level = this.data.level;
@@ -169,8 +170,8 @@ export class HomeScene {
     const [low, high] = [map?.info.min_m, map?.info.max_m];
     if (low && high) {
       // Mirrors and windows show things far away.
-      const from = low.map((at, axis) => Math.max(at, (lidar?.info.min_m[axis] ?? -Infinity) - AROUND_M));
-      const to = high.map((at, axis) => Math.min(at, (lidar?.info.max_m[axis] ?? Infinity) + AROUND_M));
+      const from = low.map((at, axis) => Math.max(at, (walls?.min[axis] ?? -Infinity) - AROUND_M));
+      const to = high.map((at, axis) => Math.min(at, (walls?.max[axis] ?? Infinity) + AROUND_M));
       // The rooms of a level that was just chosen come later.
       this.cloudView?.setBounds(from as Point3, to as Point3, this.outline(to[2] ?? 0), this.data.described !== "");
     } else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], this.outline(0), false);
@@ -203,8 +204,9 @@ export class HomeScene {
 
   private bounds(): Box2 | null {
     const { map } = this.data;
-    const lidar = lidarBelow(this.data);
-    const ends = [lidar?.info.min_m, lidar?.info.max_m, map?.info.min_m, map?.info.max_m].filter((end) => !!end);
+    const below = lidarBelow(this.data);
+    const walls = below && boxBelow(below);
+    const ends = [walls?.min, walls?.max, map?.info.min_m, map?.info.max_m].filter((end) => !!end);
     return around(ends.map((end) => [end[0] ?? NaN, end[1] ?? NaN] as const));
   }
 
@@ -222,8 +224,8 @@ export class HomeScene {
       },
       show: (picture) => {
         this.element.dataset.ink = picture?.ink ?? "";
-        this.plan.setPicture(picture?.address ?? null, picture?.frame ?? null);
-        this.cloudView?.setFloor(picture?.canvas ?? null, picture?.frame ?? null);
+        this.plan.setPicture(picture?.address ?? null, picture?.frame ?? null, picture?.at);
+        this.cloudView?.setFloor(picture);
       },
       onFailed: (error) => {
         tellFailure(error, "The LiDAR map's picture");
@@ -234,7 +236,7 @@ export class HomeScene {
   }
 
   private drawPicture(): void {
-    this.picture.update(this.data.level, lidarBelow(this.data), isDark() ? "dark" : "light");
+    this.picture.update(this.data.level, lidarBelow(this.data), isDark() ? "dark" : "light", frameOf(this.data));
   }
 
   private apply(): void {
@@ -286,7 +288,8 @@ export class HomeScene {
       return room === wanted[0] ? " · film here next" : share === undefined ? "" : ` · ${percent(share)} filmed`;
     };
     if (rooms.length > 0) return rooms.map((room) => ({ text: named(roomName(room)) + note(room), at_m: room.label_at_m }));
-    return (data.lidar?.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: room.centre_m }));
+    const below = lidarBelow(data);
+    return (below?.lidar.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: below ? place(below.at, room.centre_m) : room.centre_m }));
   }
 
   /** The rooms that are worth filming next, if they shall be shown. */

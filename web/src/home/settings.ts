@@ -49,7 +49,7 @@ export class Settings {
     const text = "Its LiDAR maps, and the choices and corrections on it, are removed for good. All clips are placed again on the " +
       "other levels.";
     if (!(await confirm(`Delete the level “${levelWord(level)}”?`, text, "Delete level"))) return;
-    await api.deleteLevel(home.id, level);
+    await this.data.deleting(level, () => api.deleteLevel(home.id, level));
     say(`The level “${levelWord(level)}” is deleted.`);
     this.listener.onLevelDeleted();
   }

@@ -29,6 +29,7 @@ export function written(looks: Looks, level: string | null, { from, part }: Fram
   if (looks.hiddenClasses.size > 0) query.set("without", [...looks.hiddenClasses].join("."));
   if (looks.hiddenClips.size > 0) query.set("without_clips", [...looks.hiddenClips].join("."));
   if (looks.clips) query.set("clips", looks.clips);
+  if (looks.hasAllClips) query.set("all_clips", "true");
   if (looks.selected) query.set("at", `${looks.selected.kind}.${looks.selected.id}`);
   const joined = (numbers: number[]) => numbers.map((value) => value.toFixed(CENTIMETRES)).join("_");
   if (from) query.set("from", joined([...from.eye_m, ...from.target_m]));
@@ -56,6 +57,7 @@ export function read(query: URLSearchParams, looks: Looks): Framing {
     for (const id of query.get("without_clips")?.split(".") ?? []) looks.hiddenClips.add(id);
   }
   looks.clips = STATES.find((state) => state === query.get("clips")) ?? looks.clips;
+  looks.hasAllClips ||= query.has("all_clips");
   const [, kind, id] = /^(object|room)\.(.+)$/.exec(query.get("at") ?? "") ?? [];
   if ((kind === "object" || kind === "room") && id) looks.selected = { kind, id };
   const [from, part] = [numbersOf(query.get("from"), 6), numbersOf(query.get("part"), 4)];

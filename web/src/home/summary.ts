@@ -4,7 +4,7 @@ import { h, put } from "../dom.ts";
 import { mayChange } from "../session.ts";
 import type { Clip } from "../types.ts";
 import { count, isUnderWay, levelWord, many, percent } from "../words.ts";
-import { isOfPreviousLidar } from "./below.ts";
+import { isOfPreviousLidar, lidarBelow } from "./below.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
@@ -33,9 +33,10 @@ export class Summary {
     const waits = data.clips.some(isUnderWay) && map?.state === "due";
     const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
     const hasPoints = (map?.info.points ?? 0) > 0;
+    const later = hasPoints && isOfPreviousLidar(data) && !lidarBelow(data) ? " · the new LiDAR map appears when the map is rebuilt" : "";
     const none = data.hasLevels ? "no clip of this level in it yet" : "no clip in it yet";
     const shown = hasPoints ? `${count(map?.info.points ?? 0)} points · ${many(clips, "clip")}${seen}` : none;
-    this.figures.textContent = map ? `Map ${map.revision} · ${shown}${state}` : "";
+    this.figures.textContent = map ? `Map ${map.revision} · ${shown}${state}${later}` : "";
     const isPlanEnough = looks.view === "2d" && lidar !== null && data.clips.length > 0 && !isBeingMade(data);
     put(this.empty, ...(hasPoints ? [] : nextStep(data)));
     this.empty.hidden = hasPoints || isPlanEnough;

@@ -6,12 +6,13 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
+import { overlayLegend } from "../clip/overlay.ts";
 import { hasWrongFiles, isDoubtful, isForeign, mayLieElsewhere } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { askText, confirm } from "../parts/dialog.ts";
-import { Backoff } from "../parts/backoff.ts";
+import { Backoff, whenDue } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
@@ -43,6 +44,7 @@ export async function showClip(place: Place, home: string, id: string): Promise<
 
 class ClipPage {
   private ground: Ground = noGround();
+  private readonly ofGround = new Backoff();
   private drawn = "";
   /** Names the shown answer. */
   private answer = "";
@@ -52,6 +54,8 @@ class ClipPage {
   private readonly places = h("section", {});
   private readonly rest = h("div", { class: "columns" });
   private readonly pictures = h("section", {});
+  /** Of the picture over the LiDAR map. */
+  private readonly legend = h("div", {});
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   private readonly stage = h("span", { class: "hint" });
@@ -60,6 +64,8 @@ class ClipPage {
   /** The reason that the page is not up to date. */
   private readonly lost = h("p", { class: "reason", role: "status" });
   private readonly repeated: Repeated;
+  /** True while the clip is deleted here: its event may come before the answer. */
+  private isDeleted = false;
 
   constructor(
     private readonly place: Place,
@@ -89,7 +95,7 @@ class ClipPage {
         backoff.reset();
       } catch (error) {
         if (signal.aborted) return null;
-        if (error instanceof api.Refusal && error.status === 404) return (location.hash = toHome(clip.home)), null;
+        if (error instanceof api.Refusal && error.status === 404) return this.leave(), null;
         if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
         this.lost.textContent = messageOf(error);
         return backoff.nextReading_ms(error);
@@ -97,6 +103,12 @@ class ClipPage {
       followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
       return null;
     }, signal);
+  }
+
+  /** Shows the home of the clip, which is gone: deleted here, or by somebody else. */
+  private leave(): void {
+    if (!this.isDeleted) say(`${named(this.name)} was deleted in another tab or by another person.`);
+    location.hash = toHome(this.clip.home);
   }
 
   private get name(): string {
@@ -152,8 +164,22 @@ class ClipPage {
       h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(shown), technical(shown)));
     this.drawPictures();
     this.cloud.show(shown);
+    this.drawLegend();
+    await this.drawGround();
+  }
+
+  /** Draws the places on the LiDAR maps. */
+  private async drawGround(): Promise<void> {
     await this.readGround();
-    if (!this.place.signal.aborted) this.drawPlaces();
+    if (this.place.signal.aborted) return;
+    this.drawLegend();
+    this.drawPlaces();
+  }
+
+  private drawLegend(): void {
+    const { shown, ground: { lidars } } = this;
+    const lidar = lidars.find(({ level }) => level === shown.alignment?.alternatives[0]?.level);
+    put(this.legend, overlayLegend(shown, !!lidar?.info.charger));
   }
 
   private drawVerdict(): void {
@@ -200,7 +226,11 @@ class ClipPage {
     const remove = async () => {
       const text = "Its recording, its place and its points are removed for good.";
       if (!(await confirm(`Delete ${named(this.name)}?`, text, "Delete clip"))) return;
-      await api.deleteClip(clip);
+      this.isDeleted = true;
+      await api.deleteClip(clip).catch((error: unknown) => {
+        this.isDeleted = false;
+        throw error;
+      });
       say(`${named(this.name)} is deleted.`);
       // The person may have gone to another page meanwhile.
       if (!this.place.signal.aborted) location.hash = toHome(clip.home);
@@ -227,9 +257,13 @@ class ClipPage {
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
         ground.pictures.set(level, address);
       }
+      this.ofGround.reset();
     } catch (error) {
-      // The plan only helps to see; without it the figures remain.
-      if (!signal.aborted) console.warn(error);
+      if (signal.aborted) return;
+      // Without the walls the figures remain; a lost request is made again.
+      const wait_ms = this.ofGround.next_ms(error);
+      if (wait_ms === null) console.warn(error);
+      else whenDue(wait_ms, () => void this.drawGround(), signal);
     }
   }
 
@@ -250,11 +284,11 @@ class ClipPage {
   private drawPictures(): void {
     const { shown: clip } = this;
     if (!clip.alignment) return put(this.pictures);
-    const picture = (name: string, title: string, alt: string, shape = "") => {
+    const picture = (name: string, title: string, alt: string, shape = "", legend: HTMLElement | null = null) => {
       const address = `${api.clipPath(clip, name)}?job=${answerName(clip)}`;
       // Photographs are not drawn on paper.
       const image = h("img", { class: shape === "row" ? null : "paper", src: address, alt, loading: "lazy" });
-      const caption = h("figcaption", {}, title);
+      const caption = h("figcaption", {}, title, legend);
       const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
       // Not every answer has every picture.
       image.addEventListener("error", () => {
@@ -266,8 +300,8 @@ class ClipPage {
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
       clip.alignment.hits > 0 && picture("overlay.png",
-        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map: green points are on walls, red ones are not, orange are the other places`,
-        "The clip's points over the LiDAR map, at the service's own answer"),
+        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map`,
+        "The clip's points over the LiDAR map, at the service's own answer", "", this.legend),
       // Without a filled-in hit the picture says nothing.
       clip.alignment.completion && clip.alignment.completion.hits > 0
         ? picture("completion.png", "Views that were completed because the clip is in doubt",

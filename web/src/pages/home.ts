@@ -13,6 +13,7 @@ import { EarlierMaps } from "../home/earlier.ts";
 import { LayersPanel, section } from "../home/layers.ts";
 import { Legend } from "../home/legend.ts";
 import { Looks } from "../home/looks.ts";
+import { Losses } from "../home/losses.ts";
 import { RemovedPanel } from "../home/removed.ts";
 import { HomeScene } from "../home/scene.ts";
 import type { Selection } from "../home/selection.ts";
@@ -68,7 +69,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const downloads = new Downloads(data);
   const layers = new LayersPanel(data, looks);
   const coverage = new CoveragePanel(data, select);
-  const legend = new Legend(data, looks);
+  const legend = new Legend(data, looks, signal);
   const summary = new Summary(data, looks);
   const stage = h("section", { class: "stage", "aria-label": "Map" });
   const side = h("aside", { class: "side", "aria-label": "Clips, objects and layers" });
@@ -97,7 +98,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     // Another level has another camera.
     address.soon();
   };
-  const repeated = keepUpToDate(place, data, { clips, status }, draw);
+  const repeated = keepUpToDate(place, data, { clips, status, losses: new Losses(data, looks) }, draw);
 
   const foot = h("div", { class: "stage-foot" }, h("div", { class: "stage-notes" }, status.shown, legend.element), summary.figures);
   // In the order in which keys reach them.
@@ -143,7 +144,7 @@ function leaveHome(id: string): void {
 function keepUpToDate(
   { signal, again }: Place,
   data: HomeData,
-  { clips, status }: { clips: ClipsPanel; status: StatusLine },
+  { clips, status, losses }: { clips: ClipsPanel; status: StatusLine; losses: Losses },
   draw: () => void,
 ): Repeated {
   const followed = new Followed(
@@ -167,6 +168,7 @@ function keepUpToDate(
     try {
       await data.refresh(signal);
       if (signal.aborted) return null;
+      for (const text of losses.told()) say(text);
       if (isLost) status.show("");
       isLost = false;
       backoff.reset();

@@ -41,6 +41,11 @@ export function isAsking(): boolean {
   return document.querySelector("dialog[open]") !== null;
 }
 
+/** Closes the open question: the page that asked is gone, and its question would lie over the form to sign in. */
+export function closeQuestions(): void {
+  for (const dialog of document.querySelectorAll<HTMLDialogElement>("dialog[open]")) dialog.close();
+}
+
 /** A line of text of at most `most` letters; null when the question was closed. */
 export function askText(title: string, before: string, word: string, most: number): Promise<string | null> {
   const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: most, autofocus: true, dir: "auto" });

@@ -1,7 +1,7 @@
 // Errors and messages, shown once and announced to screen readers.
 
 import { onAnswer, Refusal } from "../api.ts";
-import { h } from "../dom.ts";
+import { h, isByKey } from "../dom.ts";
 import { isSessionEnd, reportSessionEnd } from "../session.ts";
 
 const SHOWN_MS = 6000;
@@ -29,8 +29,8 @@ export function say(text: string): void {
 export function offer(text: string, word: string, act: () => unknown): void {
   const button = h("button", { type: "button", class: "small" }, word);
   const note = h("p", { class: "toast offer" }, h("span", {}, text), button);
-  button.addEventListener("click", () => {
-    note.remove();
+  button.addEventListener("click", (event) => {
+    take(note, event);
     act();
   });
   note.append(closeButton(note));
@@ -67,8 +67,14 @@ function actionSucceeded(): void {
 
 function closeButton(note: HTMLElement): HTMLElement {
   const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Dismiss" }, "✕");
-  close.addEventListener("click", () => note.remove());
+  close.addEventListener("click", (event) => take(note, event));
   return close;
+}
+
+/** Removes a message whose button was pressed. A person with keys goes on in the page, and not at its top. */
+function take(note: HTMLElement, click: MouseEvent): void {
+  note.remove();
+  if (isByKey(click)) document.querySelector("main")?.focus({ preventScroll: true });
 }
 
 function clearOffers(): void {

@@ -1,5 +1,7 @@
 // Streams of events, few enough for the connections of a browser.
 
+import { takeLock } from "./locks.ts";
+
 /** A browser opens six connections to a host for all its windows. Each stream holds one, and requests need the others. */
 const MOST_STREAMS = 3;
 
@@ -29,19 +31,8 @@ export function openStream(path: string, opened: (stream: EventSource) => void, 
 
 /** Takes one of the places of this browser's streams until `left`; false if all are taken. */
 async function takePlace(left: Promise<void>): Promise<boolean> {
-  // Browsers have locks for secure pages only.
-  const { locks } = navigator as { locks?: LockManager };
-  if (!locks) return true;
   for (let place = 1; place <= MOST_STREAMS; place++) {
-    const isTaken = new Promise<boolean>((resolve, reject) => {
-      const hold = (lock: Lock | null) => {
-        resolve(lock !== null);
-        return lock ? left : Promise.resolve();
-      };
-      locks.request(`viola stream ${place}`, { ifAvailable: true }, hold).catch(reject);
-    });
-    // A page without a right to locks does without.
-    if (await isTaken.catch(() => true)) return true;
+    if (await takeLock(`viola stream ${place}`, left)) return true;
   }
   return false;
 }

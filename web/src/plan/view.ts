@@ -4,7 +4,7 @@
 import { s } from "../dom.ts";
 import type { Box2, Point2 } from "../frames.ts";
 import { arrange, shortened, textWidth } from "../parts/labels.ts";
-import type { PictureFrame } from "../types.ts";
+import type { PictureFrame, Pose2 } from "../types.ts";
 
 const UNITS = 100;
 /** Around an object that is shown: so much of its room is in sight that a person sees where it is. */
@@ -20,6 +20,11 @@ const FONTS: Record<string, string> = { "room-name": "650 13px", "thing-name": "
 /** A point of the map's frame in the drawing. */
 export function at([x, y]: Point2): string {
   return `${(x * UNITS).toFixed(1)},${(-y * UNITS).toFixed(1)}`;
+}
+
+/** A pose as the transform of an SVG, whose y goes down. */
+export function turned({ x_m, y_m, yaw_rad }: Pose2): string {
+  return `translate(${at([x_m, y_m])}) rotate(${((-yaw_rad * 180) / Math.PI).toFixed(3)})`;
 }
 
 interface Window {
@@ -81,8 +86,11 @@ export class PlanView {
     signal.addEventListener("abort", () => sizes.disconnect());
   }
 
-  setPicture(address: string | null, frame: PictureFrame | null): void {
+  /** `at` is the pose of the picture's frame in the map's. */
+  setPicture(address: string | null, frame: PictureFrame | null, at: Pose2 | null = null): void {
     lay(this.picture, address, frame);
+    if (at) this.picture.setAttribute("transform", turned(at));
+    else this.picture.removeAttribute("transform");
   }
 
   /** A picture of points, over the other. */

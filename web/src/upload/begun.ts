@@ -1,5 +1,7 @@
 // Keeps the uploads that are not stored yet in the browser: a file that is added again after a reload resumes.
 
+import { tenantNow } from "../session.ts";
+
 const ITEM = "viola.uploads";
 
 /** An upload that the service has bytes of. */
@@ -17,20 +19,29 @@ interface Kept extends Begun {
   at_ms: number;
 }
 
+/** The properties of a file that tell it from others. */
+export type Known = Pick<File, "name" | "size" | "lastModified">;
+
 interface Sent extends Begun {
   home: string;
-  file: File;
+  file: Known;
 }
 
 /** The begun upload of a file; null if there is none. */
-export function begunOf(home: string, file: File): Begun | null {
+export function begunOf(home: string, file: Known): Begun | null {
   return read()[nameOf(home, file)] ?? null;
 }
 
+/** All begun uploads of a home. */
+export function begunIn(home: string): Sent[] {
+  return Object.entries(fresh()).flatMap(([name, { key, path }]): Sent[] => {
+    const [tenant, of, file] = partsOf(name);
+    return tenant === tenantNow() && of === home && file ? [{ home, file, key, path }] : [];
+  });
+}
+
 export function keepBegun({ home, file, key, path }: Sent): void {
-  const at_ms = Date.now();
-  const fresh = Object.entries(read()).filter(([, kept]) => at_ms - kept.at_ms < KEPT_MS);
-  write({ ...Object.fromEntries(fresh), [nameOf(home, file)]: { key, path, at_ms } });
+  write({ ...fresh(), [nameOf(home, file)]: { key, path, at_ms: Date.now() } });
 }
 
 /** Drops an upload, unless the same file has a newer one. */
@@ -43,8 +54,24 @@ export function dropAllBegun(): void {
   write({});
 }
 
-function nameOf(home: string, { name, size, lastModified }: File): string {
-  return JSON.stringify([home, name, size, lastModified]);
+/** Another person may sign in to this browser after the end of a session, so the tenant is part of it. */
+function nameOf(home: string, { name, size, lastModified }: Known): string {
+  return JSON.stringify([tenantNow(), home, name, size, lastModified]);
+}
+
+function partsOf(name: string): [tenant: string, home: string, file: Known | null] {
+  try {
+    const [tenant, home, file, size, lastModified] = JSON.parse(name) as unknown[];
+    const isWhole = typeof file === "string" && typeof size === "number" && typeof lastModified === "number";
+    return [String(tenant), String(home), isWhole ? { name: file, size, lastModified } : null];
+  } catch {
+    return ["", "", null];
+  }
+}
+
+/** The uploads that the service still has. */
+function fresh(): Record<string, Kept> {
+  return Object.fromEntries(Object.entries(read()).filter(([, kept]) => Date.now() - kept.at_ms < KEPT_MS));
 }
 
 function read(): Record<string, Kept> {

@@ -1,6 +1,6 @@
 // Sends a LiDAR map, and takes a replacement back.
 
-import { homePath, restoreLidarMap } from "../api.ts";
+import { homePath, Refusal, restoreLidarMap } from "../api.ts";
 import { attempt, offer, say } from "../parts/notices.ts";
 import { levelWord } from "../words.ts";
 import { sentName } from "./names.ts";
@@ -11,6 +11,15 @@ export interface Target {
   level: string;
   /** The revision of the map that the file replaces; null if the level has none. */
   replaces: number | null;
+}
+
+const TOO_LARGE = "The map is larger than this service takes. Export it with larger cells, or add the file that the robot itself makes.";
+
+/** The page's words for a body that is too large are about clips; a proxy before the service gives no words of the service. */
+function ofMap(error: unknown): unknown {
+  return error instanceof Refusal && error.status === 413 && error.detail !== null
+    ? new Refusal(413, TOO_LARGE, null, error.detail)
+    : error;
 }
 
 /** Sends a map; returns its revision. */
@@ -24,7 +33,8 @@ export async function sendMap(
   const name = sentName(file);
   const query = name ? `?filename=${encodeURIComponent(name)}` : "";
   const path = homePath(home, "lidar-maps", encodeURIComponent(level)) + query;
-  const answer = await request("PUT", path, { headers: { "content-type": "application/octet-stream" }, body: file, onSent, signal });
+  const answer = await request("PUT", path, { headers: { "content-type": "application/octet-stream" }, body: file, onSent, signal })
+    .catch((error: unknown) => Promise.reject(ofMap(error)));
   return (JSON.parse(answer.responseText) as { revision: number }).revision;
 }
 

@@ -11,10 +11,12 @@ import { explainFiles, explainRefused, type Refused } from "./help.ts";
 import { isKind, type Kind, kindOf } from "./kind.ts";
 import { askTarget } from "./level.ts";
 import { queueOf } from "./queue.ts";
+import { Unfinished } from "./unfinished.ts";
 
 export class UploadPanel {
   readonly element: HTMLElement;
   private readonly queue: ReturnType<typeof queueOf>;
+  private readonly unfinished: Unfinished;
   /** Files are sorted one after another, so that one question is open at a time. */
   private sorted = Promise.resolve();
 
@@ -27,7 +29,10 @@ export class UploadPanel {
     this.queue = queue;
     queue.onDone = onDone;
     signal.addEventListener("abort", () => queue.leavePage());
-    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), help(), queue.list, queue.said);
+    this.unfinished = new Unfinished(data.home.id, queue, signal);
+    this.element = h("div", { class: "upload" }, this.target("clip"), this.target("map"), help(),
+      this.unfinished.element, queue.list, queue.said, this.unfinished.said);
+    void this.unfinished.draw();
     this.takeDrops();
   }
 
@@ -89,7 +94,10 @@ export class UploadPanel {
   private async sort(file: File, said: Kind | undefined, found: Kind | null): Promise<void> {
     const isOther = said && found && said !== found;
     const kind = isOther ? await this.askOther(file, said, found) : (said ?? found ?? (await this.askKind(file)));
-    if (kind === "clip") this.queue.addClip(file);
+    if (kind === "clip") {
+      this.queue.addClip(file);
+      void this.unfinished.draw();
+    }
     if (kind === "map") await this.addMap(file);
   }
 

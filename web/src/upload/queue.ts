@@ -2,6 +2,7 @@
 
 import { Refusal } from "../api.ts";
 import { h } from "../dom.ts";
+import { takeLock } from "../parts/locks.ts";
 import { alarm, messageOf, say } from "../parts/notices.ts";
 import { isSessionEnd, reportSessionEnd } from "../session.ts";
 import { levelWord, named } from "../words.ts";
@@ -16,6 +17,15 @@ interface Upload extends SentClip {
   target: Target | null;
   row: UploadRow;
   stop: AbortController;
+  /** Gives the lock of the upload back. */
+  leave: () => void;
+  left: Promise<void>;
+  isOwned: boolean;
+}
+
+/** The lock of an upload: two tabs that send the same one would refuse each other's parts. */
+export function lockOf({ key }: Begun): string {
+  return `viola upload ${key}`;
 }
 
 const queues = new Map<string, UploadQueue>();
@@ -102,6 +112,7 @@ export class UploadQueue {
 
   stop(): void {
     for (const { stop } of [...this.waiting, ...this.arrived]) stop.abort();
+    for (const { leave } of this.all) leave();
     this.waiting = [];
     this.arrived.clear();
     this.failed.clear();
@@ -112,7 +123,11 @@ export class UploadQueue {
   private add(file: File, kind: string, target: Target | null): void {
     const row = new UploadRow(file, kind, () => this.cancel(upload));
     const { key, path } = (!target && this.resumable(file)) || { key: randomKey(), path: null };
-    const upload: Upload = { home: this.home, file, key, path, acknowledged_bytes: 0, target, row, stop: new AbortController() };
+    let leave = () => {};
+    const left = new Promise<void>((resolve) => (leave = resolve));
+    const upload: Upload = {
+      home: this.home, file, key, path, acknowledged_bytes: 0, target, row, stop: new AbortController(), leave, left, isOwned: false,
+    };
     this.list.append(row.element);
     this.enter(upload);
   }
@@ -120,7 +135,23 @@ export class UploadQueue {
   /** The upload of a file that was begun before a reload; null if there is none, or if this queue sends it already. */
   private resumable(file: File): Begun | null {
     const begun = begunOf(this.home, file);
-    return [...this.waiting, ...this.arrived, ...this.failed].some(({ key }) => key === begun?.key) ? null : begun;
+    return begun && this.has(begun.key) ? null : begun;
+  }
+
+  private get all(): Upload[] {
+    return [...this.waiting, ...this.arrived, ...this.failed];
+  }
+
+  /** True if this queue sends an upload, or may send it again. */
+  has(key: string): boolean {
+    return this.all.some((upload) => upload.key === key);
+  }
+
+  /** Takes the lock of an upload. A file that another tab sends becomes a clip of its own. */
+  private async own(upload: Upload): Promise<void> {
+    if (upload.isOwned || upload.target) return;
+    while (!(await takeLock(lockOf(upload), upload.left))) [upload.key, upload.path] = [randomKey(), null];
+    upload.isOwned = true;
   }
 
   private cancel(upload: Upload): void {
@@ -128,7 +159,8 @@ export class UploadQueue {
     this.waiting = this.waiting.filter((other) => other !== upload);
     this.arrived.delete(upload);
     this.failed.delete(upload);
-    upload.row.element.remove();
+    upload.row.remove();
+    upload.leave();
     dropBegun(upload);
     forgetClip(upload);
     this.letLeave();
@@ -167,6 +199,7 @@ export class UploadQueue {
     for (let failures = 1; !signal.aborted; failures++) {
       const before_bytes = upload.acknowledged_bytes;
       try {
+        await this.own(upload);
         if ((await this.send(upload)) === "arrived") void this.follow(upload);
         else this.finish(upload);
         return true;
@@ -216,7 +249,8 @@ export class UploadQueue {
     const text = `${named(file.name)} is stored.`;
     this.said.textContent = text;
     if (!row.element.isConnected) say(text);
-    row.element.remove();
+    row.remove();
+    upload.leave();
     dropBegun(upload);
     this.onDone();
   }
@@ -234,6 +268,7 @@ export class UploadQueue {
     if (!row.element.isConnected) alarm(`${named(file.name)} is not stored: ${reason}`);
     if (mayTryAgain(error)) this.failed.add(upload);
     row.fail(reason, mayTryAgain(error) ? () => this.enter(upload) : null, error instanceof Refusal ? error.detail : null);
+    if (!mayTryAgain(error)) upload.leave();
     if (error instanceof Refusal && !mayTryAgain(error)) dropBegun(upload);
     return true;
   }

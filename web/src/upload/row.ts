@@ -3,9 +3,15 @@
 import { h } from "../dom.ts";
 import { bytes, percent } from "../words.ts";
 
+/** Gives the focus of a row that is gone to the field that adds clips: a person with keys would begin at the top of the page. */
+export function focusOnAdding(): void {
+  document.querySelector<HTMLElement>("#choose-clip")?.focus({ preventScroll: true });
+}
+
 export class UploadRow {
   readonly element: HTMLElement;
   private readonly bar: HTMLProgressElement;
+  private readonly close: HTMLButtonElement;
   private readonly hint = h("span", { class: "hint" });
   /** The reason of a failure, and the button to try again. */
   private failure: HTMLElement[] = [];
@@ -17,11 +23,17 @@ export class UploadRow {
   ) {
     const { name } = file;
     this.bar = h("progress", { max: 1, value: 0, "aria-label": `Upload of ${name}` });
-    const close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${name}` }, "✕");
-    close.addEventListener("click", onCancel);
+    this.close = h("button", { type: "button", class: "quiet icon", "aria-label": `Cancel ${name}` }, "✕");
+    this.close.addEventListener("click", onCancel);
     this.element = h("li", {},
-      h("span", { class: "kind" }, kind), h("span", { class: "file", title: name, dir: "auto" }, name), this.hint, close, this.bar);
+      h("span", { class: "kind" }, kind), h("span", { class: "file", title: name, dir: "auto" }, name), this.hint, this.close, this.bar);
     this.wait("waits");
+  }
+
+  remove(): void {
+    const hadFocus = this.element.contains(document.activeElement);
+    this.element.remove();
+    if (hadFocus) focusOnAdding();
   }
 
   /** Shows why the upload waits. */
@@ -51,9 +63,11 @@ export class UploadRow {
   }
 
   private clear(): void {
+    const hadFocus = this.failure.some((part) => part.contains(document.activeElement));
     this.element.className = "";
     this.hint.hidden = false;
     for (const part of this.failure) part.remove();
     this.failure = [];
+    if (hadFocus) this.close.focus({ preventScroll: true });
   }
 }

@@ -11,6 +11,8 @@ const PART_BYTES = 8 << 20;
 /** Pauses between the questions whether a complete file is stored: each is twice the one before. */
 const FIRST_POLL_MS = 2000;
 const LONGEST_POLL_MS = 30_000;
+/** Offsets that another request has moved, in one attempt. */
+const MOST_CONFLICTS = 2;
 const VERSION = { "tus-resumable": "1.0.0" };
 
 /** A clip that is sent; the service keeps its bytes between the attempts. */
@@ -51,7 +53,7 @@ function lose(clip: SentClip): never {
 }
 
 /** Removes the bytes of a cancelled upload. Without an answer, they expire after a day. */
-export function forgetClip({ path }: SentClip): void {
+export function forgetClip({ path }: Begun): void {
   if (path) request("DELETE", path, { headers: VERSION, signal: new AbortController().signal }).catch(() => {});
 }
 
@@ -70,7 +72,9 @@ function encoded(values: Record<string, string>): string {
 }
 
 /** Sends the rest of a file after the service's offset; null if the service does not have the upload any more. */
-async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) => void, signal: AbortSignal): Promise<Sent | null> {
+async function sendRest(
+  clip: SentClip, path: string, onSent: (bytes: number) => void, signal: AbortSignal, conflicts = 0,
+): Promise<Sent | null> {
   const { file } = clip;
   try {
     let answer = await request("HEAD", path, { headers: VERSION, signal });
@@ -85,7 +89,9 @@ async function sendRest(clip: SentClip, path: string, onSent: (bytes: number) =>
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;
     // The last bytes of a broken request have moved the offset.
-    if (error.status === 409) return sendRest(clip, path, onSent, signal);
+    if (error.status === 409 && conflicts < MOST_CONFLICTS) return sendRest(clip, path, onSent, signal, conflicts + 1);
+    // Another sender of the same upload: each would refuse the other's parts for ever. A pause lets it finish.
+    if (error.status === 409) throw new Refusal(503, "Another tab or device sends this file too.");
     if (![404, 410].includes(error.status)) throw error;
   }
   return stateOf(path, signal);

@@ -31,7 +31,9 @@ export function fileSteps({ page, open, file, say, shot }) {
     await page.evaluate(() => (DataTransferItem.prototype.webkitGetAsEntry = () => ({ isDirectory: true })));
     await dropFiles(page, [{ name: "recording", bytes: Buffer.alloc(0) }]);
     const alarm = page.locator(".toast.bad", { hasText: "recording is a folder; drop its zip archive." });
-    await alarm.getByRole("button", { name: "Dismiss" }).click();
+    await alarm.getByRole("button", { name: "Dismiss" }).press("Enter");
+    await alarm.waitFor({ state: "detached" });
+    assert.equal(await page.evaluate(() => document.activeElement.tagName), "MAIN", "the focus is lost with the message");
     await page.evaluate((entryOf) => (DataTransferItem.prototype.webkitGetAsEntry = entryOf), entryOf);
     assert.equal(await row.count(), 0);
   }

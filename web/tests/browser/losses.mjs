@@ -1,6 +1,6 @@
 // The page after a loss of the network, a stream or the session.
 import assert from "node:assert/strict";
-import { dropFiles } from "./page.mjs";
+import { chooseFile, dropFiles } from "./page.mjs";
 
 export function lossSteps({ page, base, go, file, shot }) {
   const home = `${base}/v1/homes/flat`;
@@ -80,6 +80,46 @@ export function lossSteps({ page, base, go, file, shot }) {
     await page.getByText("Same recording as first.zip").waitFor();
   }
 
+  /** The page lists an upload that a reload interrupted, and continues it with the same file. */
+  async function anInterruptedUploadContinues() {
+    const uploads = `${base}/v1/uploads**`;
+    const recording = { name: "kitchen.zip", bytes: (await file("normal", "clip_0.zip")).bytes };
+    const offsets = [];
+    let isBroken = true;
+    await page.route(uploads, (route) => {
+      const offset = Number(route.request().headers()["upload-offset"] ?? 0);
+      if (route.request().method() === "PATCH") offsets.push(offset);
+      return isBroken && offset > 0 ? route.abort() : route.continue();
+    });
+    await chooseFile(page, "#choose-clip", recording);
+    await page.locator(".uploads li", { hasText: "kitchen.zip" }).getByText(/^waits for/).waitFor();
+    // The browser asks a person who leaves unsent files.
+    const leave = (dialog) => dialog.accept();
+    page.on("dialog", leave);
+    await page.reload();
+    page.off("dialog", leave);
+    const row = page.locator(".unfinished li", { hasText: "kitchen.zip" });
+    await row.getByText("The upload was interrupted.").waitFor();
+    await shot("14-upload-interrupted");
+    [isBroken, offsets.length] = [false, 0];
+    await chooseFile(page, ".unfinished input", recording);
+    await row.waitFor({ state: "detached" });
+    await page.waitForFunction(() => document.querySelectorAll(".uploads li").length === 0);
+    assert.ok(offsets.length > 0 && offsets[0] > 0, `the parts begin at ${offsets}`);
+    await page.unroute(uploads);
+  }
+
+  /** The walls behind the places of a clip, whose picture was lost on the way. */
+  async function aLostPictureComesLater() {
+    const { items: [clip] } = await (await page.request.get(`${base}/v1/homes/hotel/clips`)).json();
+    let losses = 0;
+    await page.route(/image\.png/, (route) => (losses++ < 2 ? route.abort() : route.continue()));
+    await go(`#/homes/hotel/clips/${clip.id}`);
+    await page.locator("[data-alternative] svg.plan image.picture[href]").first().waitFor({ state: "attached" });
+    assert.ok(losses > 2, "no picture was lost");
+    await page.unroute(/image\.png/);
+  }
+
   /** The events of the home arrive before the answer to its deletion. */
   async function aDeletedHomeLeadsToTheList() {
     const gone = `${base}/v1/homes/gone`;
@@ -102,13 +142,20 @@ export function lossSteps({ page, base, go, file, shot }) {
   /** A tab that is looked at again after the session's end. */
   async function anEndedSessionAsksForAKey() {
     await showHome();
+    await page.getByRole("button", { name: "Rename home" }).click();
+    await page.getByRole("dialog").waitFor();
     const all = `${home}**`;
     await page.route(all, (route) => route.fulfill(problem(401, "the session has ended; sign in again")));
     await page.evaluate(() => document.dispatchEvent(new Event("visibilitychange")));
     await page.getByRole("heading", { name: "This service asks for a key" }).waitFor();
+    assert.equal(await page.getByRole("dialog").count(), 0, "the question of the page before lies over the form");
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "Key");
     await shot("14-session-ended");
     await page.unroute(all);
   }
 
-  return [aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, aDeletedHomeLeadsToTheList, anEndedSessionAsksForAKey];
+  return [
+    aSlowPageSaysThatItLoads, aRefusedStreamIsOpenedAgain, aBrokenUploadResumes, anInterruptedUploadContinues, aLostPictureComesLater,
+    aDeletedHomeLeadsToTheList, anEndedSessionAsksForAKey,
+  ];
 }

@@ -15,6 +15,18 @@ export async function dropFiles(page, files) {
   }, encoded);
 }
 
+/** Chooses a file in a field; the file is the same after a reload of the page. */
+export async function chooseFile(page, field, { name, bytes }) {
+  await page.evaluate(({ field, name, base64 }) => {
+    const data = new DataTransfer();
+    const file = new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name, { lastModified: 5 });
+    data.items.add(file);
+    const input = document.querySelector(field);
+    input.files = data.files;
+    input.dispatchEvent(new Event("change"));
+  }, { field, name, base64: bytes.toString("base64") });
+}
+
 /** Writes down which bars of progress and which stages are shown from now on. */
 export async function recordProgress(page) {
   await page.evaluate(() => {
@@ -93,4 +105,46 @@ export async function isResponsive(page, { act, isShown, limit_ms, say }) {
     if (measured.slowest_ms < limit_ms + without.slowest_ms) return;
   }
   throw new Error(`an input waited ${limit_ms} ms longer than without the map, three times`);
+}
+
+/** Checks it for every colouring that has a legend, on the plan. */
+export async function theLegendLiesBelowThePlan(page) {
+  for (const colouring of ["probability", "class"]) {
+    await page.locator(`#colouring-${colouring}`).check({ force: true });
+    await page.locator(".legend").waitFor();
+    await page.waitForFunction(() => {
+      const [plan, legend] = [".views > .plan", ".legend"].map((name) => document.querySelector(name).getBoundingClientRect());
+      return plan.height > 100 && plan.bottom <= legend.top;
+    });
+  }
+}
+
+/** Checks that the tools and the legend leave a small phone a plan to look at. */
+export async function aSmallPhoneHasAPlan(page) {
+  const { width, height } = page.viewportSize();
+  for (const size of [{ width: 320, height: 568 }, { width: 844, height: 390 }]) {
+    await page.setViewportSize(size);
+    await page.waitForFunction(() => document.querySelector(".views > .plan").getBoundingClientRect().height > 110);
+  }
+  await page.setViewportSize({ width, height });
+}
+
+/** Checks that a view that nobody moved shows the whole home again after the window has got another shape. */
+export async function aTurnedPhoneShowsTheHomeWhole(page) {
+  const isDrawn = () => page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+  const names = () => page.locator(".name.room:visible").evaluateAll((all) => all.map((name) => {
+    const { x, y } = name.getBoundingClientRect();
+    return [name.textContent, Math.round(x), Math.round(y)].join(" ");
+  }));
+  const { width, height } = page.viewportSize();
+  await page.getByRole("button", { name: "Fit" }).click();
+  await isDrawn();
+  const whole = await names();
+  for (const size of [{ width: 1280, height: 800 }, { width, height }]) {
+    await page.setViewportSize(size);
+    await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+    await isDrawn();
+  }
+  const again = await names();
+  if (whole.length === 0 || again.join() !== whole.join()) throw new Error(`the names are at ${again} instead of ${whole}`);
 }

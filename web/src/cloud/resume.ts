@@ -1,0 +1,42 @@
+// Continues a file after a lost connection: megabytes of points would never be complete on a network that breaks each minute.
+
+import { nextPiece } from "../pieces.ts";
+import { pause, retryDelay_ms } from "../upload/retry.ts";
+import { Refusal } from "../api.ts";
+
+/** Attempts in a row without a byte; then the whole file is asked for again. */
+const MOST_ATTEMPTS = 5;
+
+type Pieces = ReadableStreamDefaultReader<Uint8Array>;
+
+/** The pieces of an answer to a GET. After a loss the rest of the same file is asked for; throws if none comes. */
+export async function* resumed(answer: Response): AsyncGenerator<Uint8Array, undefined> {
+  let pieces: Pieces | undefined = answer.body?.getReader();
+  // A packed answer has a weak tag; a range is of the file as it is.
+  const tag = answer.headers.get("etag")?.replace(/^W\//, "");
+  let received_bytes = 0;
+  while (pieces) {
+    try {
+      const { value, done } = await nextPiece(pieces);
+      if (done) return;
+      received_bytes += value.length;
+      yield value;
+    } catch (error) {
+      if (!tag || received_bytes === 0) throw error;
+      pieces = await restOf(answer.url, tag, received_bytes);
+    }
+  }
+}
+
+async function restOf(url: string, tag: string, from_bytes: number): Promise<Pieces> {
+  for (let failures = 1; failures <= MOST_ATTEMPTS; failures++) {
+    await pause(retryDelay_ms(new Refusal(0, ""), failures) ?? 0, new AbortController().signal);
+    const answer = await fetch(url, { headers: { range: `bytes=${from_bytes}-`, "if-range": tag } }).catch(() => null);
+    const isRest = answer?.status === 206 && answer.headers.get("content-range")?.startsWith(`bytes ${from_bytes}-`);
+    if (isRest && answer.body) return answer.body.getReader();
+    // Another file, or a refusal: the next request for the whole one tells which.
+    await answer?.body?.cancel();
+    if (answer && ![502, 503, 504].includes(answer.status)) break;
+  }
+  throw new Error("The rest of the file does not come.");
+}
