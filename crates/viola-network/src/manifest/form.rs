@@ -248,13 +248,13 @@ impl EntryForm {
         if self.source.is_built_in() && (self.sha256.is_none() || Weights::built_in(&file).is_none()) {
             return refuse("source.kind", "is built-in, but the program has no such file; use another kind");
         }
-        let fits = match (self.task, &self.output) {
-            (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
-            (Task::Depth, Some(Output::Depth { .. })) => true,
-            (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_))) => true,
-            (Task::Surface | Task::Runtime, None) => true,
-            _ => false,
-        };
+        let fits = matches!(
+            (self.task, &self.output),
+            (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. }))
+                | (Task::Depth, Some(Output::Depth { .. }))
+                | (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_)))
+                | (Task::Surface | Task::Runtime, None)
+        );
         if !fits {
             return refuse("output", "does not fit the task");
         }
