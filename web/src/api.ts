@@ -32,6 +32,8 @@ export class Refusal extends Error {
     readonly retryAfter_s: number | null = null,
     /** The service's own words, if the message is the page's. */
     readonly detail: string | null = null,
+    /** True if the service itself refused, and not a proxy before it. */
+    readonly isOwn = false,
   ) {
     super(message);
   }
@@ -56,8 +58,9 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
       const { type, field, detail, title } = problem as { type?: unknown; field?: unknown; detail?: unknown; title?: unknown };
       const own = [detail, title].find((text): text is string => typeof text === "string" && text !== "");
       const words = wordsFor(type, field);
-      if (words) return new Refusal(status, words, delay, own ?? null);
-      if (own) return new Refusal(status, own, delay);
+      const isOwn = String(type).startsWith("urn:viola:problem:");
+      if (words) return new Refusal(status, words, delay, own ?? null, isOwn);
+      if (own) return new Refusal(status, own, delay, null, isOwn);
     }
   } catch {
     // Not a problem document: something between this page and the service answered.

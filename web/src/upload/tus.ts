@@ -6,14 +6,21 @@ import { sentName } from "./names.ts";
 import { request } from "./request.ts";
 import { pause } from "./retry.ts";
 
-/** Each part is durable when it is answered. The service takes at most 10 000. */
+/** Each part is durable when it is answered. */
 const PART_BYTES = 8 << 20;
+/** Parts become smaller where a proxy before the service does not take them, but not smaller than this. */
+const LEAST_PART_BYTES = 256 << 10;
+/** Parts of a file that the service takes. */
+const MOST_PARTS = 10_000;
 /** Pauses between the questions whether a complete file is stored: each is twice the one before. */
 const FIRST_POLL_MS = 2000;
 const LONGEST_POLL_MS = 30_000;
 /** Offsets that another request has moved, in one attempt. */
 const MOST_CONFLICTS = 2;
 const VERSION = { "tus-resumable": "1.0.0" };
+
+/** Size of the parts of this page: the next file goes through the same proxy. */
+let part_bytes = PART_BYTES;
 
 /** A clip that is sent; the service keeps its bytes between the attempts. */
 export interface SentClip extends Begun {
@@ -80,10 +87,7 @@ async function sendRest(
     let answer = await request("HEAD", path, { headers: VERSION, signal });
     for (let at = offsetOf(answer); at < file.size; at = offsetOf(answer)) {
       clip.acknowledged_bytes = at;
-      onSent(at);
-      const headers = { ...VERSION, "upload-offset": String(at), "content-type": "application/offset+octet-stream" };
-      const body = file.slice(at, at + PART_BYTES);
-      answer = await request("PATCH", path, { headers, body, onSent: (bytes) => onSent(at + bytes), signal });
+      answer = await sendPart(file, at, path, onSent, signal);
     }
     if (answer.getResponseHeader("viola-clip")) return "stored";
   } catch (error) {
@@ -95,6 +99,26 @@ async function sendRest(
     if (![404, 410].includes(error.status)) throw error;
   }
   return stateOf(path, signal);
+}
+
+/** Sends the part of a file that begins at an offset. A proxy may take smaller parts only, and says so with 413. */
+async function sendPart(
+  file: File, at: number, path: string, onSent: (bytes: number) => void, signal: AbortSignal,
+): Promise<XMLHttpRequest> {
+  const headers = { ...VERSION, "upload-offset": String(at), "content-type": "application/offset+octet-stream" };
+  const least_bytes = Math.max(LEAST_PART_BYTES, Math.ceil(file.size / MOST_PARTS));
+  for (;;) {
+    onSent(at);
+    const body = file.slice(at, at + Math.max(part_bytes, least_bytes));
+    try {
+      return await request("PATCH", path, { headers, body, onSent: (bytes) => onSent(at + bytes), signal });
+    } catch (error) {
+      // The service itself refuses the whole file: smaller parts do not help.
+      const isOfPart = error instanceof Refusal && error.status === 413 && !error.isOwn;
+      if (!isOfPart || body.size <= least_bytes) throw error;
+      part_bytes = Math.min(part_bytes, Math.max(LEAST_PART_BYTES, Math.floor(body.size / 2)));
+    }
+  }
 }
 
 function offsetOf(answer: XMLHttpRequest): number {
