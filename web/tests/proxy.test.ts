@@ -28,9 +28,12 @@ class Proxied {
 
 const OF_PROXY: Answer = { status: 413, body: "<html>413 Request Entity Too Large</html>" };
 
-function send(size_bytes: number): { sent: number[]; end: Promise<unknown> } {
+function clipOf(size_bytes: number): SentClip {
   const file = new File([new Uint8Array(size_bytes)], "kitchen.zip");
-  const clip: SentClip = { home: "h", file, key: "k", path: null, acknowledged_bytes: 0 };
+  return { home: "h", file, key: "k", path: null, acknowledged_bytes: 0 };
+}
+
+function send(size_bytes: number, clip = clipOf(size_bytes)): { sent: number[]; end: Promise<unknown> } {
   const sent: number[] = [];
   return { sent, end: sendClip(clip, (bytes) => sent.push(bytes), new AbortController().signal) };
 }
@@ -42,6 +45,17 @@ test("the service's own refusal of the size is told at once", async () => {
   const service = new Proxied(0, 3 * 1024 * KIB, { status: 413, body });
   await assert.rejects(send(3 * 1024 * KIB).end, (error) => error instanceof Refusal && error.message === "at most 10 000");
   assert.deepEqual(service.bodies, [3 * 1024 * KIB]);
+});
+
+test("on a slow line behind a proxy that forwards whole parts, a part that is lost twice becomes smaller", async () => {
+  for (const status of [0, 504]) {
+    const size_bytes = 5 * 1024 * KIB;
+    const service = new Proxied(2 * 1024 * KIB, size_bytes, { status });
+    const clip = clipOf(size_bytes);
+    let tries = 1;
+    while ((await send(size_bytes, clip).end.catch(() => null)) !== "stored") assert.ok(++tries < 9);
+    assert.deepEqual(service.bodies.map((bytes) => bytes / KIB), [5120, 5120, 2560, 1280, 1280, 1280, 1280]);
+  }
 });
 
 test("behind a proxy with a small limit the parts become smaller, also those of the next file", async () => {
