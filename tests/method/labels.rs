@@ -3,6 +3,7 @@
 use image::RgbImage;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align as align;
 use viola_align::{AlignParams, Observation};
 use viola_formats::clip::Clip;
@@ -33,6 +34,25 @@ impl Segmenter for Broken {
 
     fn name(&self) -> String {
         "broken".into()
+    }
+}
+
+/// Fails on the second picture.
+struct Flaky {
+    oracle: Arc<Oracle>,
+    asked: AtomicUsize,
+}
+
+impl Segmenter for Flaky {
+    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
+        match self.asked.fetch_add(1, Ordering::Relaxed) {
+            1 => Err(SegmentError::NotFinite),
+            _ => self.oracle.segment(picture),
+        }
+    }
+
+    fn name(&self) -> String {
+        "flaky".into()
     }
 }
 
@@ -112,6 +132,27 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
         assert!(seen.reasons.iter().any(|reason| reason.code == code), "{:?}", seen.reasons);
         assert_eq!(seen.cloud_in_clip, plain.cloud_in_clip);
     }
+}
+
+#[test]
+fn a_picture_on_which_the_network_fails_leaves_the_other_pictures() {
+    let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 6, 12), 1.0, 0);
+    let with = |segmenter: Arc<dyn Segmenter>| {
+        observe(&clip, LabelParams { segmenter: Some(segmenter), ..LabelParams::default() })
+    };
+    let whole = with(oracle.clone());
+    let seen = with(Arc::new(Flaky { oracle, asked: AtomicUsize::new(0) }));
+    let mut pictures = whole.pictures.clone();
+    pictures.remove(1);
+    assert_eq!(seen.pictures, pictures);
+    let report = seen.labels.clone().unwrap();
+    assert_eq!((report.by.as_str(), report.key_frames), ("flaky", pictures.len()));
+    let failed = seen.reasons.iter().find(|reason| reason.code == "network_failed").unwrap();
+    assert!(failed.detail.contains(&format!("without 1 of {} pictures", whole.pictures.len())), "{failed:?}");
+    let pictured =
+        |seen: &Observation| seen.cloud_in_clip.points.iter().filter(|p| p.label.views > 0).count();
+    assert!(2 * pictured(&seen) > pictured(&whole), "{} of {}", pictured(&seen), pictured(&whole));
+    assert!(whole.reasons.iter().all(|reason| reason.code != "network_failed"), "{:?}", whole.reasons);
 }
 
 fn surface_network(file: &str) -> Arc<SurfaceNetwork> {

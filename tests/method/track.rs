@@ -1,10 +1,11 @@
 //! Clips without poses: tracked frames, lost frames with their reasons, and no bent segments.
 
 use image::{Rgb, RgbImage};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align as align;
 use viola_align::{AlignParams, Observation};
 use viola_formats::clip::{Clip, DepthImage, Frame, FrameHeader, Shutter, Up};
-use viola_geometry::progress::Silent;
+use viola_geometry::progress::{Progress, Silent};
 use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_lab::evaluate::track::{TrajectoryErrors, measure};
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set};
@@ -23,7 +24,7 @@ fn walk(seed: u64, frames: usize) -> (Vec<Frame>, Vec<Pose3>) {
 fn follow(frames: &[Frame]) -> Track {
     let mut tracker = Tracker::new(&TrackParams::default());
     frames.iter().for_each(|frame| tracker.add(frame));
-    tracker.finish()
+    tracker.finish(&Silent).unwrap()
 }
 
 /// Returns the errors of one segment.
@@ -252,7 +253,7 @@ fn a_rolling_shutter_is_allowed_for() {
     let errors_with = |shutter: Option<Shutter>| {
         let mut tracker = Tracker::new(&TrackParams { shutter, ..TrackParams::default() });
         frames.iter().for_each(|frame| tracker.add(frame));
-        errors(&tracker.finish(), 0, &truth)
+        errors(&tracker.finish(&Silent).unwrap(), 0, &truth)
     };
     let (unaware, aware) =
         (errors_with(None), errors_with(Some(Shutter { color_s: READOUT_S, depth_s: READOUT_S })));
@@ -273,7 +274,7 @@ fn the_poses_of_a_device_are_refined() {
     let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();
     let mut tracker = Tracker::refining(&TrackParams::default());
     frames.iter().for_each(|frame| tracker.add(frame));
-    let track = tracker.finish();
+    let track = tracker.finish(&Silent).unwrap();
     assert_eq!(track.segments.len(), 1, "{:?}", track.segments);
     assert_eq!(track.segments[0].frames, 60);
     let (before, after) = (measure(&given, &truth).unwrap(), errors(&track, 0, &clip.truth.home_from_camera));
@@ -295,7 +296,7 @@ fn a_picture_that_contradicts_the_device_is_no_key_frame() {
         frame.header.world_from_camera = Some(Pose3::translation(off_m, 0.0, 0.0));
         tracker.add(&frame);
     }
-    let track = tracker.finish();
+    let track = tracker.finish(&Silent).unwrap();
     for (index, pose) in track.poses.iter().enumerate() {
         let (_, pose) = pose.expect("the device has all poses");
         assert!(pose.translation.vector.norm() < 0.005 && pose.rotation.angle() < 0.005, "{index}: {pose:?}");
@@ -351,6 +352,32 @@ fn poses_in_millimetres_are_told_though_they_are_dropped() {
     assert!(is_told("poses_disagree", "in millimetres"), "{:?}", seen.reasons);
 }
 
+/// Requests a stop after a number of polls, and counts them.
+struct Stop(usize, AtomicUsize);
+
+impl Progress for Stop {
+    fn cancelled(&self) -> bool {
+        self.1.fetch_add(1, Ordering::Relaxed) >= self.0
+    }
+}
+
+#[test]
+fn a_stop_ends_the_search_for_loops() {
+    let (frames, _) = walk(1002, 20);
+    let finish = |after: usize| {
+        let stop = Stop(after, AtomicUsize::new(0));
+        let mut tracker = Tracker::new(&TrackParams::default());
+        frames.iter().for_each(|frame| tracker.add(frame));
+        (tracker.finish(&stop), stop.1.into_inner())
+    };
+    let (track, polls) = finish(usize::MAX);
+    // The key frames are compared by their looks and by their poses.
+    assert!(polls > 2 * track.unwrap().key_frames, "{polls}");
+    for after in [0, polls / 2, polls - 1] {
+        assert!(finish(after).0.is_err(), "{after} of {polls}");
+    }
+}
+
 /// Handheld recordings, by the thresholds for them.
 #[test]
 fn real_recordings_are_followed_as_well_as_asked_for() {
@@ -362,7 +389,7 @@ fn real_recordings_are_followed_as_well_as_asked_for() {
         let params = TrackParams { shutter: clip.shutter(), ..TrackParams::default() };
         let mut tracker = Tracker::new(&params);
         (0..clip.frames().len()).for_each(|index| tracker.add(&clip.load(index).unwrap()));
-        let track = tracker.finish();
+        let track = tracker.finish(&Silent).unwrap();
         let truth: Vec<_> = clip.frames().iter().map(|frame| frame.world_from_camera).collect();
         assert_eq!(track.segments.len(), 1, "{name}");
         let errors = measure(&track.poses_of(0), &truth).unwrap();

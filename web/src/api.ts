@@ -32,6 +32,8 @@ export class Refusal extends Error {
     readonly retryAfter_s: number | null = null,
     /** The service's own words, if the message is the page's. */
     readonly detail: string | null = null,
+    /** True if the service itself refused, and not a proxy before it. */
+    readonly isOwn = false,
   ) {
     super(message);
   }
@@ -56,8 +58,9 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
       const { type, field, detail, title } = problem as { type?: unknown; field?: unknown; detail?: unknown; title?: unknown };
       const own = [detail, title].find((text): text is string => typeof text === "string" && text !== "");
       const words = wordsFor(type, field);
-      if (words) return new Refusal(status, words, delay, own ?? null);
-      if (own) return new Refusal(status, own, delay);
+      const isOwn = String(type).startsWith("urn:viola:problem:");
+      if (words) return new Refusal(status, words, delay, own ?? null, isOwn);
+      if (own) return new Refusal(status, own, delay, null, isOwn);
     }
   } catch {
     // Not a problem document: something between this page and the service answered.
@@ -171,19 +174,42 @@ export function home(id: string, signal: AbortSignal): Promise<Home> {
   return get(homePath(id), signal);
 }
 
-/** Makes a home and returns its id, which is made of its name, with random letters if another home has it. */
+/** The new home whose answer was lost: it may have been made. */
+let unanswered: { name: string; id: string } | null = null;
+
+/**
+ * Makes a home and returns its id, which is made of its name, with random letters if another home has it. A repetition after a
+ * lost answer returns the home that was made then.
+ */
 export async function makeHome(name: string): Promise<string> {
+  const asked = unanswered?.name === name ? unanswered.id : null;
   for (let tries = 1; ; tries++) {
-    const id = tries === 1 ? idOf(name) : `${idOf(name)}-${randomLetters()}`;
-    try {
-      const { status } = await send("PUT", homePath(id), { name }, { "if-none-match": "*" });
-      if (status === 201) return id;
-    } catch (error) {
-      if (!(error instanceof Refusal && error.status === 412)) throw error;
+    const id = tries === 1 ? (asked ?? idOf(name)) : `${idOf(name)}-${randomLetters()}`;
+    if ((await isNewHome(name, id)) || (id === asked && (await isUnused(name, id)))) {
+      unanswered = null;
+      return id;
     }
-    // 200 and 412: another home has this id.
     if (tries === MOST_IDS) throw new Error("Other homes have the ids of this name. Choose another name.");
   }
+}
+
+/** Makes a home; false if another one has this id. */
+async function isNewHome(name: string, id: string): Promise<boolean> {
+  try {
+    // 200 and 412: another home has this id.
+    return (await send("PUT", homePath(id), { name }, { "if-none-match": "*" })).status === 201;
+  } catch (error) {
+    if (error instanceof Refusal && error.status === 412) return false;
+    const isLost = !(error instanceof Refusal) || error.status === 0 || error.status >= 500;
+    if (isLost) unanswered = { name, id };
+    throw error;
+  }
+}
+
+/** Returns whether a home with this id has the name and nothing else: it is the one that was made, or as good as it. */
+async function isUnused(name: string, id: string): Promise<boolean> {
+  const found = await getIfThere<Home>(homePath(id), new AbortController().signal);
+  return found !== null && found.name === name && found.clips === 0 && found.lidar_map_revision === null;
 }
 
 function randomLetters(): string {

@@ -29,6 +29,28 @@ test("a home never gets the id of another one", async () => {
   }
 });
 
+test("a home whose answer was lost is not made twice", async () => {
+  const unused = { name: "Elm Street", clips: 0, lidar_map_revision: null };
+  for (const [found, id] of [
+    [unused, /^elm-street$/], [{ ...unused, clips: 1 }, /^elm-street-[a-z]{4}$/], [{ ...unused, name: "Elm street" }, /^elm-street-[a-z]{4}$/],
+  ] as const) {
+    const homes = new Map<string, object>();
+    let isLost = true;
+    globalThis.fetch = async (path, options) => {
+      if (options?.method !== "PUT") return new Response(JSON.stringify(homes.get(String(path))));
+      if (homes.has(String(path))) return new Response("{}", { status: 412 });
+      homes.set(String(path), found);
+      if (!isLost) return new Response("{}", { status: 201 });
+      isLost = false;
+      return new Response("Bad gateway", { status: 502 });
+    };
+    await assert.rejects(makeHome("Elm Street"), (error) => error instanceof Refusal && error.status === 502);
+    assert.match(await makeHome("Elm Street"), id);
+    // Another home of the same name is a new one.
+    assert.match(await makeHome("Elm Street"), /^elm-street-[a-z]{4}$/);
+  }
+});
+
 test("an answer that stalls counts as none", async () => {
   const limit = new AbortController();
   AbortSignal.timeout = () => limit.signal;

@@ -184,6 +184,18 @@ mod tests {
     }
 
     #[test]
+    fn a_small_sensor_sees_a_far_wall_without_holes() {
+        let frame = wall(4.75);
+        let mut tsdf = Tsdf::new(MAX_BYTES);
+        tsdf.integrate(&frame, &Pose3::identity());
+        for (x, y) in (0..60u32).flat_map(|y| (0..80u32).map(move |x| (x, y))) {
+            let at = frame.depth_camera.unproject(x.into(), y.into(), 4.75);
+            let key = [0, 1, 2].map(|axis| (at[axis] / 0.12).floor() as i32);
+            assert!(tsdf.index.contains_key(&key), "the block of pixel {x}, {y} is missing");
+        }
+    }
+
+    #[test]
     fn points_have_the_colour_of_the_pictures_and_no_other() {
         let mut frame = wall(1.5);
         let (width, height) = (400, 300);

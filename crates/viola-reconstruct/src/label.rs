@@ -44,7 +44,7 @@ use sites::Sites;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Point3, Pose3, Vector3};
-use vote::{Look, Recording, Votes};
+use vote::{Look, Recording, Voted, Votes};
 
 /// Summary of the labelling for the answer.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -106,10 +106,19 @@ impl Labeller {
         };
         let recording = Recording { clip, key_frames, up_in_world };
         match vote::vote(&recording, &labeller.sites, segmenter.as_ref(), params, progress)? {
-            Ok(votes) => {
+            Ok(Voted { votes, failures }) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
                 labeller.votes = Some(votes);
-                labeller.pictures = vote::choose(key_frames).iter().map(|key| key.index).collect();
+                let chosen = vote::choose(key_frames);
+                if let Some((_, error)) = failures.first() {
+                    let (name, failed, all) = (segmenter.name(), failures.len(), chosen.len());
+                    let detail = format!(
+                        "the classes come without {failed} of {all} pictures, because of {name}: {error}"
+                    );
+                    labeller.remarks.push(Reason::new("network_failed", detail));
+                }
+                let is_segmented = |index: &usize| failures.iter().all(|(failed, _)| failed != index);
+                labeller.pictures = chosen.iter().map(|key| key.index).filter(is_segmented).collect();
                 let key_frames = labeller.pictures.len();
                 labeller.report = LabelReport { by: segmenter.name(), key_frames };
             }

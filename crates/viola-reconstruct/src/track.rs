@@ -37,6 +37,7 @@ use odometry::Odometry;
 use picture::Pyramid;
 use shutter::Rolling;
 use viola_formats::clip::{Frame, Shutter};
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{Point3, Pose3};
 
 /// Maximum number of key frames that a lost frame is compared with, the most similar first.
@@ -255,8 +256,8 @@ impl Tracker {
     }
 
     /// Closes the loops and returns the poses of all frames.
-    pub fn finish(mut self) -> Track {
-        let loops = if self.params.close_loops { self.close_loops() } else { 0 };
+    pub fn finish(mut self, progress: &dyn Progress) -> Result<Track, Cancelled> {
+        let loops = if self.params.close_loops { self.close_loops(progress)? } else { 0 };
         let key_bytes = self.keys.iter().map(KeyFrame::bytes).sum();
         let mut poses: Vec<Option<(usize, Pose3)>> = self
             .frames
@@ -269,20 +270,20 @@ impl Tracker {
             })
             .collect();
         let segments = segments(&mut poses, &self.ended, MIN_SEGMENT_FRAMES);
-        Track { poses, segments, key_frames: self.keys.len(), loops, key_bytes }
+        Ok(Track { poses, segments, key_frames: self.keys.len(), loops, key_bytes })
     }
 
     /// Returns the number of accepted loops.
-    fn close_loops(&mut self) -> usize {
-        let by_look = loops::by_look(&self.keys, self.params.seed);
+    fn close_loops(&mut self, progress: &dyn Progress) -> Result<usize, Cancelled> {
+        let by_look = loops::by_look(&self.keys, self.params.seed, progress)?;
         self.edges.extend(by_look);
         self.join_segments();
-        let mut believed = self.settle().into_iter();
+        let mut believed = self.settle(progress)?.into_iter();
         self.edges.retain(|_| believed.next().unwrap_or(true));
-        let by_pose = loops::by_pose(&self.keys, &self.edges);
+        let by_pose = loops::by_pose(&self.keys, &self.edges, progress)?;
         self.edges.extend(by_pose);
-        let believed = self.settle();
-        self.edges.iter().zip(believed).filter(|(edge, believed)| edge.is_loop && *believed).count()
+        let believed = self.settle(progress)?;
+        Ok(self.edges.iter().zip(believed).filter(|(edge, believed)| edge.is_loop && *believed).count())
     }
 
     /// Moves segments that edges connect into one world.
@@ -316,13 +317,13 @@ impl Tracker {
         }
     }
 
-    fn settle(&mut self) -> Vec<bool> {
+    fn settle(&mut self, progress: &dyn Progress) -> Result<Vec<bool>, Cancelled> {
         let mut poses: Vec<Pose3> = self.keys.iter().map(|key| key.world_from_key).collect();
-        let believed = graph::settle(&mut poses, &self.edges);
+        let believed = graph::settle(&mut poses, &self.edges, progress)?;
         for (key, pose) in self.keys.iter_mut().zip(poses) {
             key.world_from_key = pose;
         }
-        believed
+        Ok(believed)
     }
 }
 

@@ -5,7 +5,7 @@ use super::extract;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_formats::clip::Frame;
-use viola_geometry::{Point3, Pose3};
+use viola_geometry::{Pinhole, Point3, Pose3};
 
 /// Truncation distance: several times the depth noise, less than the thickness of a wall.
 const TRUNCATION_M: f64 = 0.10;
@@ -24,6 +24,9 @@ pub(super) const SIDE: usize = 4;
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 
 const VOXEL_M: f64 = 0.03;
+const BLOCK_M: f64 = VOXEL_M * SIDE as f64;
+/// Maximum number of pixels from one ray that creates blocks to the next.
+const MAX_STRIDE: usize = 3;
 /// Maximum memory of a clip's blocks. A flat of 150 m2 has about 180 000 blocks, 100 MiB.
 pub(super) const MAX_BYTES: usize = 192 << 20;
 
@@ -139,24 +142,23 @@ impl Tsdf {
 
     /// Creates and stamps the blocks around the readings.
     fn allocate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
-        const STRIDE: usize = 3;
-        let block_m = VOXEL_M * SIDE as f64;
+        let stride = stride(&frame.depth_camera);
         let reach_m = TRUNCATION_M;
         let origin = world_from_camera.translation.vector;
         let mut last = None;
-        for y in (0..frame.depth.height).step_by(STRIDE) {
-            for x in (0..frame.depth.width).step_by(STRIDE) {
+        for y in (0..frame.depth.height).step_by(stride) {
+            for x in (0..frame.depth.width).step_by(stride) {
                 let depth_m = frame.depth.at(x, y);
                 if !(MIN_DEPTH_M..=MAX_DEPTH_M).contains(&depth_m) {
                     continue;
                 }
                 let ray = world_from_camera.rotation * frame.depth_camera.ray(f64::from(x), f64::from(y));
                 let depth_m = f64::from(depth_m);
-                // Three samples reach every block in the truncation band, except corners that the ray of a
-                // neighbouring pixel reaches.
+                // The samples of a ray, and the rays beside it, are at most a block apart, so a block that they miss
+                // has little of the truncation band.
                 for along in [-reach_m, 0.0, reach_m] {
                     let point = origin + ray * (depth_m + along / ray.norm());
-                    let key = [0, 1, 2].map(|axis| (point[axis] / block_m).floor() as i32);
+                    let key = [0, 1, 2].map(|axis| (point[axis] / BLOCK_M).floor() as i32);
                     if last != Some(key) {
                         last = Some(key);
                         self.touch(key);
@@ -177,6 +179,13 @@ impl Tsdf {
             self.full = true;
         }
     }
+}
+
+/// Returns the number of pixels from one ray that creates blocks to the next: at the maximum depth they are at most a block
+/// apart, if one pixel is not more.
+fn stride(camera: &Pinhole) -> usize {
+    let block_pixels = BLOCK_M * camera.fx.min(camera.fy) / f64::from(MAX_DEPTH_M);
+    (block_pixels as usize).clamp(1, MAX_STRIDE)
 }
 
 /// Returns the bits that round the colours of a voxel in a frame: they depend on neither threads nor blocks.
@@ -282,5 +291,13 @@ mod tests {
         assert_eq!(add(100, 0..40), [100, 100, 0]);
         let [red, green, blue] = add(110, 40..400);
         assert!(red.abs_diff(110) <= 1 && green.abs_diff(110) <= 1 && blue == 0, "{red} {green} {blue}");
+    }
+
+    #[test]
+    fn rays_are_at_most_a_block_apart() {
+        for (focal, pixels) in [(577.6, 3), (193.1, 3), (126.0, 3), (100.0, 2), (70.0, 1), (8.0, 1)] {
+            let camera = Pinhole { width: 80, height: 60, fx: focal, fy: focal, cx: 39.5, cy: 29.5 };
+            assert_eq!(stride(&camera), pixels, "{focal}");
+        }
     }
 }

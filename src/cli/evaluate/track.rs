@@ -27,7 +27,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             let rows = scene(path, &arguments.trajectories, &params)?;
             (rows, String::new())
         }
-        None => simulated(arguments, &params),
+        None => simulated(arguments, &params)?,
     };
     text += &markdown(&rows);
     save(out, "track.json", &serde_json::to_string_pretty(&rows)?)?;
@@ -48,7 +48,7 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
         frames.extend(batch.into_iter().collect::<Result<Vec<_>, _>>()?);
     }
     let params = TrackParams { shutter: clip.shutter(), ..params.clone() };
-    let mut rows = ours(&name, &frames, &truth, &params);
+    let mut rows = ours(&name, &frames, &truth, &params)?;
     for file in trajectories {
         let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let others: Vec<Foreign> =
@@ -65,7 +65,7 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
 }
 
 /// Tracks clips of simulated homes without the device's poses; returns the rows and a table by sets.
-fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackRow>, String) {
+fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> Result<(Vec<TrackRow>, String)> {
     let frames = arguments.first_length();
     let (mut rows, mut text) = (Vec::new(), String::new());
     for &set in &arguments.set {
@@ -79,7 +79,7 @@ fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackR
                 let rendered: Vec<Frame> = (0..frames).map(|index| clip.frame(index)).collect();
                 let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();
                 let name = format!("{} {seed:06}_{number}", set.name());
-                let of_clip = ours(&name, &rendered, &truth, params);
+                let of_clip = ours(&name, &rendered, &truth, params)?;
                 markdown(&of_clip).lines().skip(2).take(2).for_each(print_line);
                 of_set.extend(of_clip);
             }
@@ -87,5 +87,5 @@ fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackR
         text += &format!("{}, {frames} frames at {RATE_HZ} Hz:\n\n{}\n", set.name(), summary(&of_set));
         rows.extend(of_set);
     }
-    (rows, text)
+    Ok((rows, text))
 }

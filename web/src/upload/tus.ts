@@ -6,14 +6,23 @@ import { sentName } from "./names.ts";
 import { request } from "./request.ts";
 import { pause } from "./retry.ts";
 
-/** Each part is durable when it is answered. The service takes at most 10 000. */
+/** Each part is durable when it is answered. */
 const PART_BYTES = 8 << 20;
+/** Parts become smaller where a proxy before the service does not take them, but not smaller than this. */
+const LEAST_PART_BYTES = 256 << 10;
+/** Parts of a file that the service takes. */
+const MOST_PARTS = 10_000;
 /** Pauses between the questions whether a complete file is stored: each is twice the one before. */
 const FIRST_POLL_MS = 2000;
 const LONGEST_POLL_MS = 30_000;
+/** Statuses of a part that did not reach the service: a lost connection, and a proxy that gave up. */
+const LOST = [0, 408, 502, 504];
 /** Offsets that another request has moved, in one attempt. */
 const MOST_CONFLICTS = 2;
 const VERSION = { "tus-resumable": "1.0.0" };
+
+/** Size of the parts that the proxy takes: the next file of this page goes through the same one. */
+let most_part_bytes = PART_BYTES;
 
 /** A clip that is sent; the service keeps its bytes between the attempts. */
 export interface SentClip extends Begun {
@@ -21,6 +30,10 @@ export interface SentClip extends Begun {
   file: File;
   /** Bytes that the service has for sure. */
   acknowledged_bytes: number;
+  /** Offset of the last part that was lost. */
+  lost_at?: number;
+  /** Size of the parts, if parts were lost again and again. */
+  part_bytes?: number;
 }
 
 /** State of a clip whose bytes are all sent: the service has stored it, or still reads it. */
@@ -80,10 +93,7 @@ async function sendRest(
     let answer = await request("HEAD", path, { headers: VERSION, signal });
     for (let at = offsetOf(answer); at < file.size; at = offsetOf(answer)) {
       clip.acknowledged_bytes = at;
-      onSent(at);
-      const headers = { ...VERSION, "upload-offset": String(at), "content-type": "application/offset+octet-stream" };
-      const body = file.slice(at, at + PART_BYTES);
-      answer = await request("PATCH", path, { headers, body, onSent: (bytes) => onSent(at + bytes), signal });
+      answer = await sendPart(clip, at, path, onSent, signal);
     }
     if (answer.getResponseHeader("viola-clip")) return "stored";
   } catch (error) {
@@ -95,6 +105,36 @@ async function sendRest(
     if (![404, 410].includes(error.status)) throw error;
   }
   return stateOf(path, signal);
+}
+
+/**
+ * Sends the part of a file that begins at an offset. A proxy may take smaller parts only, and says so with 413. A proxy that
+ * forwards whole parts loses all of one that a slow line does not send in time, so a part that is lost twice becomes smaller.
+ */
+async function sendPart(
+  clip: SentClip, at: number, path: string, onSent: (bytes: number) => void, signal: AbortSignal,
+): Promise<XMLHttpRequest> {
+  const { file } = clip;
+  const headers = { ...VERSION, "upload-offset": String(at), "content-type": "application/offset+octet-stream" };
+  const least_bytes = Math.max(LEAST_PART_BYTES, Math.ceil(file.size / MOST_PARTS));
+  for (;;) {
+    onSent(at);
+    const body = file.slice(at, at + Math.max(Math.min(clip.part_bytes ?? PART_BYTES, most_part_bytes), least_bytes));
+    try {
+      return await request("PATCH", path, { headers, body, onSent: (bytes) => onSent(at + bytes), signal });
+    } catch (error) {
+      if (!(error instanceof Refusal)) throw error;
+      const half_bytes = Math.max(LEAST_PART_BYTES, Math.floor(body.size / 2));
+      if (LOST.includes(error.status)) {
+        if (clip.lost_at === at) clip.part_bytes = half_bytes;
+        clip.lost_at = at;
+      }
+      // The service itself refuses the whole file: smaller parts do not help.
+      const isOfPart = error.status === 413 && !error.isOwn;
+      if (!isOfPart || body.size <= least_bytes) throw error;
+      most_part_bytes = Math.min(most_part_bytes, half_bytes);
+    }
+  }
 }
 
 function offsetOf(answer: XMLHttpRequest): number {

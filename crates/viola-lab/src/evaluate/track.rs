@@ -11,6 +11,7 @@ use std::fmt::Write;
 use std::time::Instant;
 use viola_formats::clip::Frame;
 use viola_geometry::Pose3;
+use viola_geometry::progress::{Cancelled, Silent};
 use viola_reconstruct::TrackParams;
 use viola_reconstruct::track::{Lost, Tracker};
 
@@ -45,19 +46,24 @@ pub struct Foreign {
 }
 
 /// Returns our rows: odometry only, and with loops. Decoding `frames` is not timed.
-pub fn ours(clip: &str, frames: &[Frame], truth: &[Option<Pose3>], params: &TrackParams) -> Vec<TrackRow> {
+pub fn ours(
+    clip: &str,
+    frames: &[Frame],
+    truth: &[Option<Pose3>],
+    params: &TrackParams,
+) -> Result<Vec<TrackRow>, Cancelled> {
     [("viola, odometry only", false), ("viola", true)]
         .into_iter()
-        .map(|(method, close_loops)| {
+        .map(|(method, close_loops)| -> Result<TrackRow, Cancelled> {
             let params = TrackParams { close_loops, ..params.clone() };
             let since = Instant::now();
             let mut tracker = Tracker::new(&params);
             frames.iter().for_each(|frame| tracker.add(frame));
-            let track = tracker.finish();
+            let track = tracker.finish(&Silent)?;
             let seconds = since.elapsed().as_secs_f64();
             let poses = track.longest().map_or_else(Vec::new, |longest| track.poses_of(longest));
             let reason = |why: &Lost| why.code().to_owned();
-            TrackRow {
+            Ok(TrackRow {
                 clip: clip.to_owned(),
                 method: method.to_owned(),
                 frames: frames.len(),
@@ -74,7 +80,7 @@ pub fn ours(clip: &str, frames: &[Frame], truth: &[Option<Pose3>], params: &Trac
                     .filter_map(|segment| segment.ended.as_ref())
                     .map(reason)
                     .collect(),
-            }
+            })
         })
         .collect()
 }

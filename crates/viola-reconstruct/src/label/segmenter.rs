@@ -11,7 +11,7 @@ pub trait Segmenter: Send + Sync {
     fn name(&self) -> String;
 }
 
-/// Reason why a network could not be used. The clip is then labelled by geometry alone.
+/// Reason why a network could not be used. A clip without any answer of a network is labelled by geometry alone.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SegmentError {
     #[error("the network failed: {0}")]

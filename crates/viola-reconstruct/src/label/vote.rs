@@ -22,6 +22,13 @@ pub(super) struct Votes {
     pub(super) views: Vec<u16>,
 }
 
+/// The votes of a clip's pictures.
+pub(super) struct Voted {
+    pub(super) votes: Votes,
+    /// Frames, by their index in the clip, on whose pictures the network failed, with the errors.
+    pub(super) failures: Vec<(usize, SegmentError)>,
+}
+
 /// Sites processed together. They lie side by side, so most sites out of view are skipped as a chunk.
 const CHUNK: usize = 1024;
 /// Frames decoded at a time.
@@ -43,14 +50,16 @@ impl Recording<'_> {
 }
 
 /// Streams the chosen key frames again, segments each upright, and adds its votes for the sites that it sees.
-/// `sites` are in the world frame.
+/// `sites` are in the world frame. A picture on which the network fails has no votes; if it fails on all, the first error is
+/// returned.
 pub(super) fn vote(
     recording: &Recording,
     sites: &Sites,
     segmenter: &dyn Segmenter,
     params: &LabelParams,
     progress: &dyn Progress,
-) -> Result<Result<Votes, SegmentError>, ReconstructError> {
+) -> Result<Result<Voted, SegmentError>, ReconstructError> {
+    let (mut segmented, mut failures) = (0, Vec::new());
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
     let chosen = choose(recording.key_frames);
@@ -69,14 +78,19 @@ pub(super) fn vote(
             let Some(picture) = &frame.color else { continue };
             let turn = recording.turn(key);
             let turned = turn.of_picture(picture);
-            let map = match augment::segment(segmenter, &turned, params.augmentations) {
-                Ok(map) => map,
-                Err(error) => return Ok(Err(error)),
-            };
-            votes.add(sites, &balls, &frame, &key.world_from_camera, &Turned { map, turn });
+            match augment::segment(segmenter, &turned, params.augmentations) {
+                Ok(map) => {
+                    votes.add(sites, &balls, &frame, &key.world_from_camera, &Turned { map, turn });
+                    segmented += 1;
+                }
+                Err(error) => failures.push((key.index, error)),
+            }
         }
     }
-    Ok(Ok(votes))
+    match failures.first() {
+        Some((_, error)) if segmented == 0 => Ok(Err(error.clone())),
+        _ => Ok(Ok(Voted { votes, failures })),
+    }
 }
 
 /// Returns the sharpest key frame of each stretch: the network is slow, neighbours give the same classes, and

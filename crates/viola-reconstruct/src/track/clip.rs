@@ -92,7 +92,7 @@ fn follow(
         return Err(ReconstructError::Clip(error));
     }
     progress::check(progress)?;
-    let track = tracker.finish();
+    let track = tracker.finish(progress)?;
     let mut world_from_camera = vec![None; clip.frames().len()];
     if let Some(longest) = track.longest() {
         for (pose, index) in track.poses_of(longest).into_iter().zip(&followed) {

@@ -5,6 +5,7 @@
 
 use super::step::exponential;
 use nalgebra::{Matrix6, Vector6};
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::{Pose3, Vector3, conjugate_gradients, groups};
 
 /// A measured motion between two key frames.
@@ -27,7 +28,11 @@ const ROUNDS: usize = 12;
 
 /// Optimises the poses (`world_from_key`) by the edges; the first of each connected part stays fixed. Returns
 /// for each edge whether it is believed.
-pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
+pub(super) fn settle(
+    poses: &mut [Pose3],
+    edges: &[Edge],
+    progress: &dyn Progress,
+) -> Result<Vec<bool>, Cancelled> {
     let fixed = first_of_parts(poses.len(), edges);
     let mut weights = vec![1.0; edges.len()];
     for round in 0..ROUNDS {
@@ -38,7 +43,7 @@ pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
             let fade = FADE * f64::powi(2.0, 6 - (round.min(6) as i32));
             *weight = if edge.is_loop { (1.0 + squared / fade).powi(-2) } else { 1.0 };
         }
-        let step = solve(poses, edges, &weights, &errors, &fixed);
+        let step = solve(poses, edges, &weights, &errors, &fixed, progress)?;
         for (pose, step) in poses.iter_mut().zip(&step) {
             *pose *= exponential(step);
             pose.rotation.renormalize();
@@ -47,7 +52,7 @@ pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
             break;
         }
     }
-    edges.iter().zip(&weights).map(|(edge, weight)| !edge.is_loop || *weight > WRONG).collect()
+    Ok(edges.iter().zip(&weights).map(|(edge, weight)| !edge.is_loop || *weight > WRONG).collect())
 }
 
 fn first_of_parts(count: usize, edges: &[Edge]) -> Vec<bool> {
@@ -83,7 +88,8 @@ fn solve(
     weights: &[f64],
     errors: &[Vector6<f64>],
     fixed: &[bool],
-) -> Vec<Vector6<f64>> {
+    progress: &dyn Progress,
+) -> Result<Vec<Vector6<f64>>, Cancelled> {
     let count = poses.len();
     let slopes: Vec<Matrix6<f64>> =
         edges.iter().map(|edge| -carried(&(poses[edge.a].inverse() * poses[edge.b]))).collect();
@@ -103,6 +109,10 @@ fn solve(
     };
     hold(&mut right);
     let times = |of: &[Vector6<f64>]| {
+        if progress.cancelled() {
+            // A product of zero ends the iterations.
+            return vec![Vector6::zeros(); of.len()];
+        }
         let mut out: Vec<Vector6<f64>> = of.iter().map(|value| value * 1e-6).collect();
         for ((edge, weight), slope) in edges.iter().zip(weights).zip(&slopes) {
             let pulled = edge.information * (of[edge.a] + slope * of[edge.b]) * *weight;
@@ -114,12 +124,15 @@ fn solve(
     };
     let eased = |of: &[Vector6<f64>]| of.iter().zip(&inverse).map(|(v, m)| m * v).collect::<Vec<_>>();
     // The matrix is positive definite: a small value is added to its diagonal.
-    conjugate_gradients(right, times, eased, 1e-16, 20 * count.max(10)).0
+    let (step, _) = conjugate_gradients(right, times, eased, 1e-16, 20 * count.max(10));
+    progress::check(progress)?;
+    Ok(step)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use viola_geometry::progress::Silent;
 
     fn sure(a: usize, b: usize, b_from_a: Pose3, is_loop: bool) -> Edge {
         Edge { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
@@ -153,7 +166,7 @@ mod tests {
         edges.extend(
             [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
         );
-        let believed = settle(&mut poses, &edges);
+        let believed = settle(&mut poses, &edges, &Silent).unwrap();
         assert!(believed.iter().all(|believed| *believed));
         assert!(worst_m(&poses, &truth) < 0.4 * before_m, "{} {before_m}", worst_m(&poses, &truth));
         assert_eq!(poses[0], Pose3::identity());
@@ -167,10 +180,10 @@ mod tests {
             [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
         );
         let mut poses = right.clone();
-        settle(&mut right, &edges);
+        settle(&mut right, &edges, &Silent).unwrap();
         let planted = [(2, 12), (7, 17), (4, 14)];
         edges.extend(planted.map(|(a, b)| sure(a, b, Pose3::translation(0.1, 0.05, 0.0), true)));
-        let believed = settle(&mut poses, &edges);
+        let believed = settle(&mut poses, &edges, &Silent).unwrap();
         assert_eq!(believed.iter().filter(|believed| !**believed).count(), planted.len());
         assert!(believed[..22].iter().all(|believed| *believed));
         assert!(worst_m(&poses, &right) < 0.01, "{}", worst_m(&poses, &right));

@@ -6,6 +6,7 @@ use super::place::{Place, recognise};
 use super::step::{Step, align};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::{Point3, Pose3};
 
 /// Minimum distance of a loop's ends in a segment, in key frames.
@@ -86,11 +87,12 @@ pub(super) fn same_place(a: &KeyFrame, b: &KeyFrame, seed: u64) -> Option<(Place
 }
 
 /// Returns loops between key frames that look alike.
-pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
+pub(super) fn by_look(keys: &[KeyFrame], seed: u64, progress: &dyn Progress) -> Result<Vec<Edge>, Cancelled> {
     let way = Way::along(keys);
-    let found: Vec<Vec<Edge>> = (0..keys.len())
+    let found: Result<Vec<Vec<Edge>>, Cancelled> = (0..keys.len())
         .into_par_iter()
-        .map(|b| {
+        .map(|b| -> Result<Vec<Edge>, Cancelled> {
+            progress::check(progress)?;
             let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + APART <= b;
             let mut alike: Vec<(usize, usize)> =
                 (0..b).filter(apart).map(|a| (keys[a].similarity(keys[b].words()), a)).collect();
@@ -109,19 +111,24 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
                     edges.push(edge(a, b, &found));
                 }
             }
-            edges
+            Ok(edges)
         })
         .collect();
-    found.concat()
+    Ok(found?.concat())
 }
 
 /// Returns loops between key frames that are near by pose.
-pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
+pub(super) fn by_pose(
+    keys: &[KeyFrame],
+    known: &[Edge],
+    progress: &dyn Progress,
+) -> Result<Vec<Edge>, Cancelled> {
     let way = Way::along(keys);
     let known: FxHashSet<(usize, usize)> = known.iter().map(|edge| (edge.a, edge.b)).collect();
-    let found: Vec<Vec<Edge>> = (0..keys.len())
+    let found: Result<Vec<Vec<Edge>>, Cancelled> = (0..keys.len())
         .into_par_iter()
-        .map(|b| {
+        .map(|b| -> Result<Vec<Edge>, Cancelled> {
+            progress::check(progress)?;
             let near = |a: usize| {
                 let off = keys[b].world_from_key.inverse() * keys[a].world_from_key;
                 let far = off.translation.vector.norm() / (0.35 * keys[b].median_depth_m)
@@ -141,10 +148,10 @@ pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
                     edges.push(edge(a, b, &found));
                 }
             }
-            edges
+            Ok(edges)
         })
         .collect();
-    found.concat()
+    Ok(found?.concat())
 }
 
 fn edge(a: usize, b: usize, found: &Step) -> Edge {

@@ -105,14 +105,15 @@ fn grey(frame: &Frame, camera: &Pinhole) -> Vec<f32> {
             if left == right {
                 continue;
             }
-            let mut sum = 0u32;
+            // A cell of a tiny depth sensor covers more pixels than 32 bits can sum.
+            let mut sum = 0u64;
             for y in top..bottom {
                 let row = &pixels[y * stride + left * 3..y * stride + right * 3];
                 // Weights of ITU-R BT.601.
                 sum += row
                     .chunks_exact(3)
-                    .map(|p| 77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2]))
-                    .sum::<u32>();
+                    .map(|p| u64::from(77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2])))
+                    .sum::<u64>();
             }
             let count = ((bottom - top) * (right - left)) as f32;
             *value = sum as f32 / (count * 255.0 * 256.0);
@@ -167,4 +168,27 @@ fn halved(layer: &Layer) -> Layer {
         }
     }
     Layer { camera: whole.resized(width as u32, height as u32), grey, depth_m }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgb, RgbImage};
+    use viola_formats::clip::{DepthImage, FrameHeader};
+
+    #[test]
+    fn a_cell_of_many_pixels_has_their_mean_grey() {
+        let camera = |side: u32| {
+            let middle = f64::from(side - 1) / 2.0;
+            Pinhole { width: side, height: side, fx: side.into(), fy: side.into(), cx: middle, cy: middle }
+        };
+        let frame = Frame {
+            header: FrameHeader { number: 0, time_s: None, world_from_camera: None, force_in_camera: None },
+            color_camera: camera(600),
+            color: Some(RgbImage::from_pixel(600, 600, Rgb([255; 3]))),
+            depth_camera: camera(2),
+            depth: DepthImage { width: 2, height: 2, depth_m: vec![2.0; 4] },
+        };
+        assert_eq!(Pyramid::new(&frame).finest().grey, [1.0; 4]);
+    }
 }
