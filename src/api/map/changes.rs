@@ -29,7 +29,7 @@ pub(in crate::api) struct ChangesQuery {
 /// Get the changes of a home's objects between two revisions of its map: added, moved and gone
 ///
 /// An object is added, or gone, if a clip of another time looked through its place. Objects that are in one of the
-/// revisions for another reason are `discovered` or `lost`.
+/// revisions for another reason are `discovered`, `found_again` or `lost`.
 ///
 /// Five revisions are kept and can be compared. The feed has a change of the kind `objects` for each
 /// revision with such changes.
@@ -102,6 +102,7 @@ fn changes(
         to,
         added: Vec::new(),
         discovered: Vec::new(),
+        found_again: Vec::new(),
         moved: Vec::new(),
         gone: Vec::new(),
         lost: Vec::new(),
@@ -168,6 +169,7 @@ fn add_changes(
     let moved = |(i, j): &(usize, usize)| MovedObject { from: object(before[*i]), to: object(&after[*j]) };
     all.added.extend(each(&found.added, after));
     all.discovered.extend(each(&found.discovered, after));
+    all.found_again.extend(each(&found.found_again, after));
     all.moved.extend(found.moved.iter().map(moved));
     all.gone.extend(seen_again.chain(hidden));
     all.lost.extend(found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(before[*index])));
