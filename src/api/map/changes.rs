@@ -55,7 +55,10 @@ pub(in crate::api) async fn get_map_changes(
     }
     let later = Revision::of(&app, &home, to, current).await?;
     let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
-    let clips = app.storage.placed_clips(&home, to).await?;
+    let clips = app.storage.placed_clips(&home, to).await;
+    // A revision that was removed meanwhile has no clips, and each lost object would be one of removed clips.
+    super::kept(&app.storage, &home, Some(to)).await?;
+    let clips = clips?;
     Ok(Document(changes(earlier.as_ref(), &later, &clips, (from, to))))
 }
 
