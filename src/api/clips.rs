@@ -5,7 +5,7 @@ use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
 use super::content;
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, timestamp};
+use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp};
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
@@ -123,7 +123,7 @@ pub(super) async fn add_clip(
     refuse_json(request.headers())?;
     let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
-    let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
+    let told = query.recorded_at.map(|text| recorded_at_of_query(&text)).transpose()?;
     let unknown_scale = is_scale_unknown(query.scale.as_deref())?;
     let (title, file_name) = (names::title(query.title)?, names::file_name(query.filename)?);
     // A dry run stores nothing, and neither does a retry.
@@ -178,14 +178,22 @@ fn latest() -> Timestamp {
     Timestamp::now() + AHEAD
 }
 
-/// Parses the time of recording that the sender gives.
-pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
-    let time = timestamp("recorded_at", text)?;
+/// Parses the time of recording in a query.
+fn recorded_at_of_query(text: &str) -> Result<Timestamp, Error> {
+    let time = possible(timestamp("recorded_at", text)?);
+    time.map_err(|detail| Error::InvalidQuery { field: Some("recorded_at"), detail })
+}
+
+/// Parses the time of recording that the sender gives; an error is its explanation.
+pub(super) fn recorded_at(text: &str) -> Result<Timestamp, String> {
+    possible(rfc3339("recorded_at", text)?)
+}
+
+fn possible(time: Timestamp) -> Result<Timestamp, String> {
     if is_possible(time) {
         return Ok(time);
     }
-    let detail = "recorded_at is between the year 2000 and a day from now".to_owned();
-    Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
+    Err("recorded_at is between the year 2000 and a day from now".to_owned())
 }
 
 fn is_possible(time: Timestamp) -> bool {

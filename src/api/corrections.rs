@@ -12,12 +12,14 @@ use axum::extract::State;
 use axum::http::HeaderMap;
 use serde::Deserialize;
 use serde_json::Value;
+use viola_formats::lidar::{MAX_DISTANCE_M, MAX_SIDE_M};
 use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, RoomCorrection};
 use viola_storage::{ObjectChange, RoomChange};
 
-/// Maximum distance of a place from the origin of the map, and range of its height: beyond any home.
-const MAX_PLACE_M: f64 = 1000.0;
+/// Maximum coordinate of a place in the map's frame: that of a LiDAR map, and the side of one for what lies beside it.
+const MAX_PLACE_M: f64 = MAX_DISTANCE_M + MAX_SIDE_M;
+/// Range of a place's height.
 const HEIGHTS_M: [f64; 2] = [-5.0, 20.0];
 /// Range of an object's sides.
 const SIDES_M: [f64; 2] = [0.02, 20.0];
@@ -211,7 +213,12 @@ fn object_change(patch: &ObjectPatch) -> Result<ObjectChange, Error> {
         let place = numbers::<3>(value).filter(|[x, y, z]| {
             x.abs() <= MAX_PLACE_M && y.abs() <= MAX_PLACE_M && (HEIGHTS_M[0]..=HEIGHTS_M[1]).contains(z)
         });
-        place.ok_or_else(|| wrong("centre_m", "x, y and z: within 1000 m of the origin, z from -5 to 20"))
+        place.ok_or_else(|| {
+            wrong(
+                "centre_m",
+                &format!("x, y and z: x and y from -{MAX_PLACE_M} to {MAX_PLACE_M}, z from -5 to 20"),
+            )
+        })
     };
     let size = |value: &Value| {
         let size = numbers::<3>(value)
@@ -254,7 +261,9 @@ fn room_change(patch: &RoomPatch) -> Result<RoomChange, Error> {
         line.filter(is_near).filter(is_line).ok_or_else(|| {
             wrong(
                 "split_by",
-                "an object of from_m and to_m: x and y within 1000 m of the origin, 0.1 m apart or more",
+                &format!(
+                    "an object of from_m and to_m: x and y from -{MAX_PLACE_M} to {MAX_PLACE_M}, 0.1 m apart or more"
+                ),
             )
         })
     };
@@ -274,4 +283,23 @@ fn name(value: &Value) -> Result<String, Error> {
 fn numbers<const COUNT: usize>(value: &Value) -> Option<[f64; COUNT]> {
     let numbers: Vec<f64> = value.as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?;
     numbers.try_into().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn places_may_be_in_the_farthest_map_and_not_beyond() {
+        for (x_m, is_accepted) in [(1001.0, true), (-100_249.0, true), (100_249.0, true), (100_251.0, false)]
+        {
+            let patch = json!({"centre_m": [x_m, -x_m, 0.5]});
+            let patch: ObjectPatch = serde_json::from_value(patch).unwrap();
+            assert_eq!(object_change(&patch).is_ok(), is_accepted, "an object at {x_m}");
+            let patch = json!({"split_by": {"from_m": [x_m, 0.0], "to_m": [x_m, 1.0]}});
+            let patch: RoomPatch = serde_json::from_value(patch).unwrap();
+            assert_eq!(room_change(&patch).is_ok(), is_accepted, "a line at {x_m}");
+        }
+    }
 }

@@ -256,11 +256,16 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
 
 /// Parses the time of a query parameter.
 pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Error> {
-    text.parse().map_err(|error: jiff::Error| Error::InvalidQuery {
+    rfc3339(field, text).map_err(|detail| Error::InvalidQuery {
         field: Some(field),
-        detail: format!(
-            "{field} is a time of RFC 3339 as 2026-03-14T15:09:26Z ({error}); in a query, + is written %2B"
-        ),
+        detail: format!("{detail}; in a query, + is written %2B"),
+    })
+}
+
+/// Parses a time; an error is its explanation.
+pub(super) fn rfc3339(field: &'static str, text: &str) -> Result<Timestamp, String> {
+    text.parse().map_err(|error: jiff::Error| {
+        format!("{field} is a time of RFC 3339 as 2026-03-14T15:09:26Z ({error})")
     })
 }
 

@@ -34,7 +34,7 @@ use std::collections::HashSet;
 use std::fmt::Display;
 use uuid::Uuid;
 use viola_geometry::LevelName;
-use viola_storage::{HomeId, HomeMap, MapFile, MapLevel};
+use viola_storage::{HomeId, HomeMap, MapFile, MapLevel, Storage};
 
 /// A revision of a home's map, and the clips that are not in it
 #[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
@@ -89,11 +89,15 @@ async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeM
             detail: "revision is a number from 1".to_owned(),
         })
     });
-    let number = number.transpose()?;
-    if let Some(map) = app.storage.home_map(home, number).await? {
+    kept(&app.storage, home, number.transpose()?).await
+}
+
+/// Returns a revision that is kept, by default the current one.
+async fn kept(storage: &Storage, home: &HomeId, number: Option<i64>) -> Result<HomeMap, Error> {
+    if let Some(map) = storage.home_map(home, number).await? {
         return Ok(map);
     }
-    let current = app.storage.home_map(home, None).await?;
+    let current = storage.home_map(home, None).await?;
     let (Some(number), Some(current)) = (number, current) else { return Err(Error::NoSuchMap) };
     Err(no_revision(number, current.revision))
 }
@@ -104,11 +108,16 @@ fn no_revision(revision: i64, current: i64) -> Error {
 }
 
 /// Returns the error for a file that the store does not have: its revision was removed meanwhile, or the file was lost.
-async fn missing(app: &App, file: &MapFile) -> Error {
-    match app.storage.check_map_file_removed(file).await {
-        Ok(()) => Error::NoSuchMap,
+async fn missing(storage: &Storage, home: &HomeId, revision: i64, file: &MapFile) -> Error {
+    match storage.check_map_file_removed(file).await {
+        Ok(()) => without_file(storage, home, revision).await,
         Err(lost) => lost.into(),
     }
+}
+
+/// Returns the error for a file that a revision does not have: the revision was removed meanwhile, or is of an earlier version.
+async fn without_file(storage: &Storage, home: &HomeId, revision: i64) -> Error {
+    kept(storage, home, Some(revision)).await.err().unwrap_or(Error::NoSuchMap)
 }
 
 /// Returns the entity tag of an answer that is made of files of a map: revisions that share the files have one tag.
@@ -182,8 +191,92 @@ fn file_name(
 
 #[cfg(test)]
 mod tests {
+    use super::points::Points;
     use super::*;
     use crate::api::reply::tag_of;
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::time::Duration;
+    use viola_align::Alignment;
+    use viola_formats::clip::Clip;
+    use viola_formats::lidar::LidarMap;
+    use viola_home::{ClipNumbers, PointFilter, TileKey};
+    use viola_storage::{
+        AttemptEnd, NewClip, NewLidarMap, NewRevision, RetryPolicy, StorageParams, map_file,
+    };
+    use viola_testing::{room, zips};
+
+    /// Makes the next revision of a map, with one tile.
+    async fn make_revision(storage: &Storage, home: &HomeId, number: u8) {
+        storage.put_home(home, Some(&format!("name {number}")), |_| true, storage.now()).await.unwrap();
+        let claim = storage.claim_merge("", Duration::from_mins(1), storage.now()).await.unwrap();
+        let tile = TileKey { level: LevelName::MAIN, x: 0, y: 0 };
+        let new = NewRevision { tiles: vec![(tile, Some(vec![number]))], ..NewRevision::default() };
+        let claim = claim.expect("the map is due");
+        assert!(storage.finish_merge(&claim, Some(&new), storage.now()).await.unwrap());
+    }
+
+    /// Returns a home whose one clip has an answer.
+    async fn home_with_due_map(storage: &Storage, folder: &Path) -> HomeId {
+        let (home, now): (HomeId, _) = ("h".parse().unwrap(), storage.now());
+        storage.put_home(&home, None, |_| true, now).await.unwrap();
+        let file = storage.incoming().unwrap().finish().await.unwrap();
+        let (level, info) = (LevelName::MAIN, LidarMap::read(room::lidar_csv().as_bytes()).unwrap().info);
+        let lidar =
+            NewLidarMap { level, file, file_name: None, info, from_earlier: None, image_png: Vec::new() };
+        storage.put_lidar_map(&home, lidar, None, |_| true, now).await.unwrap();
+        let recording = folder.join("clip.zip");
+        std::fs::write(&recording, zips::zip(&room::clip(2))).unwrap();
+        let clip = NewClip {
+            file: storage.incoming().unwrap().finish().await.unwrap(),
+            info: Clip::open(&recording).unwrap().info().clone(),
+            content_sha256: None,
+            idempotency_key: None,
+            recorded_at: None,
+            title: None,
+            file_name: None,
+        };
+        storage.add_clip(&home, clip, None, now).await.unwrap();
+        let claim = storage.claim(Duration::from_mins(1), now).await.unwrap().expect("a job is due");
+        let answer = AttemptEnd::Answered(Box::new(Alignment::failed()));
+        assert!(storage.finish(&claim, &answer, &RetryPolicy::default(), now).await.unwrap());
+        home
+    }
+
+    #[tokio::test]
+    async fn a_revision_that_is_removed_during_a_request_is_told_as_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let storage = Arc::new(Storage::open(&StorageParams::in_folder(folder.path())).await.unwrap());
+        let (home, level) = (home_with_due_map(&storage, folder.path()).await, LevelName::MAIN);
+        make_revision(&storage, &home, 1).await;
+        let tiles = storage.home_map_files(&home, 1, level, map_file::TILE).await.unwrap();
+        let points = Points {
+            storage: storage.clone(),
+            home: home.clone(),
+            revision: 1,
+            clips: ClipNumbers::new(std::iter::empty()),
+            filter: PointFilter::default(),
+        };
+        for number in 2..=6 {
+            make_revision(&storage, &home, number).await;
+        }
+        let current = storage.home_map_files(&home, 6, level, map_file::TILE).await.unwrap();
+        let cases = [
+            (points.of_tile(&tiles[0]).await.unwrap_err(), "map-revision-removed"),
+            (missing(&storage, &home, 1, &tiles[0]).await, "map-revision-removed"),
+            (without_file(&storage, &home, 1).await, "map-revision-removed"),
+            (without_file(&storage, &home, 6).await, "map-not-found"),
+        ];
+        for (error, code) in cases {
+            assert_eq!(error.problem().kind, format!("urn:viola:problem:{code}"), "{error}");
+        }
+        let lost = missing(&storage, &home, 6, &current[0]).await;
+        assert!(lost.problem().status >= 500, "a lost file of a kept revision: {lost}");
+        storage.delete_home(&home, |_| true, storage.now()).await.unwrap();
+        let removed = points.of_tile(&tiles[0]).await.unwrap_err();
+        assert_eq!(removed.problem().kind, "urn:viola:problem:home-not-found");
+        storage.close().await;
+    }
 
     #[test]
     fn the_tag_of_a_made_file_is_of_this_version() {

@@ -26,9 +26,12 @@ const BUILD: &str = "viola_build_info";
 /// The name that the clients of Prometheus have agreed on.
 const MEMORY: &str = "process_resident_memory_bytes";
 
-/// Upper bounds of the buckets in seconds: from a cached answer to a long job.
-const SECONDS: [f64; 14] =
-    [0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0];
+/// Upper bounds of the buckets in seconds: from a cached answer to the wait of a job in a queue of a day. A quantile is never
+/// above the last one.
+const SECONDS: [f64; 19] = [
+    0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0, 600.0, 1_800.0,
+    3_600.0, 14_400.0, 86_400.0,
+];
 
 static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
 

@@ -233,6 +233,8 @@ async fn a_clip_knows_when_it_was_recorded() {
     for given in refused {
         let problem = upload(format!("?recorded_at={given}")).await.problem(400, "invalid-query");
         assert_eq!(problem["field"], "recorded_at", "{given}");
+        let has_advice = problem["detail"].as_str().unwrap().contains("%2B");
+        assert!(has_advice || !given.contains('+'), "{problem}");
     }
     assert_eq!(server.blobs().len(), before);
 }

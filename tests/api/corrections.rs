@@ -139,15 +139,14 @@ async fn an_object_is_corrected_and_the_correction_withdrawn() {
     assert_eq!(find(&hidden, "objects", &id), None);
     let all = server.get(&format!("{home}/map/corrections")).await.ok(200);
     assert_eq!((&all["objects"][0]["id"], &all["objects"][0]["hidden"]), (&json!(id), &json!(true)));
-    let changes = server.get(&format!("{home}/map/changes")).await.ok(200);
-    assert_eq!(
-        (&changes["gone"][0]["reason"], &changes["gone"][0]["object"]["id"]),
-        (&json!("hidden"), &json!(id))
-    );
+    let gone = server.get(&format!("{home}/map/changes")).await.ok(200)["gone"][0].clone();
+    assert_eq!((&gone["reason"], &gone["object"]["id"]), (&json!("hidden"), &json!(id)));
     let undo = json!({"name": null, "class": null, "centre_m": null, "yaw_rad": null, "hidden": null});
     assert_eq!(patch(&server, &path, &undo).await.ok(200)["correction"], Value::Null);
     let again = after(&server, &home, "objects", &hidden["revision"]).await;
     assert_eq!(find(&again, "objects", &id), Some(&found));
+    let changes = server.get(&format!("{home}/map/changes")).await.ok(200);
+    assert_eq!((&changes["found_again"][0]["id"], &changes["discovered"]), (&json!(id), &json!([])));
 }
 
 /// Asks for a file of the map that a client may have; returns the status and the tag.

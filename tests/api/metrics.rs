@@ -43,6 +43,10 @@ async fn the_dashboard_shows_what_is_counted() {
         assert!(value(&format!("viola_job_attempts_total{{outcome=\"{outcome}\"}}")) >= 0.0, "{outcome}");
     }
     assert!(value("viola_merges_total{outcome=\"failed\"}") >= 0.0);
+    // A quantile ends at the last bucket, and jobs wait for hours.
+    for le in ["120", "600", "3600", "86400"] {
+        assert!(value(&format!("viola_job_start_seconds_bucket{{le=\"{le}\"}}")) >= 1.0, "{le}");
+    }
     let build = text.lines().find(|line| line.starts_with("viola_build_info{")).expect("the build is told");
     assert!(build.contains(concat!("version=\"", env!("CARGO_PKG_VERSION"), "\"")), "{build}");
     if cfg!(target_os = "linux") {

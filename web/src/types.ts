@@ -41,9 +41,10 @@ export type RoomPatch = Partial<{
   split_by: { from_m: Point2; to_m: Point2 } | null;
 }>;
 export type Coverage = Sent<Schemas["MapCoverage"]>;
-export type MapChanges = Omit<Sent<Schemas["MapChanges"]>, "added" | "discovered" | "moved" | "gone" | "lost"> & {
+export type MapChanges = Omit<Sent<Schemas["MapChanges"]>, "added" | "discovered" | "found_again" | "moved" | "gone" | "lost"> & {
   added: Thing[];
   discovered: Thing[];
+  found_again: Thing[];
   lost: { reason: Schemas["LostReason"]; object: Thing }[];
   moved: { from: Thing; to: Thing }[];
   gone: { reason: Schemas["GoneReason"]; object: Thing }[];

@@ -30,7 +30,7 @@ function compared() {
   body.replaceChildren(fake(panel.element));
   const revisions = () => answer("revisions?limit=50", { items: [3, 2, 1].map((revision) => ({ revision, created_at: "" })), next: null });
   const changes = (from: number, name: string) => answer(`changes?from=${from}&to=3`, {
-    added: [{ id: name, name, level: "main", room: null }], discovered: [], moved: [], gone: [], lost: [],
+    added: [{ id: name, name, level: "main", room: null }], discovered: [], found_again: [], moved: [], gone: [], lost: [],
   });
   return { panel, data, open, answer, revisions, changes, text: () => fake(panel.element).textContent };
 }
@@ -64,7 +64,7 @@ test("changes are those since the newest earlier map until a person chooses one,
     const all = Array.from({ length: revision }, (_, i) => ({ revision: revision - i, created_at: "" }));
     await answer("revisions?limit=50", { items: all, next: null });
     await answer(`changes?from=${from}&to=${revision}`, {
-      added: ["Sofa", name].map((id) => ({ id, name: id, level: "main", room: null })), discovered: [], moved: [], gone: [], lost: [],
+      added: ["Sofa", name].map((id) => ({ id, name: id, level: "main", room: null })), discovered: [], found_again: [], moved: [], gone: [], lost: [],
     });
     await drawn;
     assert.ok(text().includes(name), text());
@@ -74,8 +74,26 @@ test("changes are those since the newest earlier map until a person chooses one,
   const [from] = fake(panel.element).all("select");
   if (from) from.value = "1";
   from?.dispatchEvent(new Event("change"));
-  await answer("changes?from=1&to=4", { added: [], discovered: [], moved: [], gone: [], lost: [] });
+  await answer("changes?from=1&to=4", { added: [], discovered: [], found_again: [], moved: [], gone: [], lost: [] });
   await next(5, 1, "Lamp");
+});
+
+test("an object that was known before is not worded as seen for the first time", async () => {
+  const { panel, data, answer, revisions, text } = compared();
+  const drawn = panel.draw();
+  await revisions();
+  const thing = (name: string) => ({ id: name, name, level: "main", room: null });
+  await answer("changes?from=2&to=3", {
+    added: [], discovered: [thing("Bed")], found_again: [thing("Sofa")], moved: [], gone: [], lost: [],
+  });
+  await drawn;
+  assert.match(text(), /1 object seen for the first time.*Bed.*1 object found again.*Sofa/);
+  data.described = "3 main, described again";
+  const again = panel.draw();
+  await revisions();
+  await answer("changes?from=2&to=3", { added: [], discovered: [], found_again: [thing("Sofa")], moved: [], gone: [], lost: [] });
+  await again;
+  assert.match(text(), /1 object found again.*Sofa/);
 });
 
 test("changes are compared again on another level, and after an error", async () => {

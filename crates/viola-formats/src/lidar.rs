@@ -17,6 +17,7 @@ mod strays;
 mod valetudo;
 mod write;
 
+pub use build::MAX_DISTANCE_M;
 pub use error::LidarError;
 pub use marks::{Line, LineKind, MapMarks, Obstacle, Zone, ZoneKind};
 pub use robot_frame::{RobotFrame, RobotFrames};

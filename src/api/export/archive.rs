@@ -7,7 +7,6 @@ use serde::Serialize;
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::{Semaphore, mpsc};
-use viola_storage::StorageError;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, StreamWriter, ZipWriter};
 
@@ -56,16 +55,16 @@ impl Archive {
     }
 
     /// Adds a file as it is read, not compressed: pictures, recordings and floats would not get smaller.
-    pub async fn stream(
+    pub async fn stream<Failure: Into<ExportError>>(
         &mut self,
         name: &str,
-        bytes: impl Stream<Item = Result<Bytes, StorageError>>,
+        bytes: impl Stream<Item = Result<Bytes, Failure>>,
     ) -> Result<(), ExportError> {
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
         self.zip.start_file(name, options.large_file(true))?;
         let mut bytes = std::pin::pin!(bytes);
         while let Some(bytes) = bytes.next().await {
-            self.zip.write_all(&bytes?)?;
+            self.zip.write_all(&bytes.map_err(Into::<ExportError>::into)?)?;
             self.outlet.send_from(PIECE_BYTES).await?;
         }
         Ok(())

@@ -8,7 +8,7 @@ use crate::api::types;
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, PointFilter};
 use viola_storage::{
-    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
+    Clip, ClipFilter, Home, HomeId, HomeMap, MapFile, MapLevel, Page, StorageError, map_file, result_file,
 };
 
 const README: &str = include_str!("README.txt");
@@ -30,6 +30,16 @@ pub(super) enum ExportError {
     Abandoned,
     #[error("the home's map changed too often while it was read")]
     Changing,
+}
+
+/// Points that cannot be read.
+impl From<Error> for ExportError {
+    fn from(error: Error) -> ExportError {
+        match error {
+            Error::MapRevisionRemoved { .. } => ExportError::Changing,
+            error => ExportError::Points(Box::new(error)),
+        }
+    }
 }
 
 /// Returns the folder of a level's files. Those of `main` have the folder of homes with one level.
@@ -96,7 +106,7 @@ impl Contents {
     async fn map_level(&self, zip: &mut Archive, map: &HomeMap, level: &MapLevel) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let folder = folder("map", level.level);
-        let files = |name| storage.home_map_files(&self.home, map.revision, level.level, name);
+        let files = |name| self.map_files(map, level.level, name);
         for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
             for found in &files(name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
@@ -106,7 +116,9 @@ impl Contents {
         for (format, name) in [(Streamed::Ply, "points.ply"), (Streamed::Glb, "points.glb")] {
             let tiles = files(map_file::TILE).await?;
             let points = Points {
-                app: self.app.clone(),
+                storage: storage.clone(),
+                home: self.home.clone(),
+                revision: map.revision,
                 clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
                 filter: PointFilter::default(),
             };
@@ -114,11 +126,25 @@ impl Contents {
             let head = match points.head(format, level.info.points, &tiles).await {
                 Ok((head, _)) => head,
                 Err(Error::InvalidQuery { .. }) => continue,
-                Err(error) => return Err(ExportError::Points(Box::new(error))),
+                Err(error) => return Err(error.into()),
             };
             zip.stream(&format!("{folder}/{name}"), points.body(format, head, tiles)).await?;
         }
         Ok(())
+    }
+
+    /// Returns a level's files of one name. The list of a revision that was removed meanwhile has only those that later ones
+    /// share.
+    async fn map_files(
+        &self,
+        map: &HomeMap,
+        level: LevelName,
+        name: &str,
+    ) -> Result<Vec<MapFile>, ExportError> {
+        let storage = &self.app.storage;
+        let files = storage.home_map_files(&self.home, map.revision, level, name).await?;
+        let kept = storage.home_map(&self.home, Some(map.revision)).await?;
+        kept.map(|_| files).ok_or(ExportError::Changing)
     }
 
     async fn clip(&self, zip: &mut Archive, clip: &Clip) -> Result<(), ExportError> {

@@ -29,7 +29,7 @@ pub(in crate::api) struct ChangesQuery {
 /// Get the changes of a home's objects between two revisions of its map: added, moved and gone
 ///
 /// An object is added, or gone, if a clip of another time looked through its place. Objects that are in one of the
-/// revisions for another reason are `discovered` or `lost`.
+/// revisions for another reason are `discovered`, `found_again` or `lost`.
 ///
 /// Five revisions are kept and can be compared. The feed has a change of the kind `objects` for each
 /// revision with such changes.
@@ -55,7 +55,10 @@ pub(in crate::api) async fn get_map_changes(
     }
     let later = Revision::of(&app, &home, to, current).await?;
     let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
-    let clips = app.storage.placed_clips(&home, to).await?;
+    let clips = app.storage.placed_clips(&home, to).await;
+    // A revision that was removed meanwhile has no clips, and each lost object would be one of removed clips.
+    super::kept(&app.storage, &home, Some(to)).await?;
+    let clips = clips?;
     Ok(Document(changes(earlier.as_ref(), &later, &clips, (from, to))))
 }
 
@@ -102,6 +105,7 @@ fn changes(
         to,
         added: Vec::new(),
         discovered: Vec::new(),
+        found_again: Vec::new(),
         moved: Vec::new(),
         gone: Vec::new(),
         lost: Vec::new(),
@@ -168,6 +172,7 @@ fn add_changes(
     let moved = |(i, j): &(usize, usize)| MovedObject { from: object(before[*i]), to: object(&after[*j]) };
     all.added.extend(each(&found.added, after));
     all.discovered.extend(each(&found.discovered, after));
+    all.found_again.extend(each(&found.found_again, after));
     all.moved.extend(found.moved.iter().map(moved));
     all.gone.extend(seen_again.chain(hidden));
     all.lost.extend(found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(before[*index])));

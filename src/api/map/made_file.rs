@@ -44,8 +44,8 @@ fn failed(source: io::Error) -> StorageError {
     StorageError::File { path: PathBuf::from("a temporary file of points"), source }
 }
 
-async fn spool(points: &Points, tiles: &[MapFile]) -> Result<Spool, StorageError> {
-    let mut file = tokio::fs::File::from_std(points.app.storage.scratch_file()?);
+async fn spool(points: &Points, tiles: &[MapFile]) -> Result<Spool, Error> {
+    let mut file = tokio::fs::File::from_std(points.storage.scratch_file()?);
     let mut sum = Sha256::new();
     for tile in tiles {
         let bytes = points.of_tile(tile).await?;
@@ -74,7 +74,7 @@ pub(super) async fn make(
     write: impl FnOnce(File, Spool) -> io::Result<()> + Send + 'static,
 ) -> Result<(Body, u64), Error> {
     let spool = spool(points, tiles).await?;
-    let out = points.app.storage.scratch_file()?;
+    let out = points.storage.scratch_file()?;
     let made = apart(move || {
         // The work continues if the client leaves, so it holds the place.
         let _place = place;

@@ -2,7 +2,7 @@
 
 use super::format::{Format, named};
 use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, level, revision, tag_of_content};
+use super::{App, LevelQuery, apart, file_name, kept, level, revision, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -149,6 +149,8 @@ impl Wanted<'_> {
         }
         let place = app.makers.mesh(self.home.tenant()).await?;
         let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
+        // Of a revision that was removed meanwhile, only the tiles that later ones share were read.
+        kept(&app.storage, self.home, Some(self.map.revision)).await?;
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);
         let make = move || {

@@ -3,7 +3,7 @@
 use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, file_name, level, revision, tag_of_content};
+use super::{App, LevelQuery, file_name, kept, level, missing, revision, tag_of_content};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
-use viola_storage::{MapFile, StorageError, map_file};
+use viola_storage::{HomeId, MapFile, Storage, StorageError, map_file};
 
 /// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -142,14 +142,22 @@ pub(in crate::api) async fn get_map_points(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
+    // The list of a revision that was removed meanwhile has only the tiles that later ones share.
+    kept(&app.storage, &home, Some(map.revision)).await?;
+    let points = Points {
+        storage: app.storage.clone(),
+        home: home.clone(),
+        revision: map.revision,
+        clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
+        filter,
+    };
     let name = file_name(&home, map.revision, "points", level.level, format_name);
     let body = match format {
         PointFormat::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
         PointFormat::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
         PointFormat::E57 | PointFormat::Laz => {
-            let unsent = points.app.makers.unsent(home.tenant()).await?;
-            let place = points.app.makers.file(home.tenant()).await?;
+            let unsent = app.makers.unsent(home.tenant()).await?;
+            let place = app.makers.file(home.tenant()).await?;
             let write = if format == PointFormat::Laz { laz } else { e57 };
             made_file::make([unsent, place], &points, &tiles, write).await?
         }
@@ -165,9 +173,11 @@ fn e57(out: File, points: Spool) -> io::Result<()> {
     write_e57(out, points.id, points)
 }
 
-/// A stream of points.
+/// A stream of a revision's points.
 pub(in crate::api) struct Points {
-    pub app: App,
+    pub storage: Arc<Storage>,
+    pub home: HomeId,
+    pub revision: i64,
     pub clips: ClipNumbers,
     pub filter: PointFilter,
 }
@@ -222,24 +232,28 @@ impl Points {
         format: Streamed,
         head: Vec<u8>,
         tiles: Vec<MapFile>,
-    ) -> impl Stream<Item = Result<Bytes, StorageError>> + use<> {
+    ) -> impl Stream<Item = Result<Bytes, Error>> + use<> {
         let points = Arc::new(self);
         let tiles = futures::stream::iter(tiles).then(move |tile| {
             let points = points.clone();
             async move {
                 let bytes = points.of_tile(&tile).await?;
-                Ok(Bytes::from(if format == Streamed::Glb { Glb::tile(&bytes) } else { bytes }))
+                Ok::<_, Error>(Bytes::from(if format == Streamed::Glb { Glb::tile(&bytes) } else { bytes }))
             }
         });
         let points = futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles);
-        points.inspect_err(|error| tracing::error!(%error, "points broke off"))
+        points.inspect_err(|error| match error {
+            Error::MapRevisionRemoved { .. } => tracing::info!(%error, "points broke off"),
+            _ => tracing::error!(%error, "points broke off"),
+        })
     }
 
-    pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {
+    pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, Error> {
+        let Some(bytes) = self.storage.map_file_bytes(tile).await? else {
+            return Err(missing(&self.storage, &self.home, self.revision, tile).await);
+        };
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
-        // A tile is missing if its revision was removed meanwhile.
-        let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
-        self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())
+        Ok(self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())?)
     }
 }

@@ -4,7 +4,7 @@ use super::format::{Format, named};
 use super::made_file::{answer, make};
 use super::points::Points;
 use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, level, revision, tag_of_file};
+use super::{App, LevelQuery, apart, file_name, kept, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -83,6 +83,8 @@ pub(in crate::api) async fn get_map_recording(
     let unsent = app.makers.unsent(home.tenant()).await?;
     let place = app.makers.file(home.tenant()).await?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
+    // The list of a revision that was removed meanwhile has only the tiles that later ones share.
+    kept(&app.storage, &home, Some(map.revision)).await?;
     let level_map = LevelMap {
         level: level.level,
         time_ms: map.clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),
@@ -94,7 +96,13 @@ pub(in crate::api) async fn get_map_recording(
         },
     };
     let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
-    let points = Points { app, clips, filter: PointFilter::default() };
+    let points = Points {
+        storage: app.storage.clone(),
+        home: home.clone(),
+        revision: map.revision,
+        clips,
+        filter: PointFilter::default(),
+    };
     let body = make([unsent, place], &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
     let name = file_name(&home, map.revision, "recording", level.level, format_name);
     Ok(answer(body, media_type, &name, &tag))

@@ -2,7 +2,7 @@
 
 use super::format::{Format, named};
 use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, level, missing, revision, tag_of_file};
+use super::{App, LevelQuery, apart, file_name, kept, level, missing, revision, tag_of_file, without_file};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -137,9 +137,12 @@ impl Source {
         });
         let (lidar, valetudo, mut ground) = read.await?;
         if let Some(ground) = &mut ground {
-            for file in storage.home_map_files(home, map.revision, level.level, map_file::TILE).await? {
+            let files = storage.home_map_files(home, map.revision, level.level, map_file::TILE).await?;
+            // The list of a revision that was removed meanwhile has only the tiles that later ones share.
+            kept(storage, home, Some(map.revision)).await?;
+            for file in files {
                 let Some(bytes) = storage.map_file_bytes(&file).await? else {
-                    return Err(missing(app, &file).await);
+                    return Err(missing(storage, home, map.revision, &file).await);
                 };
                 ground.add(&Tile::read(&bytes).map_err(|error| damaged("tile", &error.to_string()))?);
             }
@@ -165,8 +168,12 @@ impl Source {
 /// Returns the frame of a level's `plan.png`.
 async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<PlanImage, Error> {
     let files = app.storage.home_map_files(home, map.revision, level, map_file::PLAN_JSON).await?;
-    let file = files.first().ok_or(Error::NoSuchMap)?;
-    let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(app, file).await) };
+    let Some(file) = files.first() else {
+        return Err(without_file(&app.storage, home, map.revision).await);
+    };
+    let Some(blob) = app.storage.read_map_file(file).await? else {
+        return Err(missing(&app.storage, home, map.revision, file).await);
+    };
     PlanImage::in_plan_json(&blob.all().await?).ok_or_else(|| Error::InvalidQuery {
         field: Some("revision"),
         detail: format!(

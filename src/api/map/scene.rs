@@ -1,7 +1,7 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
 use super::format::{Format, accepted, named};
-use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_content};
+use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_content, without_file};
 use crate::api::bodies::{FileBytes, inline, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -176,12 +176,16 @@ pub(in crate::api) async fn get_map_plan(
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?.level;
     let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
-    let file = files.first().ok_or(Error::NoSuchMap)?;
+    let Some(file) = files.first() else {
+        return Err(without_file(&app.storage, &home, map.revision).await);
+    };
     let tag = tag_of_content(std::slice::from_ref(file), &[]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let Some(blob) = app.storage.read_map_file(file).await? else { return Err(missing(&app, file).await) };
+    let Some(blob) = app.storage.read_map_file(file).await? else {
+        return Err(missing(&app.storage, &home, map.revision, file).await);
+    };
     let (what, ending) = format.file().split_once('.').unwrap_or_default();
     let name = file_name(&home, map.revision, what, level, ending);
     Ok(tagged(inline(send(blob, media_type), &name), &tag))
@@ -237,9 +241,11 @@ pub(super) async fn scene(
     level: viola_geometry::LevelName,
 ) -> Result<MapScene, Error> {
     let files = app.storage.home_map_files(home, map.revision, level, map_file::SCENE).await?;
-    let file = files.first().ok_or(Error::NoSuchMap)?;
+    let Some(file) = files.first() else {
+        return Err(without_file(&app.storage, home, map.revision).await);
+    };
     match app.storage.map_scene(file).await? {
         Some(scene) => Ok(scene),
-        None => Err(missing(app, file).await),
+        None => Err(missing(&app.storage, home, map.revision, file).await),
     }
 }

@@ -200,9 +200,12 @@ pub(in crate::api) struct MapChanges {
     pub to: i64,
     /// Objects of the later revision only, in places that an earlier clip looked through.
     pub added: Vec<MapObject>,
-    /// The other objects of the later revision only: no clip had shown the place before, or the object was there and
-    /// was not recognised. Without times of recording all new objects are here.
+    /// Objects of the later revision that are seen for the first time, without a clip that shows the place empty before.
+    /// Without times of recording all new objects are here.
     pub discovered: Vec<MapObject>,
+    /// Objects of the later revision that are known from before the earlier one, which did not have them: they were not
+    /// recognised, their clips were not in the map, or a person had hidden them.
+    pub found_again: Vec<MapObject>,
     /// Objects that are in another place: by their id, or by class and size if one is gone from one place and new
     /// in the other.
     pub moved: Vec<MovedObject>,

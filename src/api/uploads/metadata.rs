@@ -78,10 +78,7 @@ impl Metadata {
                 .map_err(|error| invalid(format!("home: {error}")))?,
             filename,
             title,
-            recorded_at: recorded_at
-                .map(|text| clips::recorded_at(&text))
-                .transpose()
-                .map_err(|error| invalid(error.to_string()))?,
+            recorded_at: recorded_at.map(|text| clips::recorded_at(&text)).transpose().map_err(invalid)?,
             unknown_scale: clips::is_scale_unknown(scale.as_deref())
                 .map_err(|error| invalid(error.to_string()))?,
             idempotency_key,
@@ -116,4 +113,18 @@ fn sha256_of(encoded: &str) -> Result<String, Error> {
         return Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect());
     }
     Err(invalid("sha256 is the SHA-256 of the file: 64 hexadecimal digits, or its 32 bytes"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_time_is_explained_without_the_rules_of_queries() {
+        for text in ["2026-03-14T15:09", "yesterday"] {
+            let refused = Metadata::parse(&format!("recorded_at {}", BASE64.encode(text))).unwrap_err();
+            let detail = refused.problem().detail;
+            assert!(detail.contains("RFC 3339") && !detail.contains("query"), "{detail}");
+        }
+    }
 }

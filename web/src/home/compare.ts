@@ -82,14 +82,14 @@ export class Compare {
   }
 
   private show(changes: MapChanges): void {
-    const { added, discovered, moved, gone, lost } = changes;
-    if (added.length + discovered.length + moved.length + gone.length + lost.length === 0) {
+    const { added, discovered, found_again, moved, gone, lost } = changes;
+    if ([added, discovered, found_again, moved, gone, lost].every((list) => list.length === 0)) {
       return putAgain(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));
     }
     putAgain(this.result, ...this.lists(changes));
   }
 
-  private lists({ added, discovered, moved, gone, lost }: MapChanges): HTMLElement[] {
+  private lists({ added, discovered, found_again, moved, gone, lost }: MapChanges): HTMLElement[] {
     const distance = (a: Thing, b: Thing) =>
       Math.hypot(a.centre_m[0] - b.centre_m[0], a.centre_m[1] - b.centre_m[1]);
     const list = (title: string, rows: HTMLElement[]) =>
@@ -103,6 +103,8 @@ export class Compare {
         this.row(to, `by ${metres(distance(from, to))}`))),
       ...list(`${many(gone.length, "object")} gone`, gone.map(missing)),
       ...list(`${many(discovered.length, "object")} seen for the first time`, discovered.map((thing) =>
+        this.row(thing, this.roomOf(thing)))),
+      ...list(`${many(found_again.length, "object")} found again`, found_again.map((thing) =>
         this.row(thing, this.roomOf(thing)))),
       ...list(`${many(lost.length, "object")} no longer known`, lost.map(missing)),
     ];

@@ -13,7 +13,7 @@ const ROUNDING_M: f64 = 1e-6;
 
 /// A map with a greater coordinate, in metres, is refused: files of points and meshes have 32-bit numbers, whose steps are
 /// 8 mm there, and half a metre at the northing of a UTM zone.
-pub(super) const MAX_DISTANCE_M: f64 = 1e5;
+pub const MAX_DISTANCE_M: f64 = 1e5;
 
 /// The result of one format's reader.
 pub(super) struct Parts {

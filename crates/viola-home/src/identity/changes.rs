@@ -53,8 +53,10 @@ pub struct RevisionObjects<'a> {
 pub struct ObjectChanges {
     /// Objects of the later revision whose place was empty before.
     pub added: Vec<usize>,
-    /// Other objects of the later revision only: nobody had filmed there, or the detection had missed them.
+    /// Objects of the later revision that no earlier one knew, in places that nobody had filmed or looked through.
     pub discovered: Vec<usize>,
+    /// Objects of the later revision that the earlier one knew and did not have: they were missed or hidden.
+    pub found_again: Vec<usize>,
     /// Pairs of an object of the earlier and one of the later revision.
     pub moved: Vec<(usize, usize)>,
     /// Objects of the earlier revision whose place is empty since.
@@ -102,10 +104,14 @@ pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectCha
     let then = from.objects.iter().filter(|object| object.is_found);
     let then: BTreeSet<&str> = then.map(|object| object.id).collect();
     for (j, object) in to.objects.iter().enumerate().filter(|(_, object)| !then.contains(object.id)) {
-        // An object that is only missed is found again.
-        let is_missed = known_then.get(object.id).is_some_and(|known| !known.is_gone);
         let is_new = known_now.get(object.id).is_some_and(|known| known.is_new);
-        if is_new && !is_missed { changes.added.push(j) } else { changes.discovered.push(j) }
+        match known_then.get(object.id) {
+            // An object that was gone came back.
+            Some(known) if known.is_gone && is_new => changes.added.push(j),
+            Some(_) => changes.found_again.push(j),
+            None if is_new => changes.added.push(j),
+            None => changes.discovered.push(j),
+        }
     }
     pair_moved(from, to, &mut changes);
     changes

@@ -205,7 +205,19 @@ fn an_object_that_is_missed_for_a_while() {
             "missed in between",
             vec![missed(chair("chair-1", 0.0), false)],
             vec![new(chair("chair-1", 0.0))],
-            ObjectChanges { discovered: vec![0], ..none() },
+            ObjectChanges { found_again: vec![0], ..none() },
+        ),
+        (
+            "missed in between, in a place that nobody had looked through",
+            vec![missed(chair("chair-1", 0.0), false), chair("chair-2", 4.0)],
+            vec![chair("chair-1", 0.0), chair("chair-2", 4.0), chair("chair-3", 8.0)],
+            ObjectChanges { found_again: vec![0], discovered: vec![2], ..none() },
+        ),
+        (
+            "taken for gone by a clip that was removed since",
+            vec![missed(chair("chair-1", 0.0), true)],
+            vec![chair("chair-1", 0.0)],
+            ObjectChanges { found_again: vec![0], ..none() },
         ),
         (
             "missed, and gone since",

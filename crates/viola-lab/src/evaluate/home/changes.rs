@@ -194,7 +194,7 @@ fn told(from: &Revision, to: &Revision) -> Told {
         added: things(to, &changes.added),
         moved: changes.moved.iter().map(|(i, j)| [from.thing(*i), to.thing(*j)]).collect(),
         gone: things(from, &changes.gone),
-        discovered: changes.discovered.len(),
+        discovered: changes.discovered.len() + changes.found_again.len(),
         lost: changes.lost.len(),
     }
 }
