@@ -13,6 +13,7 @@ use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind};
 use crate::container::{Container, Zip};
+use crate::json;
 use std::collections::BTreeSet;
 
 /// A kilometre: no robot maps more.
@@ -79,15 +80,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 /// Parses a map, which may be a part of the robot's state.
 fn parse(bytes: &[u8]) -> Result<MapFile, LidarError> {
     let bad = |reason: String| LidarError::BadJson { reason };
-    let head: Head = serde_json::from_slice(bytes).map_err(|error| bad(error.to_string()))?;
+    let head: Head = json::parse(bytes).map_err(bad)?;
     match head {
-        Head { size: None, layers: None, map: Some(_) } => serde_json::from_slice(bytes)
-            .map(|State { map }| map)
-            .map_err(|error| bad(format!("in `map`: {error}"))),
+        Head { size: None, layers: None, map: Some(_) } => {
+            json::parse(bytes).map(|State { map }| map).map_err(bad)
+        }
         Head { size: None, layers: None, map: None } => {
             Err(bad("it has no `size` and no `layers`, and no `map` that may have them".to_owned()))
         }
-        _ => serde_json::from_slice(bytes).map_err(|error| bad(error.to_string())),
+        _ => json::parse(bytes).map_err(bad),
     }
 }
 
