@@ -11,7 +11,7 @@ use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
 use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
-use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind};
+use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind, utf16};
 use crate::container::{Container, Zip};
 use crate::json;
 use std::collections::BTreeSet;
@@ -20,12 +20,13 @@ use std::collections::BTreeSet;
 pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
 
-/// Returns the JSON of a Valetudo map, which is the file itself, deflated in it, in a picture, or any of these as the only
-/// file of a zip; `None` for files of other formats.
+/// Returns the JSON of a Valetudo map in UTF-8, which is the file itself, deflated in it, in a picture, or any of these as
+/// the only file of a zip; `None` for files of other formats.
 pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     match bytes {
         _ if text.starts_with(b"{") => Some(text.to_vec()),
+        _ if utf16::is(bytes) => utf16::to_utf8(bytes).ok().and_then(|text| json_of(text.as_bytes())),
         [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
         _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
         _ if is_gzip(bytes) => gunzip(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
