@@ -73,6 +73,17 @@ fn stray_scanner_of_all_ages() {
     };
     assert_eq!(check(stray, without_times(false)).info().duration_s, None);
     assert_eq!(check(stray, without_times(true)).info().duration_s, None);
+    // The first versions write no line end behind the last row, and numbers with as many digits as they need.
+    let clip = check(stray, |f| {
+        without_times(false)(f);
+        edit_lines(f, odometry, |number, line| {
+            let (before, last) = line.rsplit_once(", ").unwrap();
+            let last = last.parse::<f64>().unwrap();
+            Some(if number == 1 { format!("{before}, {last}") } else { format!("{before}, {last:.5}") })
+        });
+        assert_eq!(content(f, odometry).pop(), Some(b'\n'));
+    });
+    assert!(clip.info().notes.iter().all(|note| !note.contains("cut off")), "{:?}", clip.info().notes);
     // Since April 2026: the frame's own intrinsics, and the centre of the distortion, which may be empty.
     for centre in ["", ", , ", ", 31.5, 23.5"] {
         let clip = check(stray, |f| {
