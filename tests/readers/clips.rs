@@ -46,6 +46,26 @@ fn check_clip(path: &Path, layout: &str, numbers: &[u32], units_per_m: f32) {
     }
 }
 
+/// The scenes of ScanNet's subset have their intrinsics beside the folders, and every hundredth frame.
+#[test]
+fn scenes_of_scannet_s_subset_are_read() {
+    let numbers = [0, 100, 200];
+    let mut files = scannet("scene0000_00/", &numbers);
+    for camera in ["color", "depth"] {
+        let name = format!("scene0000_00/intrinsics_{camera}.txt");
+        crate::edits::rename(&mut files, &format!("scene0000_00/intrinsic/intrinsic_{camera}.txt"), &name);
+    }
+    files.push(("scene0000_00/label/000000.png".to_string(), b"png".to_vec()));
+    let folder = as_folder(&files);
+    check_clip(folder.path(), "scannet", &numbers, 1000.0);
+    let told = Clip::open(folder.path()).unwrap().info().intrinsics.clone();
+    assert_eq!(told, "intrinsics_color.txt and intrinsics_depth.txt");
+    crate::edits::remove(&mut files, |name| name.ends_with("intrinsics_color.txt"));
+    let error = Clip::open(as_folder(&files).path()).err().unwrap();
+    assert_eq!(error.code(), "missing_intrinsics");
+    assert!(error.to_string().contains("scene0000_00/intrinsics_color.txt"), "{error}");
+}
+
 type Writer = fn(&str, &[u32]) -> Files;
 const LAYOUTS: [(&str, Writer, f32); 3] =
     [("scannet", scannet, 1000.0), ("seven_scenes", seven_scenes, 1000.0), ("tum_rgbd", tum, 5000.0)];

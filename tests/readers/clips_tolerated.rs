@@ -123,11 +123,41 @@ fn poses_that_are_all_the_identity_are_not_used() {
         check_note(&clip, "all poses are the identity");
         check_note(&clip, "tracked");
     }
+    // Too few to tell a placeholder from a device at rest.
     let tripod = Recording::small(1).frames[0].world_from_camera;
     for (count, pose) in [(2, identity), (3, tripod)] {
         let clip = read(writers::redwood("", &all_at(count, pose)));
         assert_eq!(clip.info().frames_with_pose, clip.info().frames);
     }
+}
+
+/// Stray Scanner's frames are 0.1 s apart, and Redwood has no times.
+#[test]
+fn poses_that_are_all_equal_for_two_seconds_are_not_used() {
+    let at_rest = |count: u32| {
+        let mut recording = Recording::small(count);
+        let pose = recording.frames[0].world_from_camera;
+        recording.frames.iter_mut().for_each(|frame| frame.world_from_camera = pose);
+        recording
+    };
+    let with_pose = |files: &Files| open(files).unwrap().info().frames_with_pose;
+    assert_eq!(with_pose(&writers::stray("", &at_rest(20))), 20);
+    assert_eq!(with_pose(&writers::redwood("", &at_rest(59))), 59);
+    for (files, count) in [(writers::stray("", &at_rest(25)), 25), (writers::redwood("", &at_rest(60)), 60)] {
+        let clip = open(&files).unwrap();
+        assert_eq!((clip.info().frames, clip.info().frames_with_pose), (count, 0));
+        check_note(&clip, &format!("all {count} poses are equal"));
+        check_note(&clip, "or of a camera that stood still");
+        check_note(&clip, "tracked by its pictures");
+    }
+    // Without colour nothing can be tracked, and a robot stands still without noise.
+    let mut files = writers::stray("", &at_rest(25));
+    remove(&mut files, |name| name.starts_with("rgb/"));
+    assert_eq!(with_pose(&files), 25);
+    assert_eq!(with_pose(&db3("", &at_rest(25))), 25);
+    let mut moved = at_rest(60);
+    moved.frames[30].world_from_camera[(0, 3)] += 1e-4;
+    assert_eq!(with_pose(&writers::redwood("", &moved)), 60);
 }
 
 #[test]

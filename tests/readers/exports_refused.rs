@@ -312,7 +312,7 @@ fn nerfstudio_and_nerf_capture() {
     check(nerfstudio, |f| set(f, json, "{}"), "bad_metadata", "frames");
     check(nerfstudio, |f| drop_member(f, json, "fl_x"), "missing_intrinsics", "fl_x");
     check(nerfstudio, |f| drop_member(f, json, "cy"), "missing_intrinsics", "cy");
-    check(nerfstudio, member("fl_x", json!("56.5")), "bad_metadata", "string");
+    check(nerfstudio, member("fl_x", json!("56.5")), "bad_metadata", "fl_x: invalid type: string");
     check(nerfstudio, member("fl_x", json!(0)), "bad_intrinsics", "focal");
     check(nerfstudio, |f| set_raw(f, json, "fl_x", "1e400"), "bad_metadata", "out of range");
     check(nerfstudio, |f| set_raw(f, json, "cx", "Infinity"), "bad_metadata", json);
@@ -335,7 +335,7 @@ fn nerfstudio_and_nerf_capture() {
         "bad_metadata",
         "array of length 4",
     );
-    check(nerfstudio, frame("file_path", json!(7)), "bad_metadata", "string");
+    check(nerfstudio, frame("file_path", json!(7)), "bad_metadata", "frames[1].file_path: invalid type");
     let nothing_there = |f: &mut Files| {
         edit_json(f, json, |file| {
             for frame in file["frames"].as_array_mut().unwrap() {

@@ -57,6 +57,59 @@ pub fn depth_as_npy(files: &mut Files, dtype: &str, fortran: &str, shape: &str) 
     }
 }
 
+/// Replaces Nerfstudio's pictures of depth by arrays.
+fn nerfstudio_as_npy(files: &mut Files, dtype: &str, bytes_of_mm: fn(u16) -> Vec<u8>) {
+    edit_json(files, "transforms.json", |file| {
+        for frame in file["frames"].as_array_mut().unwrap() {
+            let path = frame["depth_file_path"].as_str().unwrap().replace(".png", ".npy");
+            frame["depth_file_path"] = json!(path);
+        }
+    });
+    for (name, bytes) in files.iter_mut().filter(|(name, _)| name.starts_with("depths/")) {
+        let image = image::load_from_memory(bytes).unwrap().into_luma16();
+        let readings: Vec<u8> = image.iter().flat_map(|mm| bytes_of_mm(*mm)).collect();
+        *name = name.replace(".png", ".npy");
+        *bytes = npy(dtype, "False", "(24, 32)", &readings);
+    }
+}
+
+/// Returns a whole number up to 2047 as a float of 16 bits.
+fn half(whole: u16) -> Vec<u8> {
+    let Some(power) = whole.checked_ilog2() else { return vec![0, 0] };
+    let fraction = (whole << (10 - power)) & 0x3ff;
+    (((power as u16 + 15) << 10) | fraction).to_le_bytes().to_vec()
+}
+
+#[test]
+fn nerfstudio_with_arrays_of_depth() {
+    let metres = |mm: u16| (f32::from(mm) / 1000.0).to_le_bytes().to_vec();
+    let kinds: [(&str, fn(u16) -> Vec<u8>, &str); 4] = [
+        ("<u2", |mm| mm.to_le_bytes().to_vec(), "millimetres (.npy)"),
+        ("<f2", half, "millimetres (.npy)"),
+        ("<f4", |mm| f32::from(mm).to_le_bytes().to_vec(), "millimetres (.npy)"),
+        ("<f4", metres, "depth was read as metres, not as millimetres"),
+    ];
+    for (dtype, bytes_of_mm, told) in kinds {
+        let clip = check(writers::nerfstudio, |f| nerfstudio_as_npy(f, dtype, bytes_of_mm));
+        check_told(&clip, told);
+    }
+    // The scale of the file is believed.
+    let clip = check(writers::nerfstudio, |f| {
+        nerfstudio_as_npy(f, "<f4", |mm| (f32::from(mm) / 10.0).to_le_bytes().to_vec());
+        edit_json(f, "transforms.json", |file| file["integer_depth_scale"] = json!(0.01));
+    });
+    check_told(&clip, "integer_depth_scale (.npy)");
+    let doubles = |f: &mut Files| {
+        nerfstudio_as_npy(f, "<f8", |mm| f64::from(mm).to_le_bytes().to_vec());
+    };
+    crate::refusals::check(writers::nerfstudio, doubles, "bad_depth", "<f8; save depth as float32");
+    let cut_array = |f: &mut Files| {
+        nerfstudio_as_npy(f, "<f4", |mm| f32::from(mm).to_le_bytes().to_vec());
+        cut(f, "depths/frame_00002.npy", 0.5);
+    };
+    crate::refusals::check_frame(writers::nerfstudio, cut_array, "bad_depth", "readings");
+}
+
 #[test]
 fn stray_scanner_of_all_ages() {
     let stray = writers::stray;
@@ -73,6 +126,17 @@ fn stray_scanner_of_all_ages() {
     };
     assert_eq!(check(stray, without_times(false)).info().duration_s, None);
     assert_eq!(check(stray, without_times(true)).info().duration_s, None);
+    // The first versions write no line end behind the last row, and numbers with as many digits as they need.
+    let clip = check(stray, |f| {
+        without_times(false)(f);
+        edit_lines(f, odometry, |number, line| {
+            let (before, last) = line.rsplit_once(", ").unwrap();
+            let last = last.parse::<f64>().unwrap();
+            Some(if number == 1 { format!("{before}, {last}") } else { format!("{before}, {last:.5}") })
+        });
+        assert_eq!(content(f, odometry).pop(), Some(b'\n'));
+    });
+    assert!(clip.info().notes.iter().all(|note| !note.contains("cut off")), "{:?}", clip.info().notes);
     // Since April 2026: the frame's own intrinsics, and the centre of the distortion, which may be empty.
     for centre in ["", ", , ", ", 31.5, 23.5"] {
         let clip = check(stray, |f| {

@@ -60,6 +60,31 @@ fn valetudo_maps_that_cannot_be_used_are_refused_by_name() {
 }
 
 #[test]
+fn a_value_of_another_type_is_named_by_its_member() {
+    let map = valetudo(true, false);
+    for (pointer, member) in [
+        ("/pixelSize", "pixelSize: "),
+        ("/layers/0/compressedPixels", "layers[0].compressedPixels: "),
+        ("/layers/1/metaData/segmentId", "layers[1].metaData.segmentId: "),
+        ("/entities/0/points/1", "entities[0].points[1]: "),
+    ] {
+        let mut file = map.clone();
+        let (parent, name) = pointer.rsplit_once('/').unwrap();
+        match file.pointer_mut(parent).unwrap() {
+            Value::Array(items) => items[name.parse::<usize>().unwrap()] = json!(true),
+            other => other[name] = json!(true),
+        }
+        for (bytes, path) in [
+            (text(&file), member.to_string()),
+            (text(&json!({ "map": file, "attributes": [] })), format!("map.{member}")),
+        ] {
+            let told = LidarMap::read(&bytes).unwrap_err().to_string();
+            assert!(told.contains(&format!(": {path}invalid type: boolean `true`")), "{path}: {told}");
+        }
+    }
+}
+
+#[test]
 fn large_hostile_json_costs_little_more_than_itself() {
     let many = |head: &str, item: &str, count: usize, tail: &str| {
         format!("{head}{}{item}{tail}", format!("{item},").repeat(count)).into_bytes()

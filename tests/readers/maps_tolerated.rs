@@ -2,8 +2,10 @@
 
 use crate::drawing::{grey, pgm, ros_zip, text, valetudo, yaml};
 use crate::maps::check_home;
+use crate::maps_refused::check_refused;
 use serde_json::{Value, json};
-use viola_formats::lidar::LidarMap;
+use viola_formats::lidar::{LidarMap, valetudo_json};
+use viola_geometry::Point2;
 
 fn read(map: &Value) -> LidarMap {
     LidarMap::read(&text(map)).unwrap()
@@ -83,4 +85,46 @@ fn marks_far_off_the_sheet_are_ignored() {
     assert!(map.charger.is_none() && marks.robot.is_none() && !map.unknown_yaw.charger);
     assert_eq!((marks.zones.len(), marks.lines.len(), marks.obstacles.len()), (1, 0, 1));
     check_note(&map, "5 marks are more than 10 m off the map's sheet");
+}
+
+/// Returns a text in UTF-16 with a byte order mark, as Excel and PowerShell write it.
+fn utf16(text: &str, unit: fn(u16) -> [u8; 2]) -> Vec<u8> {
+    [0xfeff].into_iter().chain(text.encode_utf16()).flat_map(unit).collect()
+}
+
+#[test]
+fn a_map_in_utf16_is_read() {
+    let points = "x [m]\ty [m]\tWände\r\n1,5\t2,25\t7\r\n3,5\t-0,5\t8\r\n";
+    let mut json = valetudo(true, true);
+    json["layers"][2]["metaData"]["name"] = json!("Küche \u{1f373}");
+    for unit in [u16::to_le_bytes as fn(u16) -> [u8; 2], u16::to_be_bytes] {
+        let map = LidarMap::read(&utf16(points, unit)).unwrap();
+        assert_eq!(map.occupied_m, [Point2::new(1.5, 2.25), Point2::new(3.5, -0.5)]);
+        let file = utf16(&format!("\r\n{json}"), unit);
+        let map = LidarMap::read(&file).unwrap();
+        assert_eq!(map.rooms[0].name.as_deref(), Some("Küche \u{1f373}"));
+        assert_eq!(valetudo_json(&file), Some(text(&json)));
+        // Half a character at the end, and half of a pair of them.
+        let whole = utf16(points, unit);
+        let pair = [whole.as_slice(), &unit(0xd83c)].concat();
+        check_refused("half a character", &whole[..whole.len() - 1], "unknown_format");
+        check_refused("half a pair", &pair, "unknown_format");
+        check_refused("only the mark", &utf16("", unit), "empty");
+    }
+    // Each of these characters has three bytes in UTF-8.
+    check_refused(
+        "more than 64 MiB",
+        &utf16(&"\u{2028}".repeat(23 << 20), u16::to_le_bytes),
+        "file_too_large",
+    );
+}
+
+#[test]
+fn points_whose_lines_end_in_carriage_returns_are_read() {
+    for csv in ["x,y\r1.5,2.25\r3.5,-0.5\r", "1.5,2.25\r3.5,-0.5", "# x y\r1.5 2.25\r\r3.5 -0.5\r"] {
+        let map = LidarMap::read(csv.as_bytes()).unwrap_or_else(|error| panic!("{csv:?}: {error}"));
+        assert_eq!(map.occupied_m, [Point2::new(1.5, 2.25), Point2::new(3.5, -0.5)], "{csv:?}");
+    }
+    let told = LidarMap::read(b"x,y\r1,2\r1,two\r").unwrap_err().to_string();
+    assert!(told.contains("line 3"), "{told}");
 }

@@ -1,11 +1,11 @@
 //! Checks of refusals, and files of the apps that must not be refused.
 
-use crate::edits::{content, drop_member, edit_json, rename};
+use crate::edits::{content, drop_member, edit_json, remove, rename, set};
 use crate::export_writers as writers;
 use crate::exports::{EXPORTS, Writer};
 use crate::memory::peak_bytes;
 use crate::recording::Recording;
-use crate::unknown_scale::points;
+use crate::unknown_scale::{colmap, points};
 use crate::writers::{Files, as_folder, as_zip, encode, scannet, seven_scenes, tum};
 use image::ImageFormat;
 use serde_json::{Value, json};
@@ -150,6 +150,31 @@ fn lists_of_more_pictures_than_a_clip_may_have_cost_little_memory() {
     let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(drop));
     check_error(opened.unwrap_err(), "too_many_frames", "500000");
     assert!(peak < 32 << 20, "{peak} bytes at once");
+}
+
+#[test]
+fn poses_of_more_frames_than_a_clip_may_have_cost_little_memory() {
+    let recording = Recording::small(2);
+    let mut stray = writers::stray("", &recording);
+    set(&mut stray, "odometry.csv", b"0 0 0 0 0 0 1\n".repeat(500_000));
+    let mut text = colmap("", &recording);
+    remove(&mut text, |name| name.starts_with("sparse/"));
+    set(&mut text, "sparse/cameras.txt", "7 PINHOLE 64 48 56.5 57 31.5 22.5\n");
+    set(&mut text, "sparse/images.txt", b"1 1 0 0 0 0 0 0 7 a.jpg\n".repeat(440_000));
+    let mut image = 1u32.to_le_bytes().to_vec();
+    image.extend([1.0f64, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0].iter().flat_map(|number| number.to_le_bytes()));
+    image.extend(7u32.to_le_bytes());
+    image.extend(b"a\0");
+    image.extend(0u64.to_le_bytes());
+    let images = [440_000u64.to_le_bytes().as_slice(), image.repeat(440_000).as_slice()].concat();
+    let mut binary = colmap("", &recording);
+    set(&mut binary, "sparse/images.bin", images);
+    for (files, frames) in [(stray, "500000"), (text, "440000"), (binary, "440000")] {
+        let folder = as_folder(&files);
+        let (opened, peak) = peak_bytes(|| Clip::open(folder.path()).map(drop));
+        check_error(opened.unwrap_err(), "too_many_frames", frames);
+        assert!(peak < 64 << 20, "{frames}: {peak} bytes at once");
+    }
 }
 
 #[test]

@@ -14,7 +14,12 @@ fn spectacular_ai() {
     };
     check(spectacular, |f| cut(f, lines, 0.99), "bad_index", "line");
     check(spectacular, |f| set(f, lines, " ".repeat(70_000)), "bad_index", "at most");
-    check(spectacular, replaced("\"number\":1", "\"number\":-1"), "bad_index", "-1");
+    check(
+        spectacular,
+        replaced("\"number\":1", "\"number\":-1"),
+        "bad_index",
+        "number: invalid value: integer `-1`",
+    );
     check(spectacular, replaced("0.001", "1.0"), "not_metric", "depthScale");
     check(spectacular, replaced("0.001", "1e400"), "bad_index", "out of range");
     check(

@@ -3,6 +3,7 @@
 
 pub mod clip;
 pub mod container;
+mod json;
 pub mod lidar;
 pub mod ply;
 mod scalar;

@@ -14,6 +14,7 @@ mod robot_frame;
 mod ros;
 mod sheet;
 mod strays;
+mod utf16;
 mod valetudo;
 mod write;
 
@@ -154,9 +155,15 @@ impl LidarMap {
             [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),
             _ if robot::is_zlib(bytes) => return robot::read_zlib(bytes),
             _ if robot::is_inflated_dreame(bytes) => return robot::read_inflated_dreame(bytes),
+            _ if utf16::is(bytes) => return LidarMap::read_text(utf16::to_utf8(bytes)?.as_bytes()),
             _ => {}
         }
-        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+        LidarMap::read_text(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
+    }
+
+    /// Reads a map that begins with text.
+    fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
+        let text = text.trim_ascii_start();
         match text {
             [] => Err(LidarError::Empty),
             [b'{', ..] => valetudo::read(text),

@@ -14,6 +14,13 @@ const MAX_OFF_CENTRE: f64 = 0.25;
 const MIN_PLACEHOLDERS: usize = 3;
 /// Maximum difference of a placeholder's numbers from the identity's: rounding. A device at rest moves more.
 const PLACEHOLDER_TOLERANCE: f64 = 1e-9;
+/// Minimum number of equal poses, and of seconds from the first to the last one, that no device held in hand can have.
+const MIN_EQUAL: usize = 11;
+const MIN_EQUAL_S: f64 = 2.0;
+/// Minimum number of equal poses without times: two seconds of a video.
+const MIN_EQUAL_WITHOUT_TIMES: usize = 60;
+/// Layouts of robots, whose wheels tell exactly that they stand still.
+const OF_ROBOTS: [&str; 2] = ["ros2_bag", "rtabmap"];
 
 /// Detects the layout and checks the contents.
 pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<Clip, ClipError> {
@@ -58,7 +65,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     }
     // Without colour nothing could be tracked.
     if sizes.color.is_some()
-        && let Some(reason) = drop_placeholders(&mut headers)
+        && let Some(reason) = drop_placeholders(&mut headers, layout.name)
     {
         layout.no_pose = Some(reason);
     }
@@ -102,14 +109,47 @@ fn check_count(layout: &Layout) -> Result<(), ClipError> {
     Ok(())
 }
 
-/// Drops poses that are all the identity, and returns the reason: programs without poses write it in their place.
-fn drop_placeholders(headers: &mut [FrameHeader]) -> Option<String> {
+/// Drops poses that are all the identity, or all equal for long, and returns the reason: programs that do not track the
+/// camera write one pose in the place of all. A camera that stood still is tracked as well.
+fn drop_placeholders(headers: &mut [FrameHeader], layout: &str) -> Option<String> {
     let poses = || headers.iter().filter_map(|header| header.world_from_camera.as_ref());
-    if poses().count() < MIN_PLACEHOLDERS || !poses().all(is_identity) {
+    let count = poses().count();
+    let reason = if count >= MIN_PLACEHOLDERS && poses().all(is_identity) {
+        "all poses are the identity, and were not used".to_string()
+    } else if !OF_ROBOTS.contains(&layout) && are_equal_for_long(headers) {
+        format!(
+            "all {count} poses are equal, as without tracking or of a camera that stood still, and were not used"
+        )
+    } else {
         return None;
-    }
+    };
     headers.iter_mut().for_each(|header| header.world_from_camera = None);
-    Some("all poses are the identity, and were not used".to_string())
+    Some(reason)
+}
+
+/// Returns whether all poses are equal for so long that a device held in hand would have moved.
+fn are_equal_for_long(headers: &[FrameHeader]) -> bool {
+    let mut posed = headers.iter().filter_map(|header| Some((header.time_s, header.world_from_camera?)));
+    let Some((first_s, first)) = posed.next() else { return false };
+    let (mut count, mut last_s) = (1, first_s);
+    for (time_s, pose) in posed {
+        if !is_equal(&pose, &first) {
+            return false;
+        }
+        (count, last_s) = (count + 1, time_s);
+    }
+    match first_s.zip(last_s) {
+        Some((first_s, last_s)) => count >= MIN_EQUAL && last_s - first_s >= MIN_EQUAL_S,
+        None => count >= MIN_EQUAL_WITHOUT_TIMES,
+    }
+}
+
+/// Returns whether two poses differ by rounding only.
+fn is_equal(pose: &Pose3, other: &Pose3) -> bool {
+    let way = (pose.translation.vector - other.translation.vector).norm();
+    let (a, b) = (pose.rotation.coords, other.rotation.coords);
+    // Both signs of a quaternion are one rotation.
+    way.max((a - b).norm().min((a + b).norm())) < PLACEHOLDER_TOLERANCE
 }
 
 /// Returns whether a pose is the identity, also one that was converted from OpenGL's axes.

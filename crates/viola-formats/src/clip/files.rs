@@ -50,8 +50,8 @@ pub(super) enum ColorAt {
 pub(super) enum DepthAt {
     /// A file, PNG with 16 bits of grey.
     Png(String),
-    /// A file, NumPy's array of 16-bit numbers.
-    Npy(String),
+    /// A file, NumPy's array.
+    Npy(String, npy::Allowed),
     /// A file, LZFSE of 32-bit floats in metres; `size` if it is known. `is_wide` as colour is.
     Floats { name: String, size: Option<(u32, u32)>, is_wide: bool },
     /// A file, COLMAP's array of 32-bit floats.
@@ -135,7 +135,7 @@ impl DepthAt {
     pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
         match self {
             DepthAt::Png(name) => picture::size(container, name),
-            DepthAt::Npy(name) => npy::size(container, name),
+            DepthAt::Npy(name, allowed) => npy::size(container, name, *allowed),
             DepthAt::Floats { name, size, is_wide } => depth::floats_size(container, name, *size, *is_wide),
             DepthAt::Colmap(name) => colmap_depth::size(container, name),
             DepthAt::Part { size, .. } | DepthAt::Rendered { size, .. } => Ok(*size),
@@ -169,7 +169,7 @@ enum Place {
 
 enum DepthPlace {
     Png(u32),
-    Npy(u32),
+    Npy(u32, npy::Allowed),
     Floats(u32),
     Colmap(u32),
     Rendered(Arc<Cloud>, Box<Pose3>),
@@ -199,7 +199,7 @@ impl Pictures {
             },
             depth: match depth {
                 DepthAt::Png(name) => DepthPlace::Png(place(name)?),
-                DepthAt::Npy(name) => DepthPlace::Npy(place(name)?),
+                DepthAt::Npy(name, allowed) => DepthPlace::Npy(place(name)?, allowed),
                 DepthAt::Colmap(name) => DepthPlace::Colmap(place(name)?),
                 DepthAt::Floats { name, .. } => DepthPlace::Floats(place(name)?),
                 DepthAt::Rendered { cloud, world_from_camera, .. } => {
@@ -279,8 +279,8 @@ impl Files {
                 let metres = |units| depth::metres(units, self.depth_units_per_m);
                 picture::decode_depth(&picture::read(container, name)?, name, &cameras.depth, metres)?
             }
-            DepthPlace::Npy(place) => {
-                npy::decode(container, name(place), &cameras.depth, self.depth_units_per_m)?
+            DepthPlace::Npy(place, allowed) => {
+                npy::decode(container, name(place), *allowed, &cameras.depth, self.depth_units_per_m)?
             }
             DepthPlace::Part(part) => {
                 let bytes = part.read(self.region.as_ref(), "depth")?;

@@ -11,20 +11,22 @@ use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
 use super::robot::{gunzip, inflate, is_gzip, is_zlib};
 use super::sheet::{Run, Sheet};
-use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind};
+use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind, utf16};
 use crate::container::{Container, Zip};
+use crate::json;
 use std::collections::BTreeSet;
 
 /// A kilometre: no robot maps more.
 pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
 
-/// Returns the JSON of a Valetudo map, which is the file itself, deflated in it, in a picture, or any of these as the only
-/// file of a zip; `None` for files of other formats.
+/// Returns the JSON of a Valetudo map in UTF-8, which is the file itself, deflated in it, in a picture, or any of these as
+/// the only file of a zip; `None` for files of other formats.
 pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
     match bytes {
         _ if text.starts_with(b"{") => Some(text.to_vec()),
+        _ if utf16::is(bytes) => utf16::to_utf8(bytes).ok().and_then(|text| json_of(text.as_bytes())),
         [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
         _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
         _ if is_gzip(bytes) => gunzip(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
@@ -79,15 +81,15 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 /// Parses a map, which may be a part of the robot's state.
 fn parse(bytes: &[u8]) -> Result<MapFile, LidarError> {
     let bad = |reason: String| LidarError::BadJson { reason };
-    let head: Head = serde_json::from_slice(bytes).map_err(|error| bad(error.to_string()))?;
+    let head: Head = json::parse(bytes).map_err(bad)?;
     match head {
-        Head { size: None, layers: None, map: Some(_) } => serde_json::from_slice(bytes)
-            .map(|State { map }| map)
-            .map_err(|error| bad(format!("in `map`: {error}"))),
+        Head { size: None, layers: None, map: Some(_) } => {
+            json::parse(bytes).map(|State { map }| map).map_err(bad)
+        }
         Head { size: None, layers: None, map: None } => {
             Err(bad("it has no `size` and no `layers`, and no `map` that may have them".to_owned()))
         }
-        _ => serde_json::from_slice(bytes).map_err(|error| bad(error.to_string())),
+        _ => json::parse(bytes).map_err(bad),
     }
 }
 

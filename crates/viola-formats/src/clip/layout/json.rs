@@ -3,6 +3,7 @@
 use super::ClipError;
 use crate::clip::MAX_FRAMES;
 use crate::container::Container;
+use crate::json;
 use serde::de::{DeserializeOwned, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -54,6 +55,6 @@ pub(super) fn read_json<T: DeserializeOwned>(
 
 /// Parses a `T` from the bytes of a JSON file, which may begin with a byte order mark.
 pub(super) fn parse_json<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T, ClipError> {
-    serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
-        .map_err(|error| ClipError::BadMetadata { name: name.to_string(), reason: error.to_string() })
+    json::parse(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
+        .map_err(|reason| ClipError::BadMetadata { name: name.to_string(), reason })
 }

@@ -1,12 +1,14 @@
 //! `transforms.json` of Nerfstudio and NeRFCapture (nerfstudio-project/nerfstudio,
 //! docs/quickstart/data_conventions.md; jc211/NeRFCapture, Manifest.swift and DatasetWriter.swift).
 
+mod arrays;
+
 use super::json::{first_frames, parse_json};
 use super::natural::natural_order;
 use super::text::{listed_path, pose_from_rows};
 use super::{
-    ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, MILLIMETRES, Numbers, OPENGL, Of,
-    Source, only_root, roots_of, with_opencv_axes,
+    ARKIT_UP, Cameras, ClipError, ColorAt, Intrinsics, Layout, Numbers, OPENGL, Of, Source, only_root,
+    roots_of, with_opencv_axes,
 };
 use crate::clip::files::find_file;
 use crate::container::Container;
@@ -286,7 +288,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             world_from_camera: pose_from_rows(frame.transform_matrix.as_flattened())
                 .map(|pose| in_unit_of_depth(with_opencv_axes(pose), is_scaled.then_some(applied))),
             color: ColorAt::File(color),
-            depth: DepthAt::Png(depth),
+            depth: arrays::depth_at(depth),
             confidence: None,
             numbers: if own { frame.camera.numbers(&file.camera, &name)? } else { None },
         });
@@ -296,6 +298,11 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let numbers = numbers.ok_or_else(|| ClipError::MissingIntrinsics {
         name: format!("{name}: fl_x, fl_y, cx, cy, of the file or of each frame"),
     })?;
+    let is_told = file.depth_scale().is_some();
+    let largest_m = if is_told { None } else { arrays::largest_m(container, &sources)? };
+    notes.extend(largest_m.map(|largest| {
+        format!("the largest number of depth as floats (.npy) is {largest}: depth was read as metres, not as millimetres")
+    }));
     let (layout, gravity, up) = file.world();
     let metric = !is_scaled && !file.is_by_colmap();
     if is_scaled {
@@ -311,8 +318,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     Ok(Some(Layout {
         pose_convention: OPENGL,
         pose_files: FILE,
-        depth_unit: file.depth_scale().map_or(MILLIMETRES, |_| "integer_depth_scale (16-bit PNG)"),
-        depth_units_per_m: units_per_m as f32,
+        depth_unit: arrays::unit(&sources, is_told, largest_m.is_some()),
+        depth_units_per_m: largest_m.map_or(units_per_m as f32, |_| 1.0),
         gravity: gravity.to_string(),
         up_in_world: up,
         metric,

@@ -1,5 +1,6 @@
-//! ScanNet's export: `color/N.jpg`, `depth/N.png`, `pose/N.txt`, `intrinsic/intrinsic_{color,depth}.txt`.
-//! Conventions as in the ScanNet repository's SensReader.
+//! ScanNet's export: `color/N.jpg`, `depth/N.png`, `pose/N.txt`, `intrinsic/intrinsic_{color,depth}.txt`, or
+//! `intrinsics_{color,depth}.txt` in the data set's subset of frames (`scannet_frames_25k`). Conventions as in the ScanNet
+//! repository's SensReader.
 
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
@@ -9,22 +10,29 @@ use crate::container::Container;
 use viola_geometry::Vector3;
 
 const POSES: &str = "pose/";
+/// The beginnings of the names of both cameras' files; `_color.txt` and `_depth.txt` follow.
+const INTRINSICS: [&str; 2] = ["intrinsic/intrinsic", "intrinsics"];
 
 /// Finds the export in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;
     let (color_pictures, depth_pictures) = (files.count(Kind::Color), files.count(Kind::Depth));
+    let file = |place: &str, camera: &str| {
+        let name = format!("{root}{place}_{camera}.txt");
+        find_file(container, &name).ok_or(name)
+    };
+    let place = INTRINSICS.into_iter().find(|place| file(place, "depth").is_ok()).unwrap_or(INTRINSICS[0]);
     let intrinsics_of = |camera: &str, of: Of| {
-        let name = format!("{root}intrinsic/intrinsic_{camera}.txt");
-        read_intrinsics(container, &find_file(container, &name).unwrap_or(name), of)
+        let (Ok(name) | Err(name)) = file(place, camera);
+        read_intrinsics(container, &name, of)
     };
     let of_depth = || intrinsics_of("depth", Of::Depth);
     let (cameras, intrinsics) = if color_pictures > 0 {
-        let words = "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt";
+        let words = format!("{place}_color.txt and {place}_depth.txt");
         (Cameras::Each { color: intrinsics_of("color", Of::Color)?, depth: of_depth()? }, words)
     } else {
-        (Cameras::One(of_depth()?), "intrinsic/intrinsic_depth.txt")
+        (Cameras::One(of_depth()?), format!("{place}_depth.txt"))
     };
     Ok(Some(Layout {
         pose_files: POSES,
@@ -34,7 +42,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         color_pictures,
         depth_pictures,
         incomplete,
-        intrinsics: intrinsics.to_string(),
+        intrinsics,
         ..Layout::new("scannet", cameras, sources)
     }))
 }

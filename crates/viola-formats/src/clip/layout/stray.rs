@@ -15,6 +15,7 @@ use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, incomplete,
     only_root, roots_of, video,
 };
+use crate::clip::npy::Allowed;
 use crate::container::Container;
 use odometry::Row;
 use std::collections::BTreeMap;
@@ -72,7 +73,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             time_s: row.and_then(|row| row.time_s),
             world_from_camera: row.and_then(|row| row.world_from_camera),
             color,
-            depth: if is_npy { DepthAt::Npy(depth.to_string()) } else { DepthAt::Png(depth.to_string()) },
+            depth: depth_at(depth.to_string(), is_npy),
             confidence: confidence.get(&number).map(|name| name.to_string()),
             numbers: row.and_then(|row| row.numbers).filter(|_| use_own),
         });
@@ -110,6 +111,10 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         notes,
         ..Layout::new("stray_scanner", Cameras::One(intrinsics), sources)
     }))
+}
+
+fn depth_at(name: String, is_npy: bool) -> DepthAt {
+    if is_npy { DepthAt::Npy(name, Allowed::Integers) } else { DepthAt::Png(name) }
 }
 
 /// Returns the number of the video's first frame among the odometry's rows. If their numbers begin above 0, the start of

@@ -13,6 +13,8 @@ pub(super) const MAX_DISTANCE_M: f64 = 1e5;
 /// Maximum error of the products of a rotation's columns. Exports print six digits; 7-Scenes is off by up to
 /// 1e-3.
 const ROTATION_TOLERANCE: f64 = 0.02;
+/// If fewer than one in so many rows end with as few digits as the last row, this row was cut off.
+const ROWS_FOR_A_SHORT_ONE: usize = 100;
 /// Maximum difference of a quaternion's length from 1.
 const QUATERNION_TOLERANCE: f64 = 0.1;
 
@@ -114,15 +116,30 @@ fn words(text: &str) -> impl DoubleEndedIterator<Item = &str> {
     text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty())
 }
 
-/// Returns whether a row of numbers has fewer of them than the row above, or ends with fewer digits.
-fn is_shorter(row: &str, above: &str) -> bool {
-    let last = |row| words(row).next_back().filter(|word| word.parse::<f64>().is_ok());
-    let (Some(number), Some(number_above)) = (last(row), last(above)) else { return false };
-    words(row).count() < words(above).count() || precision(number) < precision(number_above)
+/// Returns whether a row of numbers has fewer of them than the row above, or ends with fewer digits than nearly all rows
+/// above, which are given from the first one.
+fn is_shorter<'a>(row: &str, above: &str, rows: impl Iterator<Item = &'a str>) -> bool {
+    let (Some(own), Some(_)) = (last_precision(row), last_precision(above)) else { return false };
+    if words(row).count() < words(above).count() {
+        return true;
+    }
+    let (mut all, mut as_short) = (0, 0);
+    for precision in rows.filter_map(last_precision) {
+        all += 1;
+        as_short += usize::from(precision <= own);
+    }
+    as_short * ROWS_FOR_A_SHORT_ONE < all
 }
 
-/// Returns whether a number has an exponent and a point, and its digits behind the point, or all of them without one.
-fn precision(number: &str) -> (bool, bool, usize) {
+/// Whether a number has an exponent and a point, and its digits behind the point, or all of them without one.
+type Precision = (bool, bool, usize);
+
+/// Returns the precision of a row's last number; `None` if the row ends with another word.
+fn last_precision(row: &str) -> Option<Precision> {
+    words(row).next_back().filter(|word| word.parse::<f64>().is_ok()).map(precision)
+}
+
+fn precision(number: &str) -> Precision {
     let (digits, exponent) = number.split_once(['e', 'E']).map_or((number, None), |(a, b)| (a, Some(b)));
     let (digits, has_point) = digits.split_once('.').map_or((digits, false), |(_, behind)| (behind, true));
     (exponent.is_some(), has_point, digits.trim_start_matches(['-', '+']).len())
@@ -164,7 +181,8 @@ impl Table {
     /// Reads the rows by `read`, whose error is the fault of a row. Such a row is refused, unless it was cut off.
     ///
     /// The rest of a row that was cut off may be a row as well, with a part of a number at its end. It is left out if it is
-    /// shorter than the row above; the last row of a file that only lacks its last line end is not.
+    /// shorter than the rows above; the last row of a file that only lacks its last line end is not. Early versions of
+    /// Stray Scanner write no line end there, and numbers with as many digits as they need, which differ from row to row.
     pub fn read_rows(
         &self,
         notes: &mut Vec<String>,
@@ -173,10 +191,11 @@ impl Table {
         let unended = self.unended_line();
         let mut above = "";
         for (line, text) in self.rows() {
-            if unended == Some(line) && is_shorter(text, above) {
+            let rows_above = self.rows().take_while(|(other, _)| *other < line).map(|(_, row)| row);
+            if unended == Some(line) && is_shorter(text, above, rows_above) {
                 notes.push(format!(
-                    "line {line} of {} has no line end and is shorter than the line above: it was cut off, and was left \
-                     out",
+                    "line {line} of {} has no line end and is shorter than the lines above: it was cut off, and was \
+                     left out",
                     self.name
                 ));
             } else if let Err(reason) = read(text) {
@@ -216,6 +235,7 @@ pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
 #[cfg(test)]
 mod tests {
     use super::is_shorter;
+    use std::iter;
 
     #[test]
     fn rows_that_end_too_early_are_told_by_the_row_above() {
@@ -239,7 +259,19 @@ mod tests {
             ("1.5 rgb/1.p", "1.25 rgb/1.25.png", false),
             ("1 0.5", "", false),
         ] {
-            assert_eq!(is_shorter(row, above), expected, "{row} below {above}");
+            assert_eq!(is_shorter(row, above, iter::once(above)), expected, "{row} below {above}");
+        }
+        // One row of two ends with four digits, or one of two hundred.
+        let above = "2 0.226478";
+        for (rows, row, expected) in [
+            (1, "3 0.2264", false),
+            (1, "3 0.226", true),
+            (1, "0.22647811", true),
+            (199, "3 0.2264", true),
+            (199, "3 0.226478", false),
+        ] {
+            let rows_above = iter::once("1 0.2471").chain(iter::repeat_n(above, rows));
+            assert_eq!(is_shorter(row, above, rows_above), expected, "{row} below {rows} rows");
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::records::{Columns, Points};
 use crate::lidar::{LidarError, LidarMap};
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
 /// Maximum number of columns that are read.
@@ -55,6 +56,7 @@ impl Field<'_> {
 /// header, x and y are the first two columns, in metres, and the third is z if it can be heights.
 pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let text = std::str::from_utf8(bytes).map_err(|_| LidarError::UnknownFormat)?;
+    let text: &str = &with_line_feeds(text);
     let is_comment = |line: &str| line.trim_start().starts_with('#');
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !is_comment(line));
     let Some((first_index, first)) = lines.next() else { return Err(LidarError::UnknownFormat) };
@@ -90,6 +92,15 @@ pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         table.add_line(&mut points, line, index)?;
     }
     points.into_map("csv_points", notes)
+}
+
+/// Returns the text with line feeds, also if its lines end in carriage returns alone, as in Excel's "CSV (Macintosh)".
+fn with_line_feeds(text: &str) -> Cow<'_, str> {
+    if text.contains('\n') || !text.contains('\r') {
+        Cow::Borrowed(text)
+    } else {
+        Cow::Owned(text.replace('\r', "\n"))
+    }
 }
 
 /// Returns the error for a first line that names no x and y. It is a header if only the line after it has numbers.

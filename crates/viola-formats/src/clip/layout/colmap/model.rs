@@ -2,6 +2,7 @@
 
 use super::super::text::{Table, pose_from_quaternion, read_table};
 use super::super::{ClipError, Numbers, Of};
+use crate::clip::MAX_FRAMES;
 use crate::container::Container;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
@@ -114,11 +115,15 @@ fn text_images(table: &Table, name: &str) -> Result<Vec<Image>, ClipError> {
         let is_image = is_id(id) && is_id(camera) && is_unit && name.len() <= MAX_NAME_BYTES;
         is_image.then(|| image(q, t, camera as u32, name.to_string()))
     };
-    let images: Vec<Image> = table.rows().filter_map(|(_, row)| parsed(row)).collect();
+    let mut all = table.rows().filter_map(|(_, row)| parsed(row));
+    let images: Vec<Image> = all.by_ref().take(MAX_FRAMES).collect();
     if images.is_empty() {
         return Err(bad_line(name, 1, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"));
     }
-    Ok(images)
+    match all.count() {
+        0 => Ok(images),
+        more => Err(ClipError::TooManyFrames { frames: MAX_FRAMES + more, max: MAX_FRAMES }),
+    }
 }
 
 fn bad_line(name: &str, line: usize, form: &str) -> ClipError {
@@ -190,7 +195,13 @@ impl<'a> Bytes<'a> {
 
     fn images(mut self) -> Result<Vec<Image>, ClipError> {
         let mut images = Vec::new();
-        for _ in 0..self.u64()? {
+        let count = self.u64()?;
+        for _ in 0..count {
+            // The file has room for more than a million.
+            if images.len() == MAX_FRAMES {
+                let frames = usize::try_from(count).unwrap_or(usize::MAX);
+                return Err(ClipError::TooManyFrames { frames, max: MAX_FRAMES });
+            }
             self.u32()?;
             let (rotation, translation) = (self.numbers()?, self.numbers()?);
             let camera = self.u32()?;

@@ -6,6 +6,7 @@ use crate::clip::layout::text::pose_from_rows;
 use crate::clip::layout::trajectory::Timed;
 use crate::clip::layout::{Numbers, Of};
 use crate::container::{Container, ContainerError};
+use crate::json;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::io::{BufRead, BufReader, Read};
@@ -154,7 +155,7 @@ pub(super) fn read(
             continue;
         }
         let line = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
-        take(serde_json::from_slice(line).map_err(|error| bad(error.to_string()))?)?;
+        take(json::parse(line).map_err(bad)?)?;
     }
     Ok(())
 }

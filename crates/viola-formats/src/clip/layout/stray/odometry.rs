@@ -1,8 +1,8 @@
 //! The rows of `odometry.csv`.
 
-use crate::clip::ClipError;
 use crate::clip::layout::text::{all_numbers, pose_from_quaternion, read_table};
 use crate::clip::layout::{Numbers, Of};
+use crate::clip::{ClipError, MAX_FRAMES};
 use crate::container::Container;
 use nalgebra::Quaternion;
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ pub(super) fn read(
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<u32, Row>, ClipError> {
     let mut rows = BTreeMap::new();
-    let mut count = 0;
+    let (mut count, mut more) = (0, 0);
     let mut is_old = None;
     read_table(container, name)?.read_rows(notes, |text| {
         if is_head(text) {
@@ -53,6 +53,11 @@ pub(super) fn read(
             None => count,
         };
         count += 1;
+        // A hostile file has a million rows, of which each would take some hundred bytes.
+        if rows.len() == MAX_FRAMES && !rows.contains_key(&number) {
+            more += 1;
+            return Ok(());
+        }
         let numbers = behind.first_chunk().map(|&[fx, fy, cx, cy]| Numbers { fx, fy, cx, cy, of: Of::Color });
         let world_from_camera =
             pose_from_quaternion(Quaternion::new(*qw, *qx, *qy, *qz), Vector3::new(*x, *y, *z));
@@ -60,6 +65,9 @@ pub(super) fn read(
         rows.insert(number, Row { numbers, time_s, world_from_camera });
         Ok(())
     })?;
+    if more > 0 {
+        return Err(ClipError::TooManyFrames { frames: MAX_FRAMES + more, max: MAX_FRAMES });
+    }
     notes.extend(drop_untracked(&mut rows, name));
     Ok(rows)
 }
