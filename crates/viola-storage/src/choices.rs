@@ -189,7 +189,7 @@ async fn settle(
         .await?;
     // Without a result the clip is in no map, before and after.
     if clip.result_key.is_some() {
-        home_maps::changed(&mut transaction, &clip.home).await?;
+        home_maps::changed(&mut transaction, &clip.home, now).await?;
     }
     let changed = Changed::Clip { id: clip.id, state: verdict.state };
     changes::record(&mut transaction, &clip.home, changed, now).await?;

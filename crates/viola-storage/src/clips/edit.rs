@@ -46,7 +46,7 @@ impl Storage {
             .execute(&mut transaction)
             .await?;
         if recorded_at != clip.recorded_at && clip.result_key.is_some() {
-            home_maps::changed(&mut transaction, home).await?;
+            home_maps::changed(&mut transaction, home, now).await?;
         }
         changes::record(&mut transaction, home, Changed::Clip { id, state: clip.state }, now).await?;
         let clip = find(&mut transaction, home, id).await?;

@@ -45,7 +45,7 @@ pub(crate) async fn change(
     };
     // Other clips may place a clip that has no pose by itself.
     if before.maybe_text("result_key")?.is_some() || outcome.result.is_some() {
-        home_maps::changed(connection, &home).await?;
+        home_maps::changed(connection, &home, now).await?;
     }
     let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);
     query(
@@ -117,7 +117,7 @@ pub(crate) async fn begin_job(
         // A process of an earlier version may have left an older answer beside the newer one.
         homes::grow(transaction, &home, -before.number("last_result_bytes")?).await?;
         stale = before.maybe_text("last_result_key")?;
-        home_maps::changed(transaction, &home).await?;
+        home_maps::changed(transaction, &home, now).await?;
     }
     query("UPDATE clips SET job_id = $2 WHERE id = $1")
         .bind(id.to_string())
