@@ -2,6 +2,7 @@
 //! LiDAR map, which queues all clips again, then makes one new revision, and the old one stays until then. The waiting has limits,
 //! since a home may never stop uploading: then the merge leaves out the clips that wait, and their answers make the next one due.
 
+use crate::columns::Columns;
 use crate::database::{Row, Transaction, query};
 use crate::{StorageError, clock};
 use jiff::{SignedDuration, Timestamp};
@@ -20,6 +21,12 @@ const LONGEST_WAIT: SignedDuration = SignedDuration::from_mins(10);
 /// A map that has been due for this long waits for no clip. Longer than the half day for which clips of the map may wait for
 /// their turn after a new LiDAR map: until then their old map is better than one without them.
 const LONGEST_WAIT_FOR_MAP: SignedDuration = SignedDuration::from_hours(15);
+
+/// Pause before the next look at a home whose merge waits.
+const LOOK_AGAIN: Duration = Duration::from_mins(1);
+
+/// Most homes that one claim looks at: each look writes.
+const MAX_LOOKS: usize = 16;
 
 /// Holds for a home without a clip that is queued or running, of those that the first argument selects. A job whose next attempt
 /// is after the second one does not count.
@@ -84,8 +91,43 @@ pub(crate) const CLAIM_LATER: &str = claim!(">", "");
 pub(super) const SETTLED: &str =
     concat!("SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ", none_waits!("", "$2"));
 
-/// Claims the next home of a later tenant than `after`, else of any other, and returns its row; `None` if no merge is due.
+/// Selects a claimed home if it still need not wait for clips. It waits, too, if no clip has a place and one of the map may get
+/// one again after its rest: the merge would empty the map.
+const STILL_NEED_NOT_WAIT: &str = concat!(
+    "SELECT 1 FROM homes WHERE id = $1 AND ",
+    need_not_wait!("$2", "$3", "$4", "$5", "$6"),
+    " AND (map_due_since <= $5
+        OR NOT EXISTS (SELECT 1 FROM clips
+            WHERE home_id = homes.id AND state IN ('queued', 'aligning') AND placement IS NOT NULL)
+        OR EXISTS (SELECT 1 FROM clips
+            WHERE home_id = homes.id AND state = 'aligned' AND result_key IS NOT NULL))"
+);
+
+/// Claims a home and returns its row; `None` if no merge is due.
 pub(super) async fn take(
+    transaction: &mut Transaction,
+    after: &str,
+    lease: Duration,
+    now: Timestamp,
+) -> Result<Option<Row>, StorageError> {
+    for _ in 0..MAX_LOOKS {
+        let Some(row) = take_next(transaction, after, lease, now).await? else { return Ok(None) };
+        // On PostgreSQL the claim saw the clips as they were when it began. A new LiDAR map may have queued them before it locked
+        // the home.
+        if still_need_not_wait(transaction, &row, now).await? {
+            return Ok(Some(row));
+        }
+        query("UPDATE homes SET map_lease_until = NULL, map_due_at = $2 WHERE id = $1")
+            .bind(row.text("id")?)
+            .bind((now + LOOK_AGAIN).as_millisecond())
+            .execute(transaction)
+            .await?;
+    }
+    Ok(None)
+}
+
+/// Claims the next home of a later tenant than `after`, else of any other.
+async fn take_next(
     transaction: &mut Transaction,
     after: &str,
     lease: Duration,
@@ -110,4 +152,21 @@ pub(super) async fn take(
         }
     }
     Ok(None)
+}
+
+async fn still_need_not_wait(
+    transaction: &mut Transaction,
+    row: &Row,
+    now: Timestamp,
+) -> Result<bool, StorageError> {
+    let found = query(STILL_NEED_NOT_WAIT)
+        .bind(row.text("id")?)
+        .bind((now + LONG_REST).as_millisecond())
+        .bind((now + LONG_REST_IN_MAP).as_millisecond())
+        .bind((now - LONGEST_WAIT).as_millisecond())
+        .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
+        .bind(clock::no_pause_after(now))
+        .fetch_optional(transaction)
+        .await?;
+    Ok(found.is_some())
 }
