@@ -5,6 +5,7 @@ use super::*;
 on_every_back_end!(
     changes_become_deliveries,
     failures_follow_the_schedule,
+    a_retry_during_an_attempt_stays_due,
     who_is_gone_is_told_nothing,
     a_lost_lease_notes_nothing,
     a_slow_webhook_takes_nobodys_turn,
@@ -117,6 +118,29 @@ async fn failures_follow_the_schedule(storage: Storage) {
     assert_eq!(log(&storage, id).await[0].due_at, Some(now + MINUTE));
     let nobody = storage.retry_delivery(&acme(), id, Uuid::now_v7(), now).await;
     assert!(matches!(nobody, Err(StorageError::NoSuchDelivery)));
+}
+
+async fn a_retry_during_an_attempt_stays_due(storage: Storage) {
+    let id = webhook(&storage, &ChangeKind::ALL).await;
+    put(&storage, "h", "one").await;
+    storage.fan_out(at(0)).await.unwrap();
+    send_all(&storage, &failed(), at(0)).await;
+    // The attempt of each row ends a second after the retry, and the next one begins then.
+    for (begun_s, sent) in [(5, failed()), (7, Sent::Gone), (9, Sent::Delivered { status: 200 })] {
+        let sending = claim(&storage, at(begun_s)).await.expect("a message is due");
+        let [delivery] = &sending.deliveries[..] else { panic!("{begun_s}: it is one message") };
+        let asked = storage.retry_delivery(&acme(), id, delivery.id, at(begun_s + 1)).await.unwrap();
+        storage.note_attempt(&sending, delivery, &sent, at(begun_s + 2)).await.unwrap();
+        storage.release_webhook(&sending, at(begun_s + 2)).await.unwrap();
+        let noted = log(&storage, id).await.remove(0);
+        if matches!(sent, Sent::Delivered { .. }) {
+            assert_eq!(noted.state, DeliveryState::Delivered);
+        } else {
+            assert_eq!(noted, asked, "{begun_s}");
+        }
+        assert_eq!(storage.webhook(&acme(), id).await.unwrap().disabled_at, None, "{begun_s}");
+    }
+    assert!(claim(&storage, at(1_000_000)).await.is_none(), "it was delivered");
 }
 
 async fn who_is_gone_is_told_nothing(storage: Storage) {

@@ -72,6 +72,7 @@ pub struct ToSend {
     pub id: Uuid,
     pub body: String,
     attempts: i64,
+    due_at: Timestamp,
 }
 
 /// Result of an attempt.
@@ -141,7 +142,7 @@ impl Storage {
         let Some(row) = row else { return Ok(None) };
         let webhook = row.id("id")?;
         let due = query(
-            "SELECT id, body, attempts FROM webhook_deliveries
+            "SELECT id, body, attempts, due_at FROM webhook_deliveries
             WHERE webhook_id = $1 AND state = 'pending' AND (due_at <= $2 OR due_at > $4)
             ORDER BY due_at, id LIMIT $3",
         );
@@ -153,7 +154,12 @@ impl Storage {
             .fetch_all(&mut transaction)
             .await?;
         let to_send = |row: &Row| {
-            Ok(ToSend { id: row.id("id")?, body: row.text("body")?, attempts: row.number("attempts")? })
+            Ok(ToSend {
+                id: row.id("id")?,
+                body: row.text("body")?,
+                attempts: row.number("attempts")?,
+                due_at: row.time("due_at")?,
+            })
         };
         let deliveries = due.iter().map(to_send).collect::<Result<_, StorageError>>()?;
         // Committed before the secret is opened: if its key is missing, other webhooks still have their turns.
@@ -163,7 +169,8 @@ impl Storage {
         Ok(Some(Sending { webhook, url, secret, deliveries, fencing_token }))
     }
 
-    /// Records the result of an attempt, unless the lease was lost meanwhile.
+    /// Records the result of an attempt, unless the lease was lost meanwhile. A retry that was asked for during the attempt stays
+    /// due, unless the message was delivered.
     pub async fn note_attempt(
         &self,
         sending: &Sending,
@@ -176,10 +183,10 @@ impl Storage {
             return Ok(());
         }
         let (state, due_at, status, error) = after(delivery, sent, now);
-        query(
+        let noted = query(
             "UPDATE webhook_deliveries SET state = $2, attempts = attempts + 1, due_at = $3, status = $4,
                 error = $5, updated_at = $6
-            WHERE id = $1 AND state = 'pending'",
+            WHERE id = $1 AND state = 'pending' AND ($2 = 'delivered' OR (attempts = $7 AND due_at = $8))",
         )
         .bind(delivery.id.to_string())
         .bind(state)
@@ -187,9 +194,11 @@ impl Storage {
         .bind(status.map(i64::from))
         .bind(error)
         .bind(now.as_millisecond())
+        .bind(delivery.attempts)
+        .bind(delivery.due_at.as_millisecond())
         .execute(&mut transaction)
         .await?;
-        if *sent == Sent::Gone {
+        if *sent == Sent::Gone && noted > 0 {
             query("UPDATE webhooks SET disabled_at = $2 WHERE id = $1")
                 .bind(sending.webhook.to_string())
                 .bind(now.as_millisecond())
