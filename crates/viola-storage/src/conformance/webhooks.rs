@@ -10,6 +10,7 @@ on_every_back_end!(
     a_lost_lease_notes_nothing,
     a_slow_webhook_takes_nobodys_turn,
     an_address_that_is_away_is_not_drowned,
+    an_address_without_answers_gets_few_tests,
     there_are_at_most_ten,
     the_log_is_a_tenants_own,
     a_webhook_that_cannot_be_read_lets_others_pass,
@@ -229,6 +230,21 @@ async fn an_address_that_is_away_is_not_drowned(storage: Storage) {
         "the newest of each is told"
     );
     storage.delete_webhook(&acme(), id).await.unwrap();
+}
+
+async fn an_address_without_answers_gets_few_tests(storage: Storage) {
+    let id = webhook(&storage, &ChangeKind::ALL).await;
+    let mut tests = Vec::new();
+    for second in 0..30 {
+        tests.push(storage.test_webhook(&acme(), id, at(second)).await.unwrap());
+    }
+    let waiting = log(&storage, id).await;
+    assert_eq!(waiting.len(), 10);
+    // The newest of them is that of each further request, and due again.
+    assert_eq!((tests[29].id, tests[29].due_at), (waiting[0].id, Some(at(29))));
+    send_all(&storage, &Sent::Delivered { status: 200 }, at(30)).await;
+    let next = storage.test_webhook(&acme(), id, at(31)).await.unwrap();
+    assert!(tests.iter().all(|test| test.id != next.id), "the others were delivered");
 }
 
 async fn there_are_at_most_ten(storage: Storage) {

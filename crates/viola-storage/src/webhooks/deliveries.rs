@@ -25,6 +25,12 @@ pub const RETRY_AFTER: [SignedDuration; 9] = [
     SignedDuration::from_hours(24),
 ];
 
+/// The `type` of test messages.
+const TEST: &str = "webhook.test";
+
+/// Most pending test messages of one webhook: an address that does not answer gets no message for each further request.
+const MAX_PENDING_TESTS: i64 = 10;
+
 /// State of a delivery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -248,21 +254,12 @@ impl Storage {
     ) -> Result<Delivery, StorageError> {
         let mut transaction = self.database.begin().await?;
         enable(&mut transaction, tenant, webhook).await?;
-        query(
-            "UPDATE webhook_deliveries SET state = 'pending', attempts = 0, due_at = $3, updated_at = $3
-            WHERE id = $1 AND webhook_id = $2",
-        )
-        .bind(delivery.to_string())
-        .bind(webhook.to_string())
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        let found = find(&mut transaction, webhook, delivery).await?.ok_or(StorageError::NoSuchDelivery)?;
+        let retried = retry(&mut transaction, webhook, delivery, now).await?;
         transaction.commit().await?;
-        Ok(found)
+        Ok(retried)
     }
 
-    /// Queues an empty test message. Enables a disabled webhook.
+    /// Queues an empty test message; if there are many already, retries the newest of them. Enables a disabled webhook.
     pub async fn test_webhook(
         &self,
         tenant: &Tenant,
@@ -271,12 +268,41 @@ impl Storage {
     ) -> Result<Delivery, StorageError> {
         let mut transaction = self.database.begin().await?;
         enable(&mut transaction, tenant, webhook).await?;
-        let id =
-            fan_out::insert(&mut transaction, webhook, "webhook.test", &now, "{}".to_owned(), now).await?;
-        let made = find(&mut transaction, webhook, id).await?.ok_or(StorageError::NoSuchDelivery)?;
+        let pending = query(
+            "SELECT COUNT(*) AS tests, MAX(id) AS newest FROM webhook_deliveries
+            WHERE webhook_id = $1 AND state = 'pending' AND event = $2",
+        );
+        let pending = pending.bind(webhook.to_string()).bind(TEST).fetch_one(&mut transaction).await?;
+        let is_full = pending.number("tests")? >= MAX_PENDING_TESTS;
+        let test = match pending.maybe_id("newest")? {
+            Some(newest) if is_full => retry(&mut transaction, webhook, newest, now).await?,
+            _ => {
+                let id = fan_out::insert(&mut transaction, webhook, TEST, &now, "{}".to_owned(), now).await?;
+                find(&mut transaction, webhook, id).await?.ok_or(StorageError::NoSuchDelivery)?
+            }
+        };
         transaction.commit().await?;
-        Ok(made)
+        Ok(test)
     }
+}
+
+/// Makes a delivery pending, in any state, from the beginning of its schedule.
+async fn retry(
+    transaction: &mut Transaction,
+    webhook: Uuid,
+    delivery: Uuid,
+    now: Timestamp,
+) -> Result<Delivery, StorageError> {
+    query(
+        "UPDATE webhook_deliveries SET state = 'pending', attempts = 0, due_at = $3, updated_at = $3
+        WHERE id = $1 AND webhook_id = $2",
+    )
+    .bind(delivery.to_string())
+    .bind(webhook.to_string())
+    .bind(now.as_millisecond())
+    .execute(transaction)
+    .await?;
+    find(transaction, webhook, delivery).await?.ok_or(StorageError::NoSuchDelivery)
 }
 
 /// Returns whether the lease is still this process's; if so, locks it until the transaction ends.
