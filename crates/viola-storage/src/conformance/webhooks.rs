@@ -12,6 +12,7 @@ on_every_back_end!(
     an_address_that_is_away_is_not_drowned,
     an_address_without_answers_gets_few_tests,
     there_are_at_most_ten,
+    requests_at_once_create_at_most_ten,
     the_log_is_a_tenants_own,
     a_webhook_that_cannot_be_read_lets_others_pass,
     messages_of_a_clock_that_was_ahead_are_due,
@@ -257,6 +258,15 @@ async fn there_are_at_most_ten(storage: Storage) {
         storage.create_webhook(&Tenant::default(), "https://a.example/", &ChangeKind::ALL, at(0)).await;
     assert!(matches!(other, Ok(WebhookMade::Made(..))));
     assert_eq!(storage.webhooks(&acme()).await.unwrap().len() as i64, MAX_WEBHOOKS);
+}
+
+async fn requests_at_once_create_at_most_ten(storage: Storage) {
+    let tenant = acme();
+    let create = |_| storage.create_webhook(&tenant, "https://a.example/", &ChangeKind::ALL, at(0));
+    let made = futures::future::join_all((0..3 * MAX_WEBHOOKS).map(create)).await;
+    let created = made.into_iter().filter(|made| matches!(made, Ok(WebhookMade::Made(..)))).count();
+    assert_eq!(created as i64, MAX_WEBHOOKS);
+    assert_eq!(storage.webhooks(&tenant).await.unwrap().len() as i64, MAX_WEBHOOKS);
 }
 
 async fn the_log_is_a_tenants_own(storage: Storage) {
