@@ -5,7 +5,7 @@ use crate::changes::{self, Changed};
 use crate::choice::Verdict;
 use crate::columns::{Columns, to_json};
 use crate::database::{Connection, Transaction, query};
-use crate::{Choice, ClipState, StorageError, home_maps, homes, lidar_maps};
+use crate::{Choice, ClipState, StorageError, clock, home_maps, homes, lidar_maps};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_align::Alignment;
@@ -48,10 +48,11 @@ pub(crate) async fn change(
         home_maps::changed(connection, &home, now).await?;
     }
     let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);
-    query(
-        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6, result_bytes = $7
-        WHERE job_id = $1",
-    )
+    query(concat!(
+        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, result_bytes = $7, ",
+        clock::change_at!("$6"),
+        " WHERE job_id = $1"
+    ))
     .bind(job.to_string())
     .bind(verdict.state.name())
     .bind(to_json(&verdict.reasons))
