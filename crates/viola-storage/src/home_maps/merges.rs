@@ -1,6 +1,7 @@
 //! Merges of homes' maps: their claims, leases and results.
 
 mod claims;
+mod damage;
 mod faults;
 mod files;
 mod members;
@@ -20,6 +21,7 @@ use jiff::Timestamp;
 use members::members;
 use rows::insert;
 use std::time::Duration;
+use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_home::{Manifest, Member, PlacedClip, TileKey};
 
@@ -33,6 +35,8 @@ pub struct MergeClaim {
     pub home_name: Option<String>,
     /// The clips that may be in the map.
     pub members: Vec<Member>,
+    /// Clips that the merge left out, since the files of their answers are missing or damaged.
+    left_out: Vec<Member>,
     /// The current LiDAR map of each level, by the levels' names.
     pub lidar_maps: Vec<LidarMapRevision>,
     /// The revision that the new one starts from; 0 before the first.
@@ -51,6 +55,15 @@ pub struct MergeClaim {
 }
 
 impl MergeClaim {
+    /// Leaves out a clip whose files are missing or damaged. The end of the merge gives the clip a reason.
+    pub fn leave_out(&mut self, clip: Uuid) {
+        let members = std::mem::take(&mut self.members);
+        let (damaged, members): (Vec<_>, Vec<_>) =
+            members.into_iter().partition(|member| member.clip == clip);
+        self.members = members;
+        self.left_out.extend(damaged);
+    }
+
     /// Returns whether a LiDAR map is not that of the last revision, or a level was removed.
     pub fn has_new_lidar_map(&self) -> bool {
         let now = self.lidar_maps.iter().map(|map| (map.level, map.revision));
@@ -254,6 +267,7 @@ impl Storage {
             }
             None => Vec::new(),
         };
+        damage::update_reasons(&mut transaction, &claim.home, &claim.left_out, &claim.members, now).await?;
         pending_deletes::add(&mut transaction, &super::owner(&claim.home), &stale, now).await?;
         transaction.commit().await?;
         Ok(Some(stale))
@@ -287,6 +301,7 @@ async fn read_claim(
     let last = newest(connection, home).await?;
     Ok(MergeClaim {
         members: members(connection, home).await?,
+        left_out: Vec::new(),
         lidar_map_revision: lidar_maps.iter().map(|map| map.revision).max().unwrap_or(0),
         lidar_maps,
         corrections: corrections::of_home(connection, home).await?,
