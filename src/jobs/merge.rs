@@ -79,9 +79,8 @@ pub(super) async fn merge(
         }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
-            // Waiting would not bring back a clip that was removed meanwhile.
-            let may_have_passed = matches!(cause, MergeError::DamagedClip { .. });
-            let released = queue.storage.fail_merge(claim, may_have_passed, queue.storage.now()).await;
+            let damaged = cause.damaged_clip();
+            let released = queue.storage.fail_merge(claim, damaged, queue.storage.now()).await;
             log_failed_release(claim, released);
         }
     }
@@ -215,7 +214,7 @@ async fn assemble_readable(
         match assemble(storage, &claim, last).await {
             Err(damage @ MergeError::DamagedClip { clip }) if claim.members.len() > min_clips => {
                 warn!(home = %claim.home, %damage, "a clip is left out of the map");
-                claim.members.retain(|member| member.clip != clip);
+                claim.leave_out(clip);
             }
             assembly => return Ok((claim, assembly?)),
         }

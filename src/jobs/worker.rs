@@ -60,8 +60,8 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
     let mut worker = Worker { queue, params, stop, merged: String::new(), merge_pace: Pace::default() };
     while !worker.stop.is_cancelled() {
         worker.queue_lost().await;
-        // Jobs and merges take turns, so that neither waits until the other queue is empty. A home with queued clips is
-        // not due, so it is merged once.
+        // Jobs and merges take turns, so that neither waits until the other queue is empty. A merge waits for the queued clips
+        // of its home for a time, so clips that were sent together are merged once.
         let worked = worker.work().await;
         let pause = worker.merge_pace.pause(Instant::now());
         let merged = pause.is_none() && !worker.stop.is_cancelled() && worker.merge().await;

@@ -179,12 +179,16 @@ async fn a_map_is_made_without_damaged_files() {
     cut(&cloud, whole.len() as u64 / 2);
     let c = &aligned(client, home, 14).await;
     mapped(client, home, &[&b, c]).await;
+    let map = client.get(&format!("{home}/map")).await.ok(200);
+    assert!(map["left_out"][0]["reasons"].to_string().contains("\"results_damaged\""), "{map:#}");
     fs::remove_file(&cloud).unwrap();
     let d = &aligned(client, home, 15).await;
     mapped(client, home, &[&b, c, d]).await;
     fs::write(&cloud, &whole).unwrap();
     let e = &aligned(client, home, 16).await;
     mapped(client, home, &[&a, &b, c, d, e]).await;
+    let clip = client.get(&format!("{home}/clips/{a}")).await.ok(200);
+    assert!(!clip["reasons"].to_string().contains("results_damaged"), "{clip:#}");
 
     for file in files_below(&blobs.join("home-maps")) {
         // Files of earlier revisions may go meanwhile.

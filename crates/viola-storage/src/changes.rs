@@ -315,7 +315,7 @@ pub(super) async fn record_home_removed(
     now: Timestamp,
 ) -> Result<(), StorageError> {
     query(
-        "UPDATE changes SET seq = NULL, at = $2, state = NULL, deleted = 1,
+        "UPDATE changes SET seq = NULL, at = CASE WHEN at < $2 THEN $2 ELSE at END, state = NULL, deleted = 1,
             ticket = $3 || CASE kind WHEN 'home' THEN '1' ELSE '0' END || substr(ticket, 1, 36)
         WHERE home_id = $1 AND deleted = 0",
     )

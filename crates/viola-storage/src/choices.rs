@@ -6,7 +6,7 @@ use super::choice::{Choice, Verdict, WAITS};
 use super::columns::{Columns, stored, to_json};
 use super::database::{Transaction, query};
 use super::{
-    Clip, ClipState, FromEarlier, HomeId, LidarMapRevision, Storage, StorageError, clips, home_maps,
+    Clip, ClipState, FromEarlier, HomeId, LidarMapRevision, Storage, StorageError, clips, clock, home_maps,
     lidar_maps,
 };
 use jiff::Timestamp;
@@ -179,7 +179,12 @@ async fn settle(
     verdict: Verdict,
     now: Timestamp,
 ) -> Result<Clip, StorageError> {
-    query("UPDATE clips SET choice = $2, state = $3, reasons = $4, updated_at = $5 WHERE id = $1")
+    let update = concat!(
+        "UPDATE clips SET choice = $2, state = $3, reasons = $4, ",
+        clock::change_at!("$5"),
+        " WHERE id = $1"
+    );
+    query(update)
         .bind(clip.id.to_string())
         .bind(choice.map(to_json))
         .bind(verdict.state.name())
@@ -189,7 +194,7 @@ async fn settle(
         .await?;
     // Without a result the clip is in no map, before and after.
     if clip.result_key.is_some() {
-        home_maps::changed(&mut transaction, &clip.home).await?;
+        home_maps::changed(&mut transaction, &clip.home, now).await?;
     }
     let changed = Changed::Clip { id: clip.id, state: verdict.state };
     changes::record(&mut transaction, &clip.home, changed, now).await?;

@@ -18,6 +18,14 @@ const LONGEST_TURN_AGAIN: Duration = Duration::from_hours(15);
 /// Longer than any delay of a delivery.
 const LONGEST_DELAY: Duration = Duration::from_hours(25);
 
+/// Sets the time of a clip's newest change. It does not go back with the clock: readers ask for the clips that changed since.
+macro_rules! change_at {
+    ($now:literal) => {
+        concat!("updated_at = CASE WHEN updated_at < ", $now, " THEN ", $now, " ELSE updated_at END")
+    };
+}
+pub(super) use change_at;
+
 /// Returns the time after which a lease can only be of a clock that was ahead, in milliseconds.
 pub(super) fn no_lease_after(now: Timestamp) -> i64 {
     (now + LONGEST_LEASE).as_millisecond()

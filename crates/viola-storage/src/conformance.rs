@@ -21,6 +21,7 @@ mod lists;
 mod local_files;
 mod lost_database;
 mod merge_faults;
+mod merge_waits;
 mod meshes;
 mod plans;
 mod records;

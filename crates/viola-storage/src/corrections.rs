@@ -170,7 +170,8 @@ impl Storage {
                 correction,
                 corrected_at: stored(now),
             });
-            if keep(&mut transaction, home, (C::KIND, &target), kept.as_ref()).await? > MAX_CORRECTIONS {
+            let kept_rows = keep(&mut transaction, home, (C::KIND, &target), kept.as_ref(), now).await?;
+            if kept_rows > MAX_CORRECTIONS {
                 return Err(CorrectionError::TooMany);
             }
             transaction.commit().await?;

@@ -260,32 +260,47 @@ impl Storage {
 }
 
 /// Marks a home's map as due for a merge, in the transaction that changes the map's inputs.
-pub(super) async fn changed(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
-    query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1")
-        .bind(home.key())
-        .execute(connection)
-        .await?;
+pub(super) async fn changed(
+    connection: &mut Connection,
+    home: &HomeId,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let mark = query(
+        "UPDATE homes SET map_wanted = map_wanted + 1,
+            map_due_since = CASE WHEN map_made < map_wanted THEN COALESCE(map_due_since, $2) ELSE $2 END
+        WHERE id = $1",
+    );
+    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
     Ok(())
 }
 
-/// Marks a home's map as due if the home has one: its LiDAR maps are others, whatever its clips are.
-pub(super) async fn outdated(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
-    query(
-        "UPDATE homes SET map_wanted = map_wanted + 1
+/// Marks a home's map as due if the home has one: its LiDAR maps are others, whatever its clips are. All clips are queued for
+/// them, and the waiting begins again.
+pub(super) async fn outdated(
+    connection: &mut Connection,
+    home: &HomeId,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let mark = query(
+        "UPDATE homes SET map_wanted = map_wanted + 1, map_due_since = $2
         WHERE id = $1 AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1)",
-    )
-    .bind(home.key())
-    .execute(connection)
-    .await?;
+    );
+    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
     Ok(())
 }
 
 /// Marks a home's map as due if it was ever: its plans have the home's name.
-pub(super) async fn renamed(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
-    query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1 AND map_wanted > 0")
-        .bind(home.key())
-        .execute(connection)
-        .await?;
+pub(super) async fn renamed(
+    connection: &mut Connection,
+    home: &HomeId,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let mark = query(
+        "UPDATE homes SET map_wanted = map_wanted + 1,
+            map_due_since = CASE WHEN map_made < map_wanted THEN COALESCE(map_due_since, $2) ELSE $2 END
+        WHERE id = $1 AND map_wanted > 0",
+    );
+    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
     Ok(())
 }
 

@@ -175,7 +175,7 @@ impl Storage {
         }
         let is_renamed = !is_new && rename(&mut transaction, id, name, &search).await?;
         if is_renamed {
-            home_maps::renamed(&mut transaction, id).await?;
+            home_maps::renamed(&mut transaction, id, now).await?;
         }
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;

@@ -99,6 +99,12 @@ impl Storage {
         self.number_changes().await?;
         let (id, secret) = (Uuid::now_v7(), WebhookSecret::new()?);
         let mut transaction = self.database.begin().await?;
+        // The requests of a tenant take turns after this statement, so that two cannot pass the count together. Those of SQLite do
+        // anyway.
+        let turn = transaction.either(None, Some("SELECT pg_advisory_xact_lock(hashtextextended($1, 1))"));
+        if let Some(turn) = turn {
+            query(turn).bind(tenant.name()).execute(&mut transaction).await?;
+        }
         let made = query(
             "INSERT INTO webhooks (id, tenant, url, kinds, secret, seq, created_at)
             SELECT $1, $2, $3, $4, $5, last_seq, $6 FROM change_counter

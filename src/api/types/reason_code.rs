@@ -7,7 +7,7 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// The codes of the method and the service with the advice of docs/api.md, in its order.
 #[rustfmt::skip]
-const REASONS: [(&str, &str); 52] = [
+const REASONS: [(&str, &str); 53] = [
     ("no_lidar_map", "send the home's LiDAR map"),
     ("cancelled", "align the clip again"),
     ("superseded", "none; a newer job aligns the clip"),
@@ -60,6 +60,7 @@ const REASONS: [(&str, &str); 52] = [
     ("choice_carried_over", "look at the clip"),
     ("choice_of_earlier_lidar_map", "look at the clip; choose again, or withdraw the choice"),
     ("choice_without_result", "align the clip again; the choice then holds"),
+    ("results_damaged", "align the clip again, or restore its files"),
 ];
 
 /// The codes of the readers of clips and LiDAR maps, in order: a file whose damage shows only when a job reads it.

@@ -22,3 +22,13 @@ pub(in crate::jobs) enum MergeError {
     #[error("nobody waits for the merge any more")]
     Abandoned,
 }
+
+impl MergeError {
+    /// Returns the clip whose files are missing or damaged, if that is the reason.
+    pub fn damaged_clip(&self) -> Option<Uuid> {
+        match self {
+            MergeError::DamagedClip { clip } => Some(*clip),
+            _ => None,
+        }
+    }
+}

@@ -4,7 +4,7 @@ use super::{Clip, find, find_locked};
 use crate::changes::{self, Changed};
 use crate::columns::stored;
 use crate::database::query;
-use crate::{HomeId, Storage, StorageError, home_maps};
+use crate::{HomeId, Storage, StorageError, clock, home_maps};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -38,7 +38,12 @@ impl Storage {
         if !expected(&clip) {
             return Err(StorageError::Changed { what: "clip" });
         }
-        query("UPDATE clips SET title = $2, recorded_at = $3, updated_at = $4 WHERE id = $1")
+        let update = concat!(
+            "UPDATE clips SET title = $2, recorded_at = $3, ",
+            clock::change_at!("$4"),
+            " WHERE id = $1"
+        );
+        query(update)
             .bind(id.to_string())
             .bind(&title)
             .bind(recorded_at.map(Timestamp::as_millisecond))
@@ -46,7 +51,7 @@ impl Storage {
             .execute(&mut transaction)
             .await?;
         if recorded_at != clip.recorded_at && clip.result_key.is_some() {
-            home_maps::changed(&mut transaction, home).await?;
+            home_maps::changed(&mut transaction, home, now).await?;
         }
         changes::record(&mut transaction, home, Changed::Clip { id, state: clip.state }, now).await?;
         let clip = find(&mut transaction, home, id).await?;

@@ -5,7 +5,7 @@ use crate::changes::{self, Changed};
 use crate::choice::Verdict;
 use crate::columns::{Columns, to_json};
 use crate::database::{Connection, Transaction, query};
-use crate::{Choice, ClipState, StorageError, home_maps, homes, lidar_maps};
+use crate::{Choice, ClipState, StorageError, clock, home_maps, homes, lidar_maps};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_align::Alignment;
@@ -45,13 +45,14 @@ pub(crate) async fn change(
     };
     // Other clips may place a clip that has no pose by itself.
     if before.maybe_text("result_key")?.is_some() || outcome.result.is_some() {
-        home_maps::changed(connection, &home).await?;
+        home_maps::changed(connection, &home, now).await?;
     }
     let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);
-    query(
-        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6, result_bytes = $7
-        WHERE job_id = $1",
-    )
+    query(concat!(
+        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, result_bytes = $7, ",
+        clock::change_at!("$6"),
+        " WHERE job_id = $1"
+    ))
     .bind(job.to_string())
     .bind(verdict.state.name())
     .bind(to_json(&verdict.reasons))
@@ -117,7 +118,7 @@ pub(crate) async fn begin_job(
         // A process of an earlier version may have left an older answer beside the newer one.
         homes::grow(transaction, &home, -before.number("last_result_bytes")?).await?;
         stale = before.maybe_text("last_result_key")?;
-        home_maps::changed(transaction, &home).await?;
+        home_maps::changed(transaction, &home, now).await?;
     }
     query("UPDATE clips SET job_id = $2 WHERE id = $1")
         .bind(id.to_string())

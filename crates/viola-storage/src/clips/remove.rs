@@ -33,7 +33,7 @@ impl Storage {
         query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
         homes::grow(&mut transaction, home, -(clip.stored_bytes() as i64)).await?;
         if clip.result_key.is_some() {
-            home_maps::changed(&mut transaction, home).await?;
+            home_maps::changed(&mut transaction, home, now).await?;
         }
         changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
         pending_deletes::add(&mut transaction, &owner, &clip.blobs(), now).await?;

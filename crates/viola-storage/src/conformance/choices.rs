@@ -65,22 +65,23 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
     one_job(&storage).await;
     let own = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
     assert_eq!((own.state, standing(&own)), (ClipState::Ambiguous, None));
-    let chosen = choose(&storage, &own, Chosen::Alternative(1), 200).await;
+    let chosen = choose(&storage, &own, Chosen::Alternative(1), 1000).await;
     assert_eq!((chosen.state, codes(&chosen)), (ClipState::Aligned, vec!["chosen_by_person"]));
     assert_eq!(standing(&chosen), Some((2.0, Some(1), 1)));
-    assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(200)));
+    assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(1000)));
     // The same choice again changes nothing, not even its time; another one replaces it.
-    assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 201).await, chosen);
+    assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 1001).await, chosen);
     let other =
-        choose(&storage, &own, Chosen::Pose(LevelName::MAIN, Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
+        choose(&storage, &own, Chosen::Pose(LevelName::MAIN, Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 1002)
+            .await;
     assert_eq!(standing(&other), Some((2.0, None, 1)));
     let choice = other.choice.unwrap();
     assert!((choice.map_from_clip.yaw_rad - (4.0 - std::f64::consts::TAU)).abs() < 1e-12);
-    assert_eq!(choice.chosen_at, at(202));
+    assert_eq!(choice.chosen_at, at(1002));
 
-    let withdrawn = storage.withdraw_choice(&own.home, own.id, |_| true, at(203)).await.unwrap();
-    assert_eq!(withdrawn, Clip { updated_at: at(203), ..own.clone() });
-    assert_eq!(storage.withdraw_choice(&own.home, own.id, |_| true, at(204)).await.unwrap(), withdrawn);
+    let withdrawn = storage.withdraw_choice(&own.home, own.id, |_| true, at(1003)).await.unwrap();
+    assert_eq!(withdrawn, Clip { updated_at: at(1003), ..own.clone() });
+    assert_eq!(storage.withdraw_choice(&own.home, own.id, |_| true, at(1004)).await.unwrap(), withdrawn);
     assert_eq!(storage.clip(&own.home, own.id).await.unwrap(), withdrawn);
 }
 

@@ -13,6 +13,7 @@ on_every_back_end!(
     jobs_go_on_after_the_clock_was_set_forward,
     a_job_of_a_clock_that_was_ahead_comes_before_newer_ones,
     merges_go_on_after_the_clock_was_set_back,
+    a_clip_changed_no_earlier_after_the_clock_was_set_back,
     uploads_go_on_after_the_clock_was_set_back,
 );
 
@@ -93,6 +94,44 @@ async fn merges_go_on_after_the_clock_was_set_back(storage: Storage) {
     };
     assert!(!finish(&lost).await);
     assert!(finish(&held).await);
+}
+
+async fn a_clip_changed_no_earlier_after_the_clock_was_set_back(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    align(&storage, AlignmentState::Aligned).await;
+    let id = clip.id;
+    let check = async |what: &str| {
+        assert_eq!(storage.clip(&home, id).await.unwrap().updated_at, at(100), "{what}");
+    };
+    check("aligned").await;
+    let edit = ClipEdit { title: Some(Some("Kitchen".to_owned())), ..ClipEdit::default() };
+    storage.edit_clip(&home, id, edit, |_| true, at(-HOUR)).await.unwrap();
+    check("edited").await;
+    storage.choose(&home, id, Chosen::Alternative(0), |_| true, at(-HOUR)).await.unwrap();
+    check("chosen").await;
+    storage.withdraw_choice(&home, id, |_| true, at(-HOUR)).await.unwrap();
+    check("withdrawn").await;
+    let merge = async |seconds: i64| {
+        let claim = due(&storage, seconds).await.expect("a merge is due");
+        let new = revision(&claim, PlacedBy::Alignment, b"tile");
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+    };
+    merge(-HOUR).await;
+    check("placed").await;
+    storage.align_clip(&home, id, at(-HOUR)).await.unwrap();
+    check("queued").await;
+    let held = claim_at(&storage, -HOUR).await.expect("the job is due");
+    check("claimed").await;
+    let (refused, retry) = (AttemptEnd::Refused(reason("unreadable")), RetryPolicy::default());
+    assert!(storage.finish(&held, &refused, &retry, at(-HOUR)).await.unwrap());
+    check("refused").await;
+    merge(1 - HOUR).await;
+    assert_eq!(storage.clip(&home, id).await.unwrap().placement, None);
+    check("taken out of the map").await;
+    storage.delete_home(&home, |_| true, at(-HOUR)).await.unwrap();
+    let changes = storage.changes(&Tenant::default(), None, 9, at(200)).await.unwrap().items;
+    let of_clip = changes.iter().find(|change| change.clip == Some(id)).expect("the removal is told");
+    assert_eq!((of_clip.deleted, of_clip.at), (true, at(100)));
 }
 
 async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {

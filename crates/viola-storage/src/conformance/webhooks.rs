@@ -5,11 +5,14 @@ use super::*;
 on_every_back_end!(
     changes_become_deliveries,
     failures_follow_the_schedule,
+    a_retry_during_an_attempt_stays_due,
     who_is_gone_is_told_nothing,
     a_lost_lease_notes_nothing,
     a_slow_webhook_takes_nobodys_turn,
     an_address_that_is_away_is_not_drowned,
+    an_address_without_answers_gets_few_tests,
     there_are_at_most_ten,
+    requests_at_once_create_at_most_ten,
     the_log_is_a_tenants_own,
     a_webhook_that_cannot_be_read_lets_others_pass,
     messages_of_a_clock_that_was_ahead_are_due,
@@ -119,6 +122,29 @@ async fn failures_follow_the_schedule(storage: Storage) {
     assert!(matches!(nobody, Err(StorageError::NoSuchDelivery)));
 }
 
+async fn a_retry_during_an_attempt_stays_due(storage: Storage) {
+    let id = webhook(&storage, &ChangeKind::ALL).await;
+    put(&storage, "h", "one").await;
+    storage.fan_out(at(0)).await.unwrap();
+    send_all(&storage, &failed(), at(0)).await;
+    // The attempt of each row ends a second after the retry, and the next one begins then.
+    for (begun_s, sent) in [(5, failed()), (7, Sent::Gone), (9, Sent::Delivered { status: 200 })] {
+        let sending = claim(&storage, at(begun_s)).await.expect("a message is due");
+        let [delivery] = &sending.deliveries[..] else { panic!("{begun_s}: it is one message") };
+        let asked = storage.retry_delivery(&acme(), id, delivery.id, at(begun_s + 1)).await.unwrap();
+        storage.note_attempt(&sending, delivery, &sent, at(begun_s + 2)).await.unwrap();
+        storage.release_webhook(&sending, at(begun_s + 2)).await.unwrap();
+        let noted = log(&storage, id).await.remove(0);
+        if matches!(sent, Sent::Delivered { .. }) {
+            assert_eq!(noted.state, DeliveryState::Delivered);
+        } else {
+            assert_eq!(noted, asked, "{begun_s}");
+        }
+        assert_eq!(storage.webhook(&acme(), id).await.unwrap().disabled_at, None, "{begun_s}");
+    }
+    assert!(claim(&storage, at(1_000_000)).await.is_none(), "it was delivered");
+}
+
 async fn who_is_gone_is_told_nothing(storage: Storage) {
     let id = webhook(&storage, &ChangeKind::ALL).await;
     put(&storage, "h", "one").await;
@@ -207,6 +233,21 @@ async fn an_address_that_is_away_is_not_drowned(storage: Storage) {
     storage.delete_webhook(&acme(), id).await.unwrap();
 }
 
+async fn an_address_without_answers_gets_few_tests(storage: Storage) {
+    let id = webhook(&storage, &ChangeKind::ALL).await;
+    let mut tests = Vec::new();
+    for second in 0..30 {
+        tests.push(storage.test_webhook(&acme(), id, at(second)).await.unwrap());
+    }
+    let waiting = log(&storage, id).await;
+    assert_eq!(waiting.len(), 10);
+    // The newest of them is that of each further request, and due again.
+    assert_eq!((tests[29].id, tests[29].due_at), (waiting[0].id, Some(at(29))));
+    send_all(&storage, &Sent::Delivered { status: 200 }, at(30)).await;
+    let next = storage.test_webhook(&acme(), id, at(31)).await.unwrap();
+    assert!(tests.iter().all(|test| test.id != next.id), "the others were delivered");
+}
+
 async fn there_are_at_most_ten(storage: Storage) {
     for _ in 0..MAX_WEBHOOKS {
         webhook(&storage, &ChangeKind::ALL).await;
@@ -217,6 +258,15 @@ async fn there_are_at_most_ten(storage: Storage) {
         storage.create_webhook(&Tenant::default(), "https://a.example/", &ChangeKind::ALL, at(0)).await;
     assert!(matches!(other, Ok(WebhookMade::Made(..))));
     assert_eq!(storage.webhooks(&acme()).await.unwrap().len() as i64, MAX_WEBHOOKS);
+}
+
+async fn requests_at_once_create_at_most_ten(storage: Storage) {
+    let tenant = acme();
+    let create = |_| storage.create_webhook(&tenant, "https://a.example/", &ChangeKind::ALL, at(0));
+    let made = futures::future::join_all((0..3 * MAX_WEBHOOKS).map(create)).await;
+    let created = made.into_iter().filter(|made| matches!(made, Ok(WebhookMade::Made(..)))).count();
+    assert_eq!(created as i64, MAX_WEBHOOKS);
+    assert_eq!(storage.webhooks(&tenant).await.unwrap().len() as i64, MAX_WEBHOOKS);
 }
 
 async fn the_log_is_a_tenants_own(storage: Storage) {

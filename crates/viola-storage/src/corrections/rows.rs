@@ -44,12 +44,13 @@ pub(crate) async fn forget_level(
     transaction: &mut Transaction,
     home: &HomeId,
     level: LevelName,
+    now: Timestamp,
 ) -> Result<(), StorageError> {
     let gone = of_home(transaction, home).await?.on_level(level);
     let objects = gone.objects.iter().map(|kept| ("object", &kept.target));
     let rooms = gone.rooms.iter().map(|kept| ("room", &kept.target));
     for (kind, target) in objects.chain(rooms) {
-        keep::<ObjectCorrection>(transaction, home, (kind, target), None).await?;
+        keep::<ObjectCorrection>(transaction, home, (kind, target), None, now).await?;
     }
     Ok(())
 }
@@ -61,6 +62,7 @@ pub(super) async fn keep<T: Serialize>(
     home: &HomeId,
     (kind, target): (&'static str, &str),
     kept: Option<&Kept<T>>,
+    now: Timestamp,
 ) -> Result<i64, StorageError> {
     query("DELETE FROM map_corrections WHERE home_id = $1 AND kind = $2 AND target = $3")
         .bind(home.key())
@@ -86,7 +88,7 @@ pub(super) async fn keep<T: Serialize>(
         .bind(home.key())
         .execute(transaction)
         .await?;
-    home_maps::changed(transaction, home).await?;
+    home_maps::changed(transaction, home, now).await?;
     let count = query("SELECT COUNT(*) AS n FROM map_corrections WHERE home_id = $1").bind(home.key());
     count.fetch_one(transaction).await?.number("n")
 }

@@ -33,6 +33,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (22, "same recordings", include_str!("../../../../migrations/0022_same_recordings.sql")),
     (23, "clips of tenants", include_str!("../../../../migrations/0023_clips_of_tenants.sql")),
     (24, "unsettled clips", include_str!("../../../../migrations/0024_unsettled_clips.sql")),
+    (25, "due homes", include_str!("../../../../migrations/0025_due_homes.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -1,5 +1,7 @@
 //! Merges of homes' maps: their claims, leases and results.
 
+mod claims;
+mod damage;
 mod faults;
 mod files;
 mod members;
@@ -10,21 +12,21 @@ use super::{HomeMap, MapFile, MapLevel, MapObject, map_file, objects, places};
 use crate::columns::{Columns, to_json};
 use crate::database::{Connection, Row, query};
 use crate::{
-    Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, clock, corrections,
-    lidar_maps, pending_deletes,
+    Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
+    pending_deletes,
 };
+#[cfg(test)]
+pub(crate) use claims::CLAIM_LATER;
 use jiff::Timestamp;
 use members::members;
 use rows::insert;
 use std::time::Duration;
+use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_home::{Manifest, Member, PlacedClip, TileKey};
 
 /// Number of revisions of a home's map that are kept.
 pub const KEPT_REVISIONS: i64 = 5;
-
-/// A merge does not wait for a job whose next attempt is later than this.
-const LONG_REST: Duration = Duration::from_mins(1);
 
 /// Claim on a home whose map this worker merges.
 #[derive(Debug, Clone)]
@@ -33,6 +35,8 @@ pub struct MergeClaim {
     pub home_name: Option<String>,
     /// The clips that may be in the map.
     pub members: Vec<Member>,
+    /// Clips that the merge left out, since the files of their answers are missing or damaged.
+    left_out: Vec<Member>,
     /// The current LiDAR map of each level, by the levels' names.
     pub lidar_maps: Vec<LidarMapRevision>,
     /// The revision that the new one starts from; 0 before the first.
@@ -51,6 +55,15 @@ pub struct MergeClaim {
 }
 
 impl MergeClaim {
+    /// Leaves out a clip whose files are missing or damaged. The end of the merge gives the clip a reason.
+    pub fn leave_out(&mut self, clip: Uuid) {
+        let members = std::mem::take(&mut self.members);
+        let (damaged, members): (Vec<_>, Vec<_>) =
+            members.into_iter().partition(|member| member.clip == clip);
+        self.members = members;
+        self.left_out.extend(damaged);
+    }
+
     /// Returns whether a LiDAR map is not that of the last revision, or a level was removed.
     pub fn has_new_lidar_map(&self) -> bool {
         let now = self.lidar_maps.iter().map(|map| (map.level, map.revision));
@@ -82,45 +95,6 @@ pub struct NewRevision {
     pub has_object_changes: bool,
 }
 
-/// Holds for a home without a clip that is queued or running. A job with a long pause after a fault does not count.
-macro_rules! clips_have_settled {
-    ($long_rest:literal) => {
-        concat!(
-            "NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
-                AND NOT EXISTS (SELECT 1 FROM jobs
-                    WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > ",
-            $long_rest,
-            "))"
-        )
-    };
-}
-
-/// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that has no clip queued or
-/// running: a new LiDAR map, which queues all clips again, makes one new revision, and the old one stays until then. The
-/// merge does not wait for a job with a long pause after a fault.
-macro_rules! claim {
-    ($tenants:literal, $lock:literal) => {
-        concat!(
-            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2, map_claimed_at = $1
-    WHERE id = (
-        SELECT id FROM homes
-        WHERE map_made < map_wanted AND tenant ",
-            $tenants,
-            " $5
-            AND map_lease_until IS NULL AND (map_due_at <= $1 OR map_due_at > $4)
-            AND ",
-            clips_have_settled!("$3"),
-            " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
-            $lock,
-            ")
-    RETURNING id, name, map_wanted, map_fence, map_faults, created_at"
-        )
-    };
-}
-
-/// The claim of a home whose tenant comes later, on SQLite.
-pub(crate) const CLAIM_LATER: &str = claim!(">", "");
-
 impl Storage {
     /// Claims a home whose map is due; returns `None` if there is none. Tenants take turns: the first one with a due home
     /// after the tenant named `after` comes first. A home whose rows cannot be read is an error, and rests.
@@ -133,24 +107,7 @@ impl Storage {
         self.require_store().await?;
         let mut transaction = self.database.begin().await?;
         faults::release_lost(&mut transaction, now).await?;
-        let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
-        let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
-        let mut claimed = None;
-        for statement in [later, others] {
-            let row = query(statement)
-                .bind(now.as_millisecond())
-                .bind((now + lease).as_millisecond())
-                .bind((now + LONG_REST).as_millisecond())
-                .bind(clock::no_pause_after(now))
-                .bind(after)
-                .fetch_optional(&mut transaction)
-                .await?;
-            if row.is_some() {
-                claimed = row;
-                break;
-            }
-        }
-        let Some(row) = claimed else {
+        let Some(row) = claims::take(&mut transaction, after, lease, now).await? else {
             transaction.commit().await?;
             return Ok(None);
         };
@@ -169,11 +126,8 @@ impl Storage {
 
     /// Returns whether no work is ahead that may replace a home's newest map; false if the home was removed.
     pub async fn has_settled_map(&self, home: &HomeId, now: Timestamp) -> Result<bool, StorageError> {
-        let settled = query(concat!(
-            "SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ",
-            clips_have_settled!("$2")
-        ));
-        let settled = settled.bind(home.key()).bind((now + LONG_REST).as_millisecond());
+        let settled = query(claims::SETTLED);
+        let settled = settled.bind(home.key()).bind((now + claims::LONG_REST).as_millisecond());
         Ok(settled.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
@@ -278,13 +232,15 @@ impl Storage {
         };
         let mut transaction = self.database.begin().await?;
         let held = query(
-            "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0
+            // A change during the merge waits for the next one from now on.
+            "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0, map_due_since = $5
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind(claim.wanted)
-        .bind(claim.home_created_at.as_millisecond());
+        .bind(claim.home_created_at.as_millisecond())
+        .bind(now.as_millisecond());
         if held.execute(&mut transaction).await? == 0 {
             return Ok(None);
         }
@@ -311,6 +267,7 @@ impl Storage {
             }
             None => Vec::new(),
         };
+        damage::update_reasons(&mut transaction, &claim.home, &claim.left_out, &claim.members, now).await?;
         pending_deletes::add(&mut transaction, &super::owner(&claim.home), &stale, now).await?;
         transaction.commit().await?;
         Ok(Some(stale))
@@ -344,6 +301,7 @@ async fn read_claim(
     let last = newest(connection, home).await?;
     Ok(MergeClaim {
         members: members(connection, home).await?,
+        left_out: Vec::new(),
         lidar_map_revision: lidar_maps.iter().map(|map| map.revision).max().unwrap_or(0),
         lidar_maps,
         corrections: corrections::of_home(connection, home).await?,

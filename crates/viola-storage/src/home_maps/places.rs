@@ -3,7 +3,9 @@
 use crate::changes::{self, Changed};
 use crate::columns::{Columns, to_json};
 use crate::database::{Row, Transaction, query};
-use crate::{Choice, ClipState, HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
+use crate::{
+    Choice, ClipState, HomeId, Placement, StorageError, clock, reasons_of_placement, state_by_others,
+};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_align::Alignment;
@@ -77,15 +79,21 @@ async fn remove_placement(
     let (update, state) = match own {
         Some(own) => {
             let (state, reasons) = (ClipState::from(own.state), to_json(&own.reasons));
-            let update = query(
-                "UPDATE clips SET placement = NULL, updated_at = $2, state = $3, reasons = $4 WHERE id = $1",
-            );
+            let update = query(concat!(
+                "UPDATE clips SET placement = NULL, state = $3, reasons = $4, ",
+                clock::change_at!("$2"),
+                " WHERE id = $1"
+            ));
             let update = update.bind(id.to_string()).bind(now.as_millisecond());
             (update.bind(state.name()).bind(reasons), state)
         }
         // A claim may change the state of a queued clip meanwhile.
         None => {
-            let update = query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1");
+            let update = query(concat!(
+                "UPDATE clips SET placement = NULL, ",
+                clock::change_at!("$2"),
+                " WHERE id = $1"
+            ));
             (update.bind(id.to_string()).bind(now.as_millisecond()), state)
         }
     };
@@ -127,7 +135,12 @@ async fn update_placement(
     if unchanged && state == row.name("state")? {
         return Ok(());
     }
-    query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
+    let update = concat!(
+        "UPDATE clips SET state = $2, reasons = $3, placement = $4, ",
+        clock::change_at!("$5"),
+        " WHERE id = $1"
+    );
+    query(update)
         .bind(member.clip.to_string())
         .bind(state.name())
         .bind(reasons_json(&row, by, open.is_some())?)

@@ -149,11 +149,12 @@ async fn despite_its_clip(
     if !matches!(requeued, Err(StorageError::Column { .. })) {
         return requeued;
     }
-    let clip = query(
+    let clip = query(concat!(
         "UPDATE clips SET state = (SELECT CASE state WHEN 'failed' THEN 'failed' ELSE 'queued' END FROM jobs
-            WHERE jobs.id = $1), updated_at = $2
-        WHERE job_id = $1",
-    );
+            WHERE jobs.id = $1), ",
+        clock::change_at!("$2"),
+        " WHERE job_id = $1"
+    ));
     clip.bind(job.to_string()).bind(now.as_millisecond()).execute(transaction).await?;
     Ok(())
 }

@@ -230,7 +230,7 @@ impl Storage {
         }
         let mut stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
         stale_blobs.extend(remove_to(&mut transaction, home, new.level, KEPT_LIDAR_MAPS, now).await?);
-        home_maps::outdated(&mut transaction, home).await?;
+        home_maps::outdated(&mut transaction, home, now).await?;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
         let owner = owner(home, new.level);

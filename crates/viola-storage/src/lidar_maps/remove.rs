@@ -39,9 +39,9 @@ impl Storage {
         // Jobs before clips, as everywhere.
         jobs::lock_of_home(&mut transaction, home).await?;
         withdraw_choices(&mut transaction, home, level).await?;
-        corrections::forget_level(&mut transaction, home, level).await?;
+        corrections::forget_level(&mut transaction, home, level, now).await?;
         keys.extend(jobs::enqueue_home(&mut transaction, home, newest.id, now).await?);
-        home_maps::outdated(&mut transaction, home).await?;
+        home_maps::outdated(&mut transaction, home, now).await?;
         let revision = newest.revision;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         pending_deletes::add(&mut transaction, &owner, &keys, now).await?;

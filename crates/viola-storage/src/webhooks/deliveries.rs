@@ -25,6 +25,12 @@ pub const RETRY_AFTER: [SignedDuration; 9] = [
     SignedDuration::from_hours(24),
 ];
 
+/// The `type` of test messages.
+const TEST: &str = "webhook.test";
+
+/// Most pending test messages of one webhook: an address that does not answer gets no message for each further request.
+const MAX_PENDING_TESTS: i64 = 10;
+
 /// State of a delivery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -72,6 +78,7 @@ pub struct ToSend {
     pub id: Uuid,
     pub body: String,
     attempts: i64,
+    due_at: Timestamp,
 }
 
 /// Result of an attempt.
@@ -141,7 +148,7 @@ impl Storage {
         let Some(row) = row else { return Ok(None) };
         let webhook = row.id("id")?;
         let due = query(
-            "SELECT id, body, attempts FROM webhook_deliveries
+            "SELECT id, body, attempts, due_at FROM webhook_deliveries
             WHERE webhook_id = $1 AND state = 'pending' AND (due_at <= $2 OR due_at > $4)
             ORDER BY due_at, id LIMIT $3",
         );
@@ -153,7 +160,12 @@ impl Storage {
             .fetch_all(&mut transaction)
             .await?;
         let to_send = |row: &Row| {
-            Ok(ToSend { id: row.id("id")?, body: row.text("body")?, attempts: row.number("attempts")? })
+            Ok(ToSend {
+                id: row.id("id")?,
+                body: row.text("body")?,
+                attempts: row.number("attempts")?,
+                due_at: row.time("due_at")?,
+            })
         };
         let deliveries = due.iter().map(to_send).collect::<Result<_, StorageError>>()?;
         // Committed before the secret is opened: if its key is missing, other webhooks still have their turns.
@@ -163,7 +175,8 @@ impl Storage {
         Ok(Some(Sending { webhook, url, secret, deliveries, fencing_token }))
     }
 
-    /// Records the result of an attempt, unless the lease was lost meanwhile.
+    /// Records the result of an attempt, unless the lease was lost meanwhile. A retry that was asked for during the attempt stays
+    /// due, unless the message was delivered.
     pub async fn note_attempt(
         &self,
         sending: &Sending,
@@ -176,10 +189,10 @@ impl Storage {
             return Ok(());
         }
         let (state, due_at, status, error) = after(delivery, sent, now);
-        query(
+        let noted = query(
             "UPDATE webhook_deliveries SET state = $2, attempts = attempts + 1, due_at = $3, status = $4,
                 error = $5, updated_at = $6
-            WHERE id = $1 AND state = 'pending'",
+            WHERE id = $1 AND state = 'pending' AND ($2 = 'delivered' OR (attempts = $7 AND due_at = $8))",
         )
         .bind(delivery.id.to_string())
         .bind(state)
@@ -187,9 +200,11 @@ impl Storage {
         .bind(status.map(i64::from))
         .bind(error)
         .bind(now.as_millisecond())
+        .bind(delivery.attempts)
+        .bind(delivery.due_at.as_millisecond())
         .execute(&mut transaction)
         .await?;
-        if *sent == Sent::Gone {
+        if *sent == Sent::Gone && noted > 0 {
             query("UPDATE webhooks SET disabled_at = $2 WHERE id = $1")
                 .bind(sending.webhook.to_string())
                 .bind(now.as_millisecond())
@@ -239,21 +254,12 @@ impl Storage {
     ) -> Result<Delivery, StorageError> {
         let mut transaction = self.database.begin().await?;
         enable(&mut transaction, tenant, webhook).await?;
-        query(
-            "UPDATE webhook_deliveries SET state = 'pending', attempts = 0, due_at = $3, updated_at = $3
-            WHERE id = $1 AND webhook_id = $2",
-        )
-        .bind(delivery.to_string())
-        .bind(webhook.to_string())
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        let found = find(&mut transaction, webhook, delivery).await?.ok_or(StorageError::NoSuchDelivery)?;
+        let retried = retry(&mut transaction, webhook, delivery, now).await?;
         transaction.commit().await?;
-        Ok(found)
+        Ok(retried)
     }
 
-    /// Queues an empty test message. Enables a disabled webhook.
+    /// Queues an empty test message; if there are many already, retries the newest of them. Enables a disabled webhook.
     pub async fn test_webhook(
         &self,
         tenant: &Tenant,
@@ -262,12 +268,41 @@ impl Storage {
     ) -> Result<Delivery, StorageError> {
         let mut transaction = self.database.begin().await?;
         enable(&mut transaction, tenant, webhook).await?;
-        let id =
-            fan_out::insert(&mut transaction, webhook, "webhook.test", &now, "{}".to_owned(), now).await?;
-        let made = find(&mut transaction, webhook, id).await?.ok_or(StorageError::NoSuchDelivery)?;
+        let pending = query(
+            "SELECT COUNT(*) AS tests, MAX(id) AS newest FROM webhook_deliveries
+            WHERE webhook_id = $1 AND state = 'pending' AND event = $2",
+        );
+        let pending = pending.bind(webhook.to_string()).bind(TEST).fetch_one(&mut transaction).await?;
+        let is_full = pending.number("tests")? >= MAX_PENDING_TESTS;
+        let test = match pending.maybe_id("newest")? {
+            Some(newest) if is_full => retry(&mut transaction, webhook, newest, now).await?,
+            _ => {
+                let id = fan_out::insert(&mut transaction, webhook, TEST, &now, "{}".to_owned(), now).await?;
+                find(&mut transaction, webhook, id).await?.ok_or(StorageError::NoSuchDelivery)?
+            }
+        };
         transaction.commit().await?;
-        Ok(made)
+        Ok(test)
     }
+}
+
+/// Makes a delivery pending, in any state, from the beginning of its schedule.
+async fn retry(
+    transaction: &mut Transaction,
+    webhook: Uuid,
+    delivery: Uuid,
+    now: Timestamp,
+) -> Result<Delivery, StorageError> {
+    query(
+        "UPDATE webhook_deliveries SET state = 'pending', attempts = 0, due_at = $3, updated_at = $3
+        WHERE id = $1 AND webhook_id = $2",
+    )
+    .bind(delivery.to_string())
+    .bind(webhook.to_string())
+    .bind(now.as_millisecond())
+    .execute(transaction)
+    .await?;
+    find(transaction, webhook, delivery).await?.ok_or(StorageError::NoSuchDelivery)
 }
 
 /// Returns whether the lease is still this process's; if so, locks it until the transaction ends.

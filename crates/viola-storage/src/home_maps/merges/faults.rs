@@ -1,12 +1,14 @@
 //! Merges that ended without a result. The pauses of a home double with every such merge in a row: one that fails each
 //! time must not keep a worker busy.
 
-use super::MergeClaim;
+use super::{MergeClaim, damage};
 use crate::columns::Columns;
 use crate::database::{Row, Transaction, query};
 use crate::{RetryPolicy, Storage, StorageError, clock};
 use jiff::Timestamp;
 use std::time::Duration;
+use uuid::Uuid;
+use viola_home::Member;
 
 /// Returns the pause after a merge without a result. `may_have_passed` is true if its cause is probably over: then the
 /// first retry comes at once.
@@ -18,25 +20,30 @@ fn pause(earlier_faults: u32, may_have_passed: bool) -> Duration {
 }
 
 impl Storage {
-    /// Gives a claim back after an error, which counts; the merge is due again after a pause.
+    /// Gives a claim back after an error, which counts; the merge is due again after a pause. `damaged` is the clip whose files
+    /// were missing or damaged, if that was the error: it gets a reason.
     pub async fn fail_merge(
         &self,
         claim: &MergeClaim,
-        may_have_passed: bool,
+        damaged: Option<Uuid>,
         now: Timestamp,
     ) -> Result<(), StorageError> {
-        let due = now + pause(claim.faults, may_have_passed);
+        // The clip may have been removed meanwhile.
+        let due = now + pause(claim.faults, damaged.is_some());
         let mut transaction = self.database.begin().await?;
-        query(
+        let held = query(
             "UPDATE homes SET map_lease_until = NULL, map_due_at = $3, map_faults = map_faults + 1
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind(due.as_millisecond())
-        .bind(claim.home_created_at.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
+        .bind(claim.home_created_at.as_millisecond());
+        if held.execute(&mut transaction).await? > 0 {
+            let of_claim = claim.members.iter().filter(|member| Some(member.clip) == damaged);
+            let left_out: Vec<Member> = of_claim.cloned().collect();
+            damage::update_reasons(&mut transaction, &claim.home, &left_out, &[], now).await?;
+        }
         transaction.commit().await
     }
 }

@@ -1,0 +1,172 @@
+//! Claims of homes whose map is due, and what a merge waits for: for the clips of its home that are queued or running. A new
+//! LiDAR map, which queues all clips again, then makes one new revision, and the old one stays until then. The waiting has limits,
+//! since a home may never stop uploading: then the merge leaves out the clips that wait, and their answers make the next one due.
+
+use crate::columns::Columns;
+use crate::database::{Row, Transaction, query};
+use crate::{StorageError, clock};
+use jiff::{SignedDuration, Timestamp};
+use std::time::Duration;
+
+/// A merge does not wait for a job whose next attempt is later than this.
+pub(super) const LONG_REST: Duration = Duration::from_mins(1);
+
+/// The same for a clip of the newest map, which the merge would take out of it. The pauses before this one take 10 minutes, too.
+const LONG_REST_IN_MAP: Duration = Duration::from_mins(10);
+
+/// A map that has been due for this long does not wait for clips that it does not have. Clips that were sent together are
+/// aligned within minutes, and one merge has them all; a person who waits for a correction or a removal waits no longer.
+const LONGEST_WAIT: SignedDuration = SignedDuration::from_mins(10);
+
+/// A map that has been due for this long waits for no clip. Longer than the half day for which clips of the map may wait for
+/// their turn after a new LiDAR map: until then their old map is better than one without them.
+const LONGEST_WAIT_FOR_MAP: SignedDuration = SignedDuration::from_hours(15);
+
+/// Pause before the next look at a home whose merge waits.
+const LOOK_AGAIN: Duration = Duration::from_mins(1);
+
+/// Most homes that one claim looks at: each look writes.
+const MAX_LOOKS: usize = 16;
+
+/// Holds for a home without a clip that is queued or running, of those that the first argument selects. A job whose next attempt
+/// is after the second one does not count.
+macro_rules! none_waits {
+    ($which:literal, $long_rest:literal) => {
+        concat!(
+            "NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')",
+            $which,
+            " AND NOT EXISTS (SELECT 1 FROM jobs
+                WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > ",
+            $long_rest,
+            "))"
+        )
+    };
+}
+
+/// Holds for a home that is due and need not wait for its clips. The limits are times: of [`LONG_REST`] and
+/// [`LONG_REST_IN_MAP`], of [`LONGEST_WAIT`] and [`LONGEST_WAIT_FOR_MAP`], and that after which a time is of a clock that was ahead.
+macro_rules! need_not_wait {
+    ($rest:literal, $rest_in_map:literal, $waited:literal, $waited_for_map:literal, $ahead:literal) => {
+        concat!(
+            "(map_due_since <= ",
+            $waited_for_map,
+            " OR (",
+            none_waits!(" AND placement IS NOT NULL", $rest_in_map),
+            " AND (",
+            none_waits!("", $rest),
+            " OR map_due_since <= ",
+            $waited,
+            " OR map_due_since > ",
+            $ahead,
+            ")))"
+        )
+    };
+}
+
+/// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that need not wait for clips.
+macro_rules! claim {
+    ($tenants:literal, $lock:literal) => {
+        concat!(
+            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2, map_claimed_at = $1
+    WHERE id = (
+        SELECT id FROM homes
+        WHERE map_made < map_wanted AND tenant ",
+            $tenants,
+            " $5
+            AND map_lease_until IS NULL AND (map_due_at <= $1 OR map_due_at > $4)
+            AND ",
+            need_not_wait!("$3", "$6", "$7", "$8", "$4"),
+            " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
+            $lock,
+            ")
+    RETURNING id, name, map_wanted, map_fence, map_faults, created_at"
+        )
+    };
+}
+
+/// The claim of a home whose tenant comes later, on SQLite.
+pub(crate) const CLAIM_LATER: &str = claim!(">", "");
+
+/// Selects a home without work ahead that may replace its newest map.
+pub(super) const SETTLED: &str =
+    concat!("SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ", none_waits!("", "$2"));
+
+/// Selects a claimed home if it still need not wait for clips. It waits, too, if no clip has a place and one of the map may get
+/// one again after its rest: the merge would empty the map.
+const STILL_NEED_NOT_WAIT: &str = concat!(
+    "SELECT 1 FROM homes WHERE id = $1 AND ",
+    need_not_wait!("$2", "$3", "$4", "$5", "$6"),
+    " AND (map_due_since <= $5
+        OR NOT EXISTS (SELECT 1 FROM clips
+            WHERE home_id = homes.id AND state IN ('queued', 'aligning') AND placement IS NOT NULL)
+        OR EXISTS (SELECT 1 FROM clips
+            WHERE home_id = homes.id AND state = 'aligned' AND result_key IS NOT NULL))"
+);
+
+/// Claims a home and returns its row; `None` if no merge is due.
+pub(super) async fn take(
+    transaction: &mut Transaction,
+    after: &str,
+    lease: Duration,
+    now: Timestamp,
+) -> Result<Option<Row>, StorageError> {
+    for _ in 0..MAX_LOOKS {
+        let Some(row) = take_next(transaction, after, lease, now).await? else { return Ok(None) };
+        // On PostgreSQL the claim saw the clips as they were when it began. A new LiDAR map may have queued them before it locked
+        // the home.
+        if still_need_not_wait(transaction, &row, now).await? {
+            return Ok(Some(row));
+        }
+        query("UPDATE homes SET map_lease_until = NULL, map_due_at = $2 WHERE id = $1")
+            .bind(row.text("id")?)
+            .bind((now + LOOK_AGAIN).as_millisecond())
+            .execute(transaction)
+            .await?;
+    }
+    Ok(None)
+}
+
+/// Claims the next home of a later tenant than `after`, else of any other.
+async fn take_next(
+    transaction: &mut Transaction,
+    after: &str,
+    lease: Duration,
+    now: Timestamp,
+) -> Result<Option<Row>, StorageError> {
+    let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
+    let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
+    for statement in [later, others] {
+        let row = query(statement)
+            .bind(now.as_millisecond())
+            .bind((now + lease).as_millisecond())
+            .bind((now + LONG_REST).as_millisecond())
+            .bind(clock::no_pause_after(now))
+            .bind(after)
+            .bind((now + LONG_REST_IN_MAP).as_millisecond())
+            .bind((now - LONGEST_WAIT).as_millisecond())
+            .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
+            .fetch_optional(transaction)
+            .await?;
+        if row.is_some() {
+            return Ok(row);
+        }
+    }
+    Ok(None)
+}
+
+async fn still_need_not_wait(
+    transaction: &mut Transaction,
+    row: &Row,
+    now: Timestamp,
+) -> Result<bool, StorageError> {
+    let found = query(STILL_NEED_NOT_WAIT)
+        .bind(row.text("id")?)
+        .bind((now + LONG_REST).as_millisecond())
+        .bind((now + LONG_REST_IN_MAP).as_millisecond())
+        .bind((now - LONGEST_WAIT).as_millisecond())
+        .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
+        .bind(clock::no_pause_after(now))
+        .fetch_optional(transaction)
+        .await?;
+    Ok(found.is_some())
+}
