@@ -60,9 +60,25 @@ impl Bands {
         is_around
     }
 
+    /// Returns whether the outer ring contains a point.
+    pub fn surrounds(&self, point: &Point2) -> bool {
+        let band = &self.bands[self.band(point.y)];
+        is_odd(&band[..band.partition_point(|side| side.ring == 0)], point)
+    }
+
+    /// Returns whether the outer ring is within a distance of a point.
+    pub fn is_outer_near(&self, point: &Point2, reach_m: f64) -> bool {
+        self.near(point, reach_m).any(|side| side.ring == 0 && off_m(side, point) <= reach_m)
+    }
+
     /// Returns whether a ring is within a distance of a point.
     pub fn is_near(&self, point: &Point2, reach_m: f64) -> bool {
         self.near(point, reach_m).any(|side| off_m(side, point) <= reach_m)
+    }
+
+    /// Returns the distance from a point to the nearest ring, if it is at most `reach_m`; else a larger number.
+    pub fn off_m(&self, point: &Point2, reach_m: f64) -> f64 {
+        self.near(point, reach_m).map(|side| off_m(side, point)).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns all sides that may be within a distance of a point, and others.
@@ -104,8 +120,13 @@ mod tests {
             let bands = Bands::new(outer, holes);
             let is_in_hole = holes.iter().any(|hole| contains(hole, &point));
             prop_assert_eq!(bands.contains(&point), contains(outer, &point) && !is_in_hole);
+            prop_assert_eq!(bands.surrounds(&point), contains(outer, &point));
+            prop_assert_eq!(bands.is_outer_near(&point, reach_m), distance_m(outer, &point) <= reach_m);
             let is_near = rings.iter().any(|ring| distance_m(ring, &point) <= reach_m);
             prop_assert_eq!(bands.is_near(&point, reach_m), is_near);
+            let off_m = rings.iter().map(|ring| distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
+            let found_m = bands.off_m(&point, reach_m);
+            prop_assert!(if off_m <= reach_m { found_m == off_m } else { found_m >= off_m });
         }
     }
 
