@@ -162,3 +162,23 @@ fn a_piece_of_wall_of_two_cells_between_two_rooms_stays() {
     let doors = plan.openings.iter().filter(|opening| opening.kind == OpeningKind::Door);
     assert_eq!(doors.count(), 2, "{:?}", plan.openings);
 }
+
+/// Two rooms of 3 m by 3 m with a door in the one row of cells between them.
+#[test]
+fn one_row_of_cells_between_two_rooms_is_a_wall() {
+    let lidar = cells_of([6.05, 3.0], |x, y| (3.0..3.05).contains(&x) && !(1.2..2.0).contains(&y));
+    let plan = plan_with(&lidar, &[], &[]);
+    let areas_m2 = areas_m2(&plan);
+    assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 9.0).abs() < 0.4), "{areas_m2:?}");
+    let [door] = plan.openings.as_slice() else { panic!("{:?}", plan.openings) };
+    assert!(door.kind == OpeningKind::Door && (door.width_m() - 0.8).abs() < 0.16, "{door:?}");
+}
+
+/// The front of a sofa, or a screen, in the middle of a room.
+#[test]
+fn one_row_of_cells_within_a_room_is_no_wall() {
+    let lidar = cells_of([6.0, 5.0], |x, y| (3.0..3.05).contains(&x) && (1.9..3.1).contains(&y));
+    let plan = plan_with(&lidar, &[], &[]);
+    assert_eq!(areas_m2(&plan).len(), 1);
+    assert!(plan.rooms[0].outline.holes_m.is_empty() && !plan.walls.iter().any(|wall| wall.is_measured));
+}
