@@ -1,6 +1,7 @@
 //! Coverage of the LiDAR map by the fused map.
 
 use super::map_point::MapPoint;
+use super::rooms::bands::Bands;
 use super::rooms::space::Space;
 use super::rooms::{Room, room_at};
 use serde::{Deserialize, Serialize};
@@ -87,30 +88,20 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
     let is_near = |field: &Option<DistanceField>, at: usize, reach_m: f64| {
         field.as_ref().is_some_and(|field| f64::from(field.grid().cells[at]) <= reach_m + slack_m)
     };
-    let bounds: Vec<[[f64; 2]; 2]> = rooms.iter().map(bounds_m).collect();
-    // Index of a cell's room. Only rooms whose bounds are near are compared: a large home has hundreds of others.
-    let place = |at: usize, reach_m: f64| {
-        let point = space.centre(at);
-        let is_near = |[low, high]: &[[f64; 2]; 2]| {
-            (0..2).all(|axis| (low[axis] - BOUNDS_M..=high[axis] + BOUNDS_M).contains(&point[axis]))
-        };
-        let near = rooms.iter().zip(&bounds).filter(|near| is_near(near.1)).map(|(room, _)| room);
-        let room = room_at(near, &point, reach_m)?;
-        rooms.iter().position(|other| std::ptr::eq(other, room))
-    };
+    let places = Places::new(rooms);
     let (mut all, mut floor) = (Fraction::default(), Fraction::default());
     let mut by_room = vec![(Fraction::default(), Fraction::default()); rooms.len()];
     for at in 0..space.frame.len() {
         if space.occupied[at] {
             let seen = is_near(&structure, at, NEAR_M);
             all.count(seen);
-            if let Some(room) = place(at, ROOM_REACH_M) {
+            if let Some(room) = places.room_at(&space.centre(at), ROOM_REACH_M) {
                 by_room[room].0.count(seen);
             }
         } else if space.free[at] {
             let seen = is_near(&ground, at, FLOOR_NEAR_M);
             floor.count(seen);
-            if let Some(room) = place(at, 0.0) {
+            if let Some(room) = places.room_at(&space.centre(at), 0.0) {
                 by_room[room].1.count(seen);
             }
         }
@@ -124,6 +115,47 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
         seen: all.value(),
         floor_seen: floor.value(),
         by_room: rooms.iter().zip(by_room).map(room).collect(),
+    }
+}
+
+/// Rooms with what is needed to find that of very many places.
+struct Places<'a> {
+    rooms: &'a [Room],
+    /// Corners of the box around each room.
+    bounds: Vec<[[f64; 2]; 2]>,
+    bands: Vec<Bands>,
+}
+
+impl<'a> Places<'a> {
+    fn new(rooms: &'a [Room]) -> Places<'a> {
+        let bands = rooms.iter().map(|room| Bands::new(&room.polygon_m, &room.holes_m));
+        Places { rooms, bounds: rooms.iter().map(bounds_m).collect(), bands: bands.collect() }
+    }
+
+    /// Returns the index of the room that [`room_at`] returns, for a reach of at most [`ROOM_REACH_M`]. Only rooms whose bounds
+    /// are near are compared: a large home has hundreds of others.
+    fn room_at(&self, point: &Point2, reach_m: f64) -> Option<usize> {
+        let is_near = |[low, high]: &[[f64; 2]; 2]| {
+            (0..2).all(|axis| (low[axis] - BOUNDS_M..=high[axis] + BOUNDS_M).contains(&point[axis]))
+        };
+        let near: Vec<usize> = (0..self.rooms.len()).filter(|room| is_near(&self.bounds[*room])).collect();
+        if let Some(inside) = near.iter().find(|room| self.bands[**room].contains(point)) {
+            return Some(*inside);
+        }
+        let is_beside = |room: &usize| {
+            self.bands[*room].surrounds(point) || self.bands[*room].is_outer_near(point, reach_m)
+        };
+        let beside: Vec<usize> = near.into_iter().filter(is_beside).collect();
+        if beside.len() < 2 {
+            return beside.first().copied();
+        }
+        let off_m = |room: &usize| self.bands[*room].off_m(point, reach_m);
+        if beside.iter().all(|room| off_m(room) <= reach_m) {
+            return beside.into_iter().min_by(|a, b| off_m(a).total_cmp(&off_m(b)));
+        }
+        // It is deep in a hole of one of them.
+        let found = room_at(beside.iter().map(|room| &self.rooms[*room]), point, reach_m)?;
+        beside.into_iter().find(|room| std::ptr::eq(&self.rooms[*room], found))
     }
 }
 
@@ -185,6 +217,36 @@ mod tests {
             })
             .collect();
         assert_eq!(coverage(&lidar, &other, &rooms).seen, 0.0);
+    }
+
+    #[test]
+    fn a_place_has_the_room_that_all_sides_tell() {
+        let hole = |low: [f64; 2], high: [f64; 2]| vec![low, [low[0], high[1]], high, [high[0], low[1]]];
+        let small = vec![hole([0.5, 0.5], [2.5, 2.5]), hole([2.8, 0.5], [3.3, 1.0])];
+        let large = vec![hole([0.2, 0.2], [3.0, 2.8])];
+        let rooms = [
+            Room { holes_m: small, ..Room::rectangle("1", [0.0, 0.0], [4.0, 3.0]) },
+            Room::rectangle("2", [0.9, 0.9], [1.6, 2.1]),
+            Room::rectangle("3", [4.3, 0.0], [8.0, 2.0]),
+            Room { holes_m: large, ..Room::rectangle("4", [0.1, 0.1], [8.0, 6.0]) },
+        ];
+        let places = Places::new(&rooms);
+        let mut counts = [0; 4];
+        // In rooms, between them, in holes, on sides and corners, and at equal distances.
+        for at in 0..180 * 150 {
+            let point = Point2::new((at % 180) as f64 * 0.05 - 0.5, (at / 180) as f64 * 0.05 - 0.5);
+            for reach_m in [0.0, ROOM_REACH_M] {
+                let want = room_at(rooms.iter(), &point, reach_m);
+                let found = places.room_at(&point, reach_m);
+                assert_eq!(
+                    found.map(|room| &rooms[room].id),
+                    want.map(|room| &room.id),
+                    "{point:?} {reach_m}"
+                );
+                found.into_iter().for_each(|room| counts[room] += 1);
+            }
+        }
+        assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
     }
 
     #[test]

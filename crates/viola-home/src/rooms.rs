@@ -1,5 +1,6 @@
 //! Rooms of a home: from the vacuum's software, or computed from the map.
 
+pub(super) mod bands;
 mod bridge;
 mod edit;
 pub(super) mod outline;

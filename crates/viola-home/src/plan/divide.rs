@@ -14,6 +14,9 @@ const MIN_FLOOR_M2: f64 = 0.25;
 /// Maximum floor of a room on the other side of its line, as a fraction of that on its own side. Small rooms of cells have
 /// much of their border.
 const MAX_BEYOND: f64 = 0.25;
+/// Each side of a line has this much of a piece, or the line does not divide it: the larger part of the smallest floor, less
+/// what rounding may take.
+const LEAST_SIDE_M2: f64 = 0.99 * MIN_FLOOR_M2 / (1.0 + MAX_BEYOND);
 /// Places along a wall at which its rooms are sought, and their distance from its face.
 const PLACES: usize = 9;
 const BESIDE_M: f64 = 0.05;
@@ -98,10 +101,17 @@ fn cut(whole: Polygon, members: &[(u32, Polygon)], lines: &[[Point2; 2]]) -> Vec
 
 /// Returns the parts of a piece on both sides of a line; none if the line does not divide its members.
 fn halves(piece: &Polygon, members: &[(u32, Polygon)], line: &[Point2; 2]) -> Option<Vec<Polygon>> {
+    if !crosses(piece, line) {
+        return None;
+    }
     let sides =
         [half_plane(piece, line, 1.0)?, half_plane(piece, line, -1.0)?].map(|half| piece.intersection(&half));
+    // Each side holds the larger part of a member.
+    if sides.iter().any(|side| side.unsigned_area() < LEAST_SIDE_M2) {
+        return None;
+    }
     let mut are_held = [false; 2];
-    for (_, member) in members {
+    for (_, member) in members.iter().filter(|(_, member)| !are_apart(piece, member)) {
         let floor_m2 = [0, 1].map(|side: usize| sides[side].intersection(member).unsigned_area());
         if floor_m2[0] + floor_m2[1] < MIN_FLOOR_M2 {
             continue;
@@ -119,7 +129,7 @@ fn halves(piece: &Polygon, members: &[(u32, Polygon)], line: &[Point2; 2]) -> Op
     let [left, right] = sides;
     let cut_off = if left.0.len() > right.0.len() { left } else { right };
     let is_held = |part: &Polygon| {
-        let mut floors_m2 = members.iter().map(|(_, member)| part.intersection(member).unsigned_area());
+        let mut floors_m2 = members.iter().map(|(_, member)| common_m2(part, member));
         floors_m2.any(|floor_m2| floor_m2 >= MIN_FLOOR_M2)
     };
     let cut_off: Vec<Polygon> = cut_off.0.into_iter().filter(is_held).collect();
@@ -128,6 +138,31 @@ fn halves(piece: &Polygon, members: &[(u32, Polygon)], line: &[Point2; 2]) -> Op
     }
     let rest = piece.difference(&MultiPolygon(cut_off.clone()));
     Some(cut_off.into_iter().chain(rest.0).collect())
+}
+
+/// Returns whether a piece has corners on both sides of a line.
+fn crosses(piece: &Polygon, [from, to]: &[Point2; 2]) -> bool {
+    let off = |corner: &Coord| (to - from).perp(&(Point2::new(corner.x, corner.y) - from));
+    let corners = &piece.exterior().0;
+    corners.iter().any(|corner| off(corner) > 0.0) && corners.iter().any(|corner| off(corner) < 0.0)
+}
+
+/// Returns the common area of a piece and a member.
+fn common_m2(piece: &Polygon, member: &Polygon) -> f64 {
+    if are_apart(piece, member) { 0.0 } else { piece.intersection(member).unsigned_area() }
+}
+
+/// Returns whether the boxes around two polygons are apart.
+fn are_apart(a: &Polygon, b: &Polygon) -> bool {
+    let span = |polygon: &Polygon, of: fn(&Coord) -> f64| {
+        let along = polygon.exterior().0.iter().map(of);
+        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
+    };
+    let axes: [fn(&Coord) -> f64; 2] = [|corner| corner.x, |corner| corner.y];
+    axes.into_iter().any(|of| {
+        let ((a_low, a_high), (b_low, b_high)) = (span(a, of), span(b, of));
+        a_high <= b_low || b_high <= a_low
+    })
 }
 
 /// Returns the half of the plane on the left (1) or the right (-1) of a line, as far as a piece reaches; none if the line has
@@ -145,8 +180,7 @@ fn half_plane(piece: &Polygon, [from, to]: &[Point2; 2], side: f64) -> Option<Po
 
 /// Returns the number of the member with the most floor in a part.
 fn owner(part: &Polygon, members: &[(u32, Polygon)]) -> u32 {
-    let floor_m2 = |member: &Polygon| part.intersection(member).unsigned_area();
-    let floors = members.iter().map(|(number, member)| (*number, floor_m2(member)));
+    let floors = members.iter().map(|(number, member)| (*number, common_m2(part, member)));
     let most = floors.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
     most.map_or(0, |(number, _)| number)
 }
@@ -193,6 +227,29 @@ mod tests {
         for line in [[Point2::new(0.0, 1.5), Point2::new(4.0, 1.5)], [Point2::new(2.0, 1.0); 2]] {
             assert_eq!(areas_m2(&cut(whole.clone(), &members, &[line])), [12.0]);
         }
+    }
+
+    /// A hall in 60 strips. Lines that do not cross a piece, and members that are apart from it, are not cut.
+    #[test]
+    fn a_hall_with_very_many_parts_is_cut_soon() {
+        const STRIPS: u32 = 60;
+        let strip = |at: u32| {
+            let [low, high] = [at, at + 1].map(f64::from);
+            ring(&[[low, 0.0], [high, 0.0], [high, 3.0], [low, 3.0]])
+        };
+        let members: Vec<(u32, Polygon)> = (0..STRIPS).map(|at| (at + 1, strip(at))).collect();
+        let lines: Vec<[Point2; 2]> =
+            (1..STRIPS).map(f64::from).map(|x| [Point2::new(x, 0.0), Point2::new(x, 3.0)]).collect();
+        let end_m = f64::from(STRIPS);
+        let parts = cut(ring(&[[0.0, 0.0], [end_m, 0.0], [end_m, 3.0], [0.0, 3.0]]), &members, &lines);
+        assert_eq!(areas_m2(&parts), vec![3.0; STRIPS as usize]);
+        for (_, own) in &members {
+            assert!(!lines.iter().any(|line| crosses(own, line)));
+            assert_eq!(members.iter().filter(|(_, member)| !are_apart(own, member)).count(), 1);
+        }
+        let mut owners: Vec<u32> = parts.iter().map(|part| owner(part, &members)).collect();
+        owners.sort_unstable();
+        assert_eq!(owners, (1..=STRIPS).collect::<Vec<u32>>());
     }
 
     /// The line y = 1 divides a room like a U; the map's cells have one of its arms only.

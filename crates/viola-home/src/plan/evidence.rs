@@ -342,6 +342,11 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| (self.space.free[at] || self.level[at]) && !self.beyond_glass[at])
     }
 
+    /// Returns whether the LiDAR map has cells, which tell open floor on both sides of a wall.
+    pub fn has_cells(&self) -> bool {
+        self.space.has_cells
+    }
+
     /// Returns whether a clip saw a level surface at a place.
     pub fn is_level(&self, in_plan: &Point2) -> bool {
         self.cell(in_plan).is_some_and(|at| self.level[at] && !self.beyond_glass[at])

@@ -4,6 +4,7 @@ use super::cells::{Cells, TALL_FRACTION};
 use super::evidence::{Evidence, Facing};
 use super::oblique::Oblique;
 use crate::rooms::outline::pieces;
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use viola_geometry::{Grid, Point2};
 
@@ -25,6 +26,9 @@ const PIER_M: f64 = 0.25;
 const PIER_RATIO: f64 = 2.0;
 /// Largest thickness of an inner wall.
 const PARTITION_M: f64 = 0.15;
+/// Minimum thickness of one between rooms, and minimum fraction of its border at the second of them.
+const DIVIDING_M: f64 = 0.03;
+const SECOND_ROOM: f64 = 0.3;
 const PIER_FRACTION: f64 = 0.6;
 /// Minimum fraction of a small island with wall up to the ceiling: a piece of a thin wall.
 const WALL_FRACTION: f64 = 0.5;
@@ -151,6 +155,8 @@ struct Island {
     upright_m: f64,
     /// Length of the part that clips or the LiDAR saw.
     lidar_m: f64,
+    /// Length of the parts at each room of the map, by its number from 1.
+    by_room_m: BTreeMap<u32, f64>,
     /// Its first line and its last one, by axis.
     bounds: [[usize; 2]; 2],
 }
@@ -166,6 +172,7 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
         border_m: 0.0,
         upright_m: 0.0,
         lidar_m: 0.0,
+        by_room_m: BTreeMap::new(),
         bounds: [[usize::MAX, 0]; 2],
     };
     let mut islands = vec![none; count + 1];
@@ -174,7 +181,8 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
         let place = cells.place(at);
         island.area_m2 += cells.area_m2(at);
         island.wall_m2 += cells.area_m2(at) * wall_fraction(cells, evidence, place);
-        for [length_m, upright, lidar] in sides(cells, evidence, at) {
+        for ([length_m, upright, lidar], room) in sides(cells, evidence, at) {
+            *island.by_room_m.entry(room).or_default() += length_m;
             island.border_m += length_m;
             island.upright_m += length_m * upright;
             island.lidar_m += length_m * upright.max(lidar);
@@ -210,8 +218,8 @@ fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
 }
 
 /// Returns the length of each side of a solid cell that looks into a room, the fraction that shows wall at many heights, and the one
-/// that the LiDAR saw.
-fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 3]> {
+/// that the LiDAR saw; and the room of the map beside it, 0 for none.
+fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<([f64; 3], u32)> {
     let place = cells.place(at);
     let side = |facing: &Facing| {
         let (axis, along) = (facing.axis, 1 - facing.axis);
@@ -223,20 +231,32 @@ fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<[f64; 3]> {
         let line_m = cells.lines[axis][place[axis] + usize::from(facing.up)];
         let span_m = [0, 1].map(|end| cells.lines[along][place[along] + end]);
         let upright = evidence.upright_fraction(*facing, line_m, span_m);
-        Some([span_m[1] - span_m[0], upright, evidence.lidar_fraction(*facing, line_m, span_m)])
+        let lidar = evidence.lidar_fraction(*facing, line_m, span_m);
+        let room = cells.owners[cells.index(beside)].first().map_or(0, |(room, _)| *room);
+        Some(([span_m[1] - span_m[0], upright, lidar], room))
     };
     Facing::ALL.iter().filter_map(side).collect()
 }
 
 /// Returns whether an island of any shape is as thin as a wall, is longer than the leaf of a door, and shows wall at many
 /// heights nearly all around. One as thick as inner walls may be by the LiDAR alone: furniture is thicker, its outline thinner.
+/// One between two rooms may be thinner: the faces of two rows of cells are in the middle of the cells.
 fn is_long_wall(island: &Island) -> bool {
     let length_m = island.border_m / 2.0;
     let is_as_thick = |thickness_m: RangeInclusive<f64>| thickness_m.contains(&(island.area_m2 / length_m));
     let is_seen = |seen_m: f64| seen_m >= PIER_FRACTION * island.border_m;
     length_m >= LEAF_M
         && (is_as_thick(0.0..=PIER_M) && is_seen(island.upright_m)
-            || is_as_thick(SPUR_M..=PARTITION_M) && is_seen(island.lidar_m))
+            || is_as_thick(SPUR_M..=PARTITION_M) && is_seen(island.lidar_m)
+            || is_as_thick(DIVIDING_M..=SPUR_M) && is_seen(island.lidar_m) && is_between_rooms(island))
+}
+
+/// Returns whether two rooms of the map have much of an island's border each.
+fn is_between_rooms(island: &Island) -> bool {
+    let mut rooms_m: Vec<f64> =
+        island.by_room_m.iter().filter(|(room, _)| **room != 0).map(|(_, length_m)| *length_m).collect();
+    rooms_m.sort_by(|a, b| b.total_cmp(a));
+    rooms_m.get(1).is_some_and(|second_m| *second_m >= SECOND_ROOM * island.border_m)
 }
 
 /// Returns whether the LiDAR saw most of an outline, and clips saw wall at many heights at little of it.

@@ -3,6 +3,7 @@
 use super::evidence::{LOWEST_M, height, is_tall, is_upright, is_wall_surface};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
+use crate::rooms::bands::Bands;
 use crate::rooms::space::Space;
 use std::f64::consts::FRAC_PI_4;
 use viola_geometry::taxonomy::Class;
@@ -119,10 +120,11 @@ pub(super) fn owners(space: &Space, rooms: &[Room]) -> Vec<u32> {
         let right = index(bound(0, f64::max, f64::NEG_INFINITY), 0, width - 1);
         let bottom = index(bound(1, f64::min, f64::INFINITY), 1, height - 1);
         let top = index(bound(1, f64::max, f64::NEG_INFINITY), 1, height - 1);
+        let bands = Bands::new(&room.polygon_m, &room.holes_m);
         for y in bottom..=top {
             for x in left..=right {
                 let at = y * width + x;
-                if owner[at] == 0 && room.contains(&space.centre(at)) {
+                if owner[at] == 0 && bands.contains(&space.centre(at)) {
                     owner[at] = number;
                 }
             }

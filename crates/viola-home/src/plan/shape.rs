@@ -4,7 +4,8 @@ use super::cells::Cells;
 use super::gaps::Gap;
 use super::model::{Opening, OpeningKind, Wall};
 use super::spaces::Spaces;
-use crate::rooms::outline::{Outline, distance_m, trace};
+use crate::rooms::bands::Bands;
+use crate::rooms::outline::{Outline, trace};
 use viola_geometry::{Grid, GridFrame};
 
 /// Walls between rooms are at most this thick.
@@ -73,11 +74,13 @@ struct Stretch {
 
 /// Returns the walls along the axes around and between the rooms, by axis and place.
 pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec<Wall> {
+    let outlines: Vec<Bands> =
+        outlines.iter().map(|outline| Bands::new(&outline.ring_m, &outline.holes_m)).collect();
     let mut all: Vec<Stretch> = Vec::new();
     for axis in 0..2 {
         for line in 1..cells.lines[axis].len() - 1 {
             for step in 0..cells.count(1 - axis) {
-                let is_drawn = |up: &bool| is_drawn(cells, spaces, outlines, [axis, line, step], *up);
+                let is_drawn = |up: &bool| is_drawn(cells, spaces, &outlines, [axis, line, step], *up);
                 let ups = [false, true].into_iter().filter(is_drawn);
                 all.extend(ups.filter_map(|up| stretch(cells, spaces, axis, line, step, up)));
             }
@@ -129,7 +132,7 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec
 fn is_drawn(
     cells: &Cells,
     spaces: &Spaces,
-    outlines: &[Outline],
+    outlines: &[Bands],
     [axis, line, step]: [usize; 3],
     up: bool,
 ) -> bool {
@@ -149,8 +152,7 @@ fn is_drawn(
     [0.25, 0.75].iter().all(|part| {
         let mut p = [from_m + part * (to_m - from_m); 2];
         p[axis] = cells.lines[axis][line];
-        let mut rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
-        rings.any(|ring| distance_m(ring, &p.into()) <= DRAWN_M)
+        outline.is_near(&p.into(), DRAWN_M)
     })
 }
 

@@ -1,6 +1,8 @@
 //! Rooms of the plan: pieces of the inside between walls and closed gaps.
 
+mod idle;
 mod joined;
+mod regions;
 
 use super::cells::Cells;
 use super::evidence::Evidence;
@@ -11,7 +13,9 @@ use super::merges::Merges;
 use super::oblique::Oblique;
 use super::passages::{MIN_PART_M2, Passage, passages};
 use crate::rooms::{Room, RoomSource};
+use idle::open_idle;
 use joined::{Key, joined};
+use regions::{areas, pieces, regions};
 use std::collections::BTreeMap;
 use viola_geometry::{Point2, Vector2};
 
@@ -65,16 +69,17 @@ impl Spaces {
             found.extend(more);
             closed = closed_in(cells);
             closed.extend(found.iter().map(|passage| passage.gap(cells)));
-            pieces = self::pieces(cells, &closed);
+            pieces = regions::pieces(cells, &closed);
         }
         let cells = &*cells;
-        open_idle(cells, evidence, &mut closed);
+        let least_m2 = |gap: &Gap| least_m2(gap, cells, evidence);
+        open_idle(cells, &mut closed, least_m2);
         let (mut inner, mut dividing): (Vec<Gap>, Vec<Gap>) =
             closed.into_iter().partition(|gap| merges.hold(gap, evidence));
-        inner.extend(open_idle(cells, evidence, &mut dividing));
+        inner.extend(open_idle(cells, &mut dividing, least_m2));
         inner.retain(|gap| merges.is_doorway(gap, evidence));
         let is_corrected = |room: u32| merges.is_corrected(room);
-        let (mut of_cell, owners) = by_owner(cells, &self::pieces(cells, &dividing), known, is_corrected);
+        let (mut of_cell, owners) = by_owner(cells, &regions::pieces(cells, &dividing), known, is_corrected);
         let mut joins = vec![0; of_cell.len()];
         for at in inner.iter().flat_map(|gap| &gap.cells) {
             joins[*at] = joins[*at].max(std::mem::take(&mut of_cell[*at]));
@@ -84,33 +89,11 @@ impl Spaces {
     }
 }
 
-/// Removes the gaps that divide no rooms, and returns them. The widest one is open first; then others may divide some, or
-/// none. Several gaps may be in one doorway.
-fn open_idle(cells: &Cells, evidence: &Evidence, closed: &mut Vec<Gap>) -> Vec<Gap> {
-    let mut opened = Vec::new();
-    loop {
-        let pieces = pieces(cells, closed);
-        let area_m2 = areas(cells, &pieces);
-        let side = |gap: &Gap, up: bool| {
-            let beside = gap.beside[usize::from(up)].iter().map(|at| pieces[*at]);
-            beside
-                .filter(|piece| *piece != 0)
-                .max_by(|a, b| area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a)))
-        };
-        let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
-            (Some(a), Some(b)) => {
-                let is_way = !gap.is_passage && (gap.is_door() || divides_owners(gap, cells));
-                let may_be_small = is_way && !is_beside_furniture(gap, cells, evidence);
-                let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
-                a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
-            }
-            _ => false,
-        };
-        let idle = (0..closed.len()).filter(|at| !divides(&closed[*at]));
-        let widest = idle.max_by(|a, b| closed[*a].width_m().total_cmp(&closed[*b].width_m()).then(a.cmp(b)));
-        let Some(widest) = widest else { return opened };
-        opened.push(closed.remove(widest));
-    }
+/// Returns the minimum floor on both sides of a gap that divides rooms.
+fn least_m2(gap: &Gap, cells: &Cells, evidence: &Evidence) -> f64 {
+    let is_way = !gap.is_passage && (gap.is_door() || divides_owners(gap, cells));
+    let may_be_small = is_way && !is_beside_furniture(gap, cells, evidence);
+    if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 }
 }
 
 /// Returns those of all gaps, the narrowest first, that may divide rooms or are doorways, without those in the cells of
@@ -166,47 +149,6 @@ fn owners_beside(gap: &Gap, cells: &Cells) -> [u32; 2] {
         areas.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(owner, _)| owner)
     };
     [false, true].map(owner)
-}
-
-/// Returns the connected piece of each inside cell, from 1; 0 outside and in gaps.
-fn pieces(cells: &Cells, closed: &[Gap]) -> Vec<u32> {
-    let mut open = cells.inside.clone();
-    for at in closed.iter().flat_map(|gap| &gap.cells) {
-        open[*at] = false;
-    }
-    regions(cells, |at| open[at].then_some(()))
-}
-
-/// Returns the connected region of equal keys of each cell, from 1; 0 without a key.
-fn regions<K: PartialEq>(cells: &Cells, key: impl Fn(usize) -> Option<K>) -> Vec<u32> {
-    let mut region = vec![0u32; cells.inside.len()];
-    let mut count = 0;
-    for start in 0..region.len() {
-        let Some(own) = key(start).filter(|_| region[start] == 0) else { continue };
-        count += 1;
-        let mut stack = vec![start];
-        region[start] = count;
-        while let Some(at) = stack.pop() {
-            for next in
-                crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten()
-            {
-                if region[next] == 0 && key(next).as_ref() == Some(&own) {
-                    region[next] = count;
-                    stack.push(next);
-                }
-            }
-        }
-    }
-    region
-}
-
-fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
-    let count = pieces.iter().max().map_or(0, |most| *most as usize);
-    let mut areas = vec![0.0; count + 1];
-    for (at, piece) in pieces.iter().enumerate() {
-        areas[*piece as usize] += cells.area_m2(at);
-    }
-    areas
 }
 
 /// Divides pieces with several given rooms if these `divide`, else between the largest one and corrected ones that have most of

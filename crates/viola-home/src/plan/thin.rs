@@ -5,6 +5,7 @@ use super::evidence::Evidence;
 use super::faces::Face;
 use super::oblique::Oblique;
 use nalgebra::center;
+use viola_geometry::Point2;
 
 /// Thickness of a wall whose faces are nearer than `NEAR_M`.
 const THINNEST_M: f64 = 0.06;
@@ -17,6 +18,14 @@ const COMMON: f64 = 0.5;
 const SHORTEST_M: f64 = 0.5;
 /// Minimum part of it that shows wall up to the ceiling from one side; leaves of doors do not.
 const TALL_FRACTION: f64 = 0.5;
+/// A wall between two rooms that no clip saw is longer than the leaf of a door. Step along it, and minimum evidence of a step
+/// from each side: that of the LiDAR is 0.8.
+const LEAF_M: f64 = 1.05;
+const STEP_M: f64 = 0.05;
+const SURE: f32 = 0.75;
+/// The rooms are this far from its middle, at this fraction of its steps.
+const BESIDE_M: f64 = 0.15;
+const DIVIDING: f64 = 0.8;
 /// Oblique faces this near each other are those of one wall, which are parallel. Their stairs need more space.
 const SAME_WALL_M: f64 = 0.25;
 const THINNEST_OBLIQUE_M: f64 = 0.09;
@@ -28,16 +37,7 @@ pub(super) fn separate(faces: &mut [Face], evidence: &Evidence) {
     for low in 0..faces.len() {
         for high in 0..faces.len() {
             let (a, b) = (&faces[low], &faces[high]);
-            if a.facing.axis != b.facing.axis || a.facing.up || !b.facing.up {
-                continue;
-            }
-            let apart_m = b.line_m - a.line_m;
-            let common_m = a.to_m.min(b.to_m) - a.from_m.max(b.from_m);
-            let shorter_m = (a.to_m - a.from_m).min(b.to_m - b.from_m);
-            if !(-REVERSED_M..NEAR_M).contains(&apart_m) || common_m < (COMMON * shorter_m).max(SHORTEST_M) {
-                continue;
-            }
-            let common = [a.from_m.max(b.from_m), a.to_m.min(b.to_m)];
+            let Some(common) = common(a, b) else { continue };
             let is_tall = [a, b].iter().any(|face| {
                 let tall = evidence.tall_fraction(face.facing, face.line_m, common);
                 tall > 0.0 && tall >= TALL_FRACTION * face.fraction(common[0], common[1])
@@ -52,6 +52,64 @@ pub(super) fn separate(faces: &mut [Face], evidence: &Evidence) {
             }
         }
     }
+    if evidence.has_cells() {
+        separate_between_rooms(faces, evidence);
+    }
+}
+
+/// Returns the interval in which a face that looks down and one that looks up may be those of one thin wall.
+fn common(a: &Face, b: &Face) -> Option<[f64; 2]> {
+    if a.facing.axis != b.facing.axis || a.facing.up || !b.facing.up {
+        return None;
+    }
+    let apart_m = b.line_m - a.line_m;
+    let common = [a.from_m.max(b.from_m), a.to_m.min(b.to_m)];
+    let common_m = common[1] - common[0];
+    let shorter_m = (a.to_m - a.from_m).min(b.to_m - b.from_m);
+    let is_one = (-REVERSED_M..NEAR_M).contains(&apart_m) && common_m >= (COMMON * shorter_m).max(SHORTEST_M);
+    is_one.then_some(common)
+}
+
+/// Moves the faces of walls between two rooms of the map apart that no clip saw up to the ceiling: such a wall may be one row of
+/// cells. Both faces move, since neither was measured better.
+fn separate_between_rooms(faces: &mut [Face], evidence: &Evidence) {
+    let mut moved: Vec<Option<f64>> = vec![None; faces.len()];
+    for (low, a) in faces.iter().enumerate() {
+        for (high, b) in faces.iter().enumerate() {
+            if common(a, b).is_some_and(|common| divides_rooms(a, b, common, evidence)) {
+                let middle_m = (a.line_m + b.line_m) / 2.0;
+                moved[low].get_or_insert(middle_m - THINNEST_M / 2.0);
+                moved[high].get_or_insert(middle_m + THINNEST_M / 2.0);
+            }
+        }
+    }
+    for (face, line_m) in faces.iter_mut().zip(moved) {
+        face.line_m = line_m.unwrap_or(face.line_m);
+    }
+}
+
+/// Returns whether two faces of one line have different rooms of the map before them, where both were seen, and no top of
+/// furniture between them.
+fn divides_rooms(a: &Face, b: &Face, [from_m, to_m]: [f64; 2], evidence: &Evidence) -> bool {
+    let axis = a.facing.axis;
+    let line_m = (a.line_m + b.line_m) / 2.0;
+    let (mut seen, mut dividing) = (0usize, 0usize);
+    for step in 0..((to_m - from_m) / STEP_M) as usize {
+        let along_m = from_m + (step as f64 + 0.5) * STEP_M;
+        let place = |off_m: f64| {
+            let mut place = [along_m; 2];
+            place[axis] = line_m + off_m;
+            Point2::from(place)
+        };
+        let is_furniture = evidence.is_level(&place(0.0)) && !evidence.is_floor_of_clips(&place(0.0));
+        if [a, b].iter().any(|face| face.at(along_m) < SURE) || is_furniture {
+            continue;
+        }
+        seen += 1;
+        let rooms = [-BESIDE_M, BESIDE_M].map(|off_m| evidence.room(&place(off_m)));
+        dividing += usize::from(rooms[0] != rooms[1] && !rooms.contains(&0));
+    }
+    seen as f64 * STEP_M > LEAF_M && dividing as f64 >= DIVIDING * seen as f64
 }
 
 /// Makes the two faces of each oblique wall parallel, and those of thin walls at least as far apart as a wall is thick.

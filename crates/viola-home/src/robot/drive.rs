@@ -5,6 +5,7 @@ use super::no_go::forbidden;
 use super::{RobotLevel, RobotObject, round};
 use crate::objects::UprightBox;
 use crate::rooms::Room;
+use crate::rooms::bands::Bands;
 use crate::rooms::outline::pieces;
 use crate::rooms::space::Space;
 use serde::Serialize;
@@ -114,17 +115,16 @@ impl Drive {
     pub fn inside(&self, room: &Room) -> Option<Point2> {
         let frame = &self.reachable.frame;
         let label = Point2::from(room.label_at_m);
+        let bands = Bands::new(&room.polygon_m, &room.holes_m);
         let mut best: Option<(f64, Point2)> = None;
-        for y in 0..frame.height {
-            for x in 0..frame.width {
-                let at = frame.centre(x, y);
-                let off_m = (at - label).norm();
-                if self.reachable.get(x, y)
-                    && best.is_none_or(|(least, _)| off_m < least - 1e-9)
-                    && room.contains(&at)
-                {
-                    best = Some((off_m, at));
-                }
+        for (x, y) in cells_between(frame, &room.polygon_m, 0.0) {
+            let at = frame.centre(x, y);
+            let off_m = (at - label).norm();
+            if self.reachable.get(x, y)
+                && best.is_none_or(|(least, _)| off_m < least - 1e-9)
+                && bands.contains(&at)
+            {
+                best = Some((off_m, at));
             }
         }
         best.map(|(_, at)| at)
@@ -151,7 +151,15 @@ fn cells_around(
     bounds: &UprightBox,
     by_m: f64,
 ) -> impl Iterator<Item = (usize, usize)> + use<> {
-    let corners = bounds.corners();
+    cells_between(frame, &bounds.corners(), by_m)
+}
+
+/// Returns the cells of the box around corners that is grown by `by_m`, row by row.
+fn cells_between(
+    frame: &GridFrame,
+    corners: &[[f64; 2]],
+    by_m: f64,
+) -> impl Iterator<Item = (usize, usize)> + use<> {
     let range = |axis: usize, cells: usize| {
         let of = |m: f64| (m - frame.origin_m[axis]) / frame.cell_m;
         let low = corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - by_m;
@@ -233,6 +241,22 @@ mod tests {
             assert_eq!((found, area.reason), (cells, reason), "{dock:?}");
             assert_eq!((area.is_at_dock, area.area_m2), (reason.is_none(), 0.25 * cells as f64), "{dock:?}");
         }
+    }
+
+    #[test]
+    fn a_room_is_searched_in_its_own_box() {
+        let frame = GridFrame { origin_m: [-1.0, 2.0], cell_m: 0.5, width: 2000, height: 1000 };
+        let room = Room { label_at_m: [3.1, 5.65], ..Room::rectangle("1", [2.0, 5.0], [4.0, 6.5]) };
+        let cells: Vec<(usize, usize)> = cells_between(&frame, &room.polygon_m, 0.0).collect();
+        assert_eq!((cells.len(), cells.first(), cells.last()), (12, Some(&(6, 6)), Some(&(9, 8))));
+        let reachable = Grid { frame, cells: vec![true; frame.len()] };
+        let area = GoalArea { is_at_dock: false, reason: None, area_m2: 1.0 };
+        let mut drive = Drive { reachable, area };
+        assert_eq!(drive.inside(&room), Some(Point2::new(3.25, 5.75)));
+        drive.reachable.set(8, 7, false);
+        assert_eq!(drive.inside(&room), Some(Point2::new(2.75, 5.75)));
+        cells.iter().for_each(|(x, y)| drive.reachable.set(*x, *y, false));
+        assert_eq!(drive.inside(&room), None);
     }
 
     #[test]

@@ -37,11 +37,12 @@ pub fn signed_area_m2(ring: &[[f64; 2]]) -> f64 {
 
 /// Returns whether a ring, of either direction, contains a point.
 pub fn contains(ring: &[[f64; 2]], point: &Point2) -> bool {
-    let crosses = |(a, b): &([f64; 2], [f64; 2])| {
-        (a[1] > point.y) != (b[1] > point.y)
-            && point.x < (b[0] - a[0]) * (point.y - a[1]) / (b[1] - a[1]) + a[0]
-    };
-    edges(ring).filter(crosses).count() % 2 == 1
+    edges(ring).filter(|(a, b)| crosses(&[*a, *b], point)).count() % 2 == 1
+}
+
+/// Returns whether a side crosses the horizontal line through a point on the point's right.
+pub(super) fn crosses([a, b]: &[[f64; 2]; 2], point: &Point2) -> bool {
+    (a[1] > point.y) != (b[1] > point.y) && point.x < (b[0] - a[0]) * (point.y - a[1]) / (b[1] - a[1]) + a[0]
 }
 
 /// Returns the distance from a point to a ring.
@@ -58,11 +59,13 @@ pub fn off_m(ring: &[[f64; 2]], holes: &[Vec<[f64; 2]>], point: &Point2) -> f64 
     of_holes.fold(distance_m(ring, point), f64::min)
 }
 
-fn edges(ring: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
+/// Returns the sides of a ring.
+pub(super) fn edges(ring: &[[f64; 2]]) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
     ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))
 }
 
-fn to_segment_m(p: &[f64; 2], a: &[f64; 2], b: &[f64; 2]) -> f64 {
+/// Returns the distance from a point to a side.
+pub(super) fn to_segment_m(p: &[f64; 2], a: &[f64; 2], b: &[f64; 2]) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length2 = dx * dx + dy * dy;
     let t = if length2 > 0.0 { ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / length2 } else { 0.0 };

@@ -37,6 +37,8 @@ const REACH_M: f64 = 10.0;
 /// The raster. `frame` follows the LiDAR map's own raster if that is fine enough.
 pub struct Space {
     pub frame: GridFrame,
+    /// False for a map of bare points.
+    pub has_cells: bool,
     pub occupied: Vec<bool>,
     /// Free cells of the robot; for bare points, the enclosed cells.
     pub free: Vec<bool>,
@@ -76,6 +78,7 @@ impl Space {
     fn within(frame: GridFrame, lidar: &LidarMap, points: &[MapPoint]) -> Space {
         let mut space = Space {
             frame,
+            has_cells: lidar.cells.is_some(),
             occupied: vec![false; frame.len()],
             free: vec![false; frame.len()],
             furniture: vec![false; frame.len()],

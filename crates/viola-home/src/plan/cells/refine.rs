@@ -35,9 +35,15 @@ impl Cells {
         let cells = 0..new_count[0] * new_count[1];
         let inside = cells.clone().map(|at| self.inside[old(at).0]).collect();
         let pillars = cells.clone().map(|at| self.pillars[old(at).0]).collect();
+        // Only the lists of divided cells are copied: a plan has very many cells.
+        let mut before = std::mem::take(&mut self.owners);
         let owners = cells.map(|at| {
             let (at, fraction) = old(at);
-            self.owners[at].iter().map(|(owner, area)| (*owner, area * fraction)).collect()
+            if fraction < 1.0 {
+                before[at].iter().map(|(owner, area)| (*owner, area * fraction)).collect()
+            } else {
+                std::mem::take(&mut before[at])
+            }
         });
         self.owners = owners.collect();
         (self.inside, self.pillars) = (inside, pillars);
@@ -83,5 +89,19 @@ mod tests {
             cells.refine(axis, metres + 0.01);
             assert_eq!(cells.inside.len(), 6, "a line nearby is enough");
         }
+    }
+
+    #[test]
+    fn the_lists_of_other_cells_are_not_copied() {
+        let mut cells = Cells {
+            lines: [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0]],
+            inside: vec![true; 4],
+            pillars: vec![false; 4],
+            owners: (1..=4).map(|owner| vec![(owner, 1.0)]).collect(),
+        };
+        let lists: Vec<*const (u32, f64)> = cells.owners.iter().map(|list| list.as_ptr()).collect();
+        cells.refine(0, 1.5);
+        // The first column is whole.
+        assert_eq!([cells.owners[0].as_ptr(), cells.owners[3].as_ptr()], [lists[0], lists[2]]);
     }
 }

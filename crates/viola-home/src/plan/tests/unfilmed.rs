@@ -4,6 +4,8 @@ use super::super::*;
 use super::furniture::cabinet;
 use super::gaps::face;
 use super::lidar_of;
+use viola_formats::lidar::Cell;
+use viola_geometry::{Grid, GridFrame};
 
 fn ring(corners: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
     (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]]).collect()
@@ -126,4 +128,57 @@ fn furniture_away_from_walls_that_no_clip_saw_is_no_wall() {
     let mut faces = face(1.0, false, [1.0, 2.1], [0.1, 2.5]);
     faces.extend(face(1.9, true, [1.0, 2.1], [0.1, 2.5]));
     check([0.9, 1.1], &faces, 0.9 * 1.1);
+}
+
+/// Returns a map of cells of 5 cm around rooms from the origin to a corner; `is_wall` tells their inner walls.
+fn cells_of(size_m: [f64; 2], is_wall: impl Fn(f64, f64) -> bool) -> LidarMap {
+    let count = |axis: usize| (size_m[axis] / 0.05).round() as usize + 20;
+    let frame = GridFrame { origin_m: [-0.5; 2], cell_m: 0.05, width: count(0), height: count(1) };
+    let cell = |at: usize| {
+        let place = frame.centre(at % frame.width, at / frame.width);
+        let is_within = |off_m: f64| (0..2).all(|axis| (-off_m..size_m[axis] + off_m).contains(&place[axis]));
+        match (is_within(0.0), is_within(0.05)) {
+            (true, _) if !is_wall(place.x, place.y) => Cell::Free,
+            (false, false) => Cell::Unknown,
+            _ => Cell::Occupied,
+        }
+    };
+    let cells: Vec<Cell> = (0..frame.len()).map(cell).collect();
+    let mut lidar = lidar_of(&[[[0.0, 0.0], size_m]]);
+    let occupied = (0..frame.len()).filter(|at| cells[*at] == Cell::Occupied);
+    lidar.occupied_m = occupied.map(|at| frame.centre(at % frame.width, at / frame.width)).collect();
+    (lidar.info.min_m, lidar.info.max_m) = ([-0.05; 2], size_m.map(|metres| metres + 0.05));
+    lidar.cells = Some(Grid { frame, cells });
+    lidar
+}
+
+/// Two rooms of 3 m by 5 m. Two rows of cells are the wall between them, with a door at each of its ends.
+#[test]
+fn a_piece_of_wall_of_two_cells_between_two_rooms_stays() {
+    let lidar = cells_of([6.1, 5.0], |x, y| (3.0..3.1).contains(&x) && (0.9..4.1).contains(&y));
+    let plan = plan_with(&lidar, &[], &[]);
+    let areas_m2 = areas_m2(&plan);
+    assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 15.0).abs() < 0.6), "{areas_m2:?}");
+    let doors = plan.openings.iter().filter(|opening| opening.kind == OpeningKind::Door);
+    assert_eq!(doors.count(), 2, "{:?}", plan.openings);
+}
+
+/// Two rooms of 3 m by 3 m with a door in the one row of cells between them.
+#[test]
+fn one_row_of_cells_between_two_rooms_is_a_wall() {
+    let lidar = cells_of([6.05, 3.0], |x, y| (3.0..3.05).contains(&x) && !(1.2..2.0).contains(&y));
+    let plan = plan_with(&lidar, &[], &[]);
+    let areas_m2 = areas_m2(&plan);
+    assert!(areas_m2.len() == 2 && areas_m2.iter().all(|area| (area - 9.0).abs() < 0.4), "{areas_m2:?}");
+    let [door] = plan.openings.as_slice() else { panic!("{:?}", plan.openings) };
+    assert!(door.kind == OpeningKind::Door && (door.width_m() - 0.8).abs() < 0.16, "{door:?}");
+}
+
+/// The front of a sofa, or a screen, in the middle of a room.
+#[test]
+fn one_row_of_cells_within_a_room_is_no_wall() {
+    let lidar = cells_of([6.0, 5.0], |x, y| (3.0..3.05).contains(&x) && (1.9..3.1).contains(&y));
+    let plan = plan_with(&lidar, &[], &[]);
+    assert_eq!(areas_m2(&plan).len(), 1);
+    assert!(plan.rooms[0].outline.holes_m.is_empty() && !plan.walls.iter().any(|wall| wall.is_measured));
 }
