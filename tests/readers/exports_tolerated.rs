@@ -83,7 +83,8 @@ fn half(whole: u16) -> Vec<u8> {
 #[test]
 fn nerfstudio_with_arrays_of_depth() {
     let metres = |mm: u16| (f32::from(mm) / 1000.0).to_le_bytes().to_vec();
-    let kinds: [(&str, fn(u16) -> Vec<u8>, &str); 4] = [
+    type Kind = (&'static str, fn(u16) -> Vec<u8>, &'static str);
+    let kinds: [Kind; 4] = [
         ("<u2", |mm| mm.to_le_bytes().to_vec(), "millimetres (.npy)"),
         ("<f2", half, "millimetres (.npy)"),
         ("<f4", |mm| f32::from(mm).to_le_bytes().to_vec(), "millimetres (.npy)"),

@@ -126,7 +126,8 @@ mod tests {
             prop_assert_eq!(bands.is_near(&point, reach_m), is_near);
             let off_m = rings.iter().map(|ring| distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
             let found_m = bands.off_m(&point, reach_m);
-            prop_assert!(if off_m <= reach_m { found_m == off_m } else { found_m >= off_m });
+            let as_near = if off_m <= reach_m { found_m == off_m } else { found_m >= off_m };
+            prop_assert!(as_near, "{found_m} {off_m}");
         }
     }
 

@@ -124,7 +124,7 @@ async fn the_folder_of_a_disks_own_checks_is_left_alone() {
     let of_disk = folder.path().join("blobs/lost+found");
     std::fs::create_dir(&of_disk).unwrap();
     std::fs::write(of_disk.join("file"), "found").unwrap();
-    std::fs::set_permissions(&of_disk, std::fs::Permissions::from_mode(0)).unwrap();
+    std::fs::set_permissions(&of_disk, std::fs::Permissions::from_mode(0o000)).unwrap();
     let swept = storage.sweep(Timestamp::MAX, SweepLimit::Everything).await;
     storage.close().await;
     drop(storage);
