@@ -17,6 +17,8 @@ const MAX_BEYOND: f64 = 0.25;
 /// Each side of a line has this much of a piece, or the line does not divide it: the larger part of the smallest floor, less
 /// what rounding may take.
 const LEAST_SIDE_M2: f64 = 0.99 * MIN_FLOOR_M2 / (1.0 + MAX_BEYOND);
+/// What rounding leaves along a line is smaller, and a room is larger.
+const SLIVER_M2: f64 = 1e-3;
 /// Places along a wall at which its rooms are sought, and their distance from its face.
 const PLACES: usize = 9;
 const BESIDE_M: f64 = 0.05;
@@ -91,7 +93,7 @@ fn cut(whole: Polygon, members: &[(u32, Polygon)], lines: &[[Point2; 2]]) -> Vec
     let mut parts = Vec::new();
     while let Some(piece) = open.pop() {
         match lines.iter().find_map(|line| halves(&piece, members, line)) {
-            Some(halves) => open.extend(halves),
+            Some(halves) => open.extend(halves.into_iter().filter(|half| half.unsigned_area() >= SLIVER_M2)),
             None => parts.push(piece),
         }
     }

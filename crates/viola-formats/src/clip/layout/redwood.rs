@@ -76,10 +76,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let depth = pictures("depth")?;
     let mut color = BTreeMap::new();
     for folder in COLOR_FOLDERS {
-        color = pictures(folder)?;
-        if !color.is_empty() {
-            break;
-        }
+        color = if color.is_empty() { pictures(folder)? } else { color };
     }
     let numbers: BTreeSet<u32> = depth.keys().chain(color.keys()).copied().collect();
     let (poses, mut notes) = match log {
