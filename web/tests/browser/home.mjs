@@ -66,7 +66,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.getByText("No object is removed.").waitFor();
     await page.getByLabel("Search rooms and objects").fill("");
     await page.locator("summary", { hasText: "Changes" }).click();
-    await page.locator(".compare").getByText("1 object seen for the first time").waitFor();
+    await page.locator(".compare").getByText("1 object found again").waitFor();
     await shot("06-changes");
   }
 
