@@ -347,6 +347,15 @@ async fn bytes_come_with_the_creation() {
     assert_eq!(server.blobs().len(), kept);
 }
 
+/// Begins an upload whose length is told later, sends its first bytes, and returns its address.
+async fn begin_deferred(server: &Server, bytes: &[u8]) -> String {
+    let begun = server.tus(Method::POST, UPLOADS).header("Upload-Defer-Length", 1);
+    let begun = server.send(begun.header("Upload-Metadata", metadata(&[("home", "h")]))).await;
+    let upload = begun.header("location");
+    server.send(server.patch(upload, 0, bytes)).await.ok(204);
+    upload.to_owned()
+}
+
 #[tokio::test]
 async fn a_length_may_be_told_later() {
     let server = Server::with(|params| {
@@ -356,10 +365,7 @@ async fn a_length_may_be_told_later() {
     .await;
     server.make_home("h").await;
     let clip = small_clip();
-    let begun = server.tus(Method::POST, UPLOADS).header("Upload-Defer-Length", 1);
-    let begun = server.send(begun.header("Upload-Metadata", metadata(&[("home", "h")]))).await;
-    let upload = begun.header("location");
-    server.send(server.patch(upload, 0, &clip[..50])).await.ok(204);
+    let upload = &begin_deferred(&server, &clip[..50]).await;
     let head = server.head(upload).await;
     assert_eq!((head.header("upload-defer-length"), head.header("upload-length")), ("1", ""));
     let with = |length: usize| server.patch(upload, 50, &clip[50..60]).header("Upload-Length", length);
@@ -383,10 +389,7 @@ async fn a_refused_body_sets_no_length() {
     let server = Server::without_workers().await;
     server.make_home("h").await;
     let clip = small_clip();
-    let begun = server.tus(Method::POST, UPLOADS).header("Upload-Defer-Length", 1);
-    let begun = server.send(begun.header("Upload-Metadata", metadata(&[("home", "h")]))).await;
-    let upload = begun.header("location");
-    server.send(server.patch(upload, 0, &clip[..50])).await.ok(204);
+    let upload = &begin_deferred(&server, &clip[..50]).await;
     for length in [50, 55] {
         let larger = server.patch(upload, 50, &clip[50..60]).header("Upload-Length", length);
         check_refused(larger, 413, "body-too-large", "Upload-Length").await;

@@ -259,19 +259,25 @@ impl Storage {
     }
 }
 
+/// Marks the map of a home as due, since the first change that its newest map lacks.
+macro_rules! mark_due {
+    ($if:literal) => {
+        concat!(
+            "UPDATE homes SET map_wanted = map_wanted + 1,
+                map_due_since = CASE WHEN map_made < map_wanted THEN COALESCE(map_due_since, $2) ELSE $2 END
+            WHERE id = $1",
+            $if
+        )
+    };
+}
+
 /// Marks a home's map as due for a merge, in the transaction that changes the map's inputs.
 pub(super) async fn changed(
     connection: &mut Connection,
     home: &HomeId,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let mark = query(
-        "UPDATE homes SET map_wanted = map_wanted + 1,
-            map_due_since = CASE WHEN map_made < map_wanted THEN COALESCE(map_due_since, $2) ELSE $2 END
-        WHERE id = $1",
-    );
-    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
-    Ok(())
+    mark(connection, mark_due!(""), home, now).await
 }
 
 /// Marks a home's map as due if the home has one: its LiDAR maps are others, whatever its clips are. All clips are queued for
@@ -281,12 +287,9 @@ pub(super) async fn outdated(
     home: &HomeId,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let mark = query(
-        "UPDATE homes SET map_wanted = map_wanted + 1, map_due_since = $2
-        WHERE id = $1 AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1)",
-    );
-    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
-    Ok(())
+    let statement = "UPDATE homes SET map_wanted = map_wanted + 1, map_due_since = $2
+        WHERE id = $1 AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1)";
+    mark(connection, statement, home, now).await
 }
 
 /// Marks a home's map as due if it was ever: its plans have the home's name.
@@ -295,12 +298,16 @@ pub(super) async fn renamed(
     home: &HomeId,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let mark = query(
-        "UPDATE homes SET map_wanted = map_wanted + 1,
-            map_due_since = CASE WHEN map_made < map_wanted THEN COALESCE(map_due_since, $2) ELSE $2 END
-        WHERE id = $1 AND map_wanted > 0",
-    );
-    mark.bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
+    mark(connection, mark_due!(" AND map_wanted > 0"), home, now).await
+}
+
+async fn mark(
+    connection: &mut Connection,
+    statement: &'static str,
+    home: &HomeId,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    query(statement).bind(home.key()).bind(now.as_millisecond()).execute(connection).await?;
     Ok(())
 }
 

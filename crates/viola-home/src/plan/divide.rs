@@ -17,7 +17,7 @@ const MAX_BEYOND: f64 = 0.25;
 /// Each side of a line has this much of a piece, or the line does not divide it: the larger part of the smallest floor, less
 /// what rounding may take.
 const LEAST_SIDE_M2: f64 = 0.99 * MIN_FLOOR_M2 / (1.0 + MAX_BEYOND);
-/// What rounding leaves along a line is smaller, and a room is larger.
+/// Parts of less area are no rooms: rounding leaves slivers along a line.
 const SLIVER_M2: f64 = 1e-3;
 /// Places along a wall at which its rooms are sought, and their distance from its face.
 const PLACES: usize = 9;
