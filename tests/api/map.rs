@@ -349,6 +349,22 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     let numbers: Vec<_> =
         revisions["items"].as_array().unwrap().iter().map(|map| map["revision"].clone()).collect();
     assert_eq!(numbers, [json!(2), json!(1)]);
+    changes_without_the_manifest(&server, &home).await;
+}
+
+/// The manifest is for the next merge. Without it the changes between revisions once were an `internal-error`.
+async fn changes_without_the_manifest(server: &Server, home: &str) {
+    let path = format!("{home}/map/changes");
+    let changes = server.get(&path).await.ok(200);
+    assert_eq!((&changes["from"], &changes["to"]), (&json!(1), &json!(2)));
+    let id: HomeId = home.rsplit('/').next().unwrap().parse().unwrap();
+    let storage = server.administer().await;
+    let files = storage.home_map_files(&id, 2, LevelName::MAIN, map_file::MANIFEST).await.unwrap();
+    storage.close().await;
+    let blobs = server.blobs();
+    let manifest = blobs.iter().find(|path| path.ends_with(files[0].key())).expect("the revision has one");
+    std::fs::remove_file(manifest).unwrap();
+    assert_eq!(server.get(&path).await.ok(200), changes);
 }
 
 /// The mesh that the worker makes is that of a request, and parts of it are served.

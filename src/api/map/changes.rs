@@ -11,8 +11,8 @@ use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChang
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{PlacedClip, RevisionObjects, object_changes};
-use viola_storage::{HomeId, KEPT_REVISIONS, MapLevel, MapScene, Page};
+use viola_home::{RevisionObjects, object_changes};
+use viola_storage::{HomeId, KEPT_REVISIONS, MapClip, MapLevel, MapScene, Page};
 
 /// The two revisions.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -55,11 +55,7 @@ pub(in crate::api) async fn get_map_changes(
     }
     let later = Revision::of(&app, &home, to, current).await?;
     let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
-    let clips = app.storage.placed_clips(&home, to).await;
-    // A revision that was removed meanwhile has no clips, and each lost object would be one of removed clips.
-    super::kept(&app.storage, &home, Some(to)).await?;
-    let clips = clips?;
-    Ok(Document(changes(earlier.as_ref(), &later, &clips, (from, to))))
+    Ok(Document(changes(earlier.as_ref(), &later, (from, to))))
 }
 
 fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<i64>, Error> {
@@ -72,8 +68,9 @@ fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<
     text.map(parse).transpose()
 }
 
-/// The levels of a revision, with their scenes.
+/// The clips and the levels of a revision, with their scenes.
 struct Revision {
+    clips: Vec<MapClip>,
     levels: Vec<(MapLevel, MapScene)>,
 }
 
@@ -85,7 +82,7 @@ impl Revision {
         for level in &map.levels {
             levels.push((level.clone(), scene(app, home, &map, level.level).await?));
         }
-        Ok(Revision { levels })
+        Ok(Revision { clips: map.clips, levels })
     }
 
     fn level(&self, name: LevelName) -> Option<&(MapLevel, MapScene)> {
@@ -94,12 +91,7 @@ impl Revision {
 }
 
 /// Returns the changes of all levels. No object moves from one level to another.
-fn changes(
-    earlier: Option<&Revision>,
-    later: &Revision,
-    clips: &[PlacedClip],
-    (from, to): (i64, i64),
-) -> MapChanges {
+fn changes(earlier: Option<&Revision>, later: &Revision, (from, to): (i64, i64)) -> MapChanges {
     let mut all = MapChanges {
         from,
         to,
@@ -112,7 +104,7 @@ fn changes(
     };
     for (level, scene) in &later.levels {
         let before = earlier.and_then(|earlier| earlier.level(level.level));
-        let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level == level.level).collect();
+        let clips: Vec<&MapClip> = later.clips.iter().filter(|clip| clip.level == level.level).collect();
         add_changes(&mut all, before, scene, &clips);
     }
     let before = earlier.map_or(&[][..], |earlier| &earlier.levels);
@@ -131,7 +123,7 @@ fn add_changes(
     all: &mut MapChanges,
     earlier: Option<&(MapLevel, MapScene)>,
     later: &MapScene,
-    clips: &[&PlacedClip],
+    clips: &[&MapClip],
 ) {
     let history = later.history();
     let frame = |(level, _): &(MapLevel, MapScene)| history.frames.get(&level.lidar_map_revision).copied();
