@@ -124,6 +124,9 @@ pub(super) async fn check(
     if !may(caller.role, request.method(), route) {
         return Err(Error::Forbidden(needed_role(caller.role, request.method(), route)));
     }
+    if OF_ALL_HOMES.contains(&route) {
+        caller.for_all_homes()?;
+    }
     app.limits.pass(&caller.tenant)?;
     let turn = match turn {
         Some(turn) => turn,
@@ -261,6 +264,9 @@ pub(super) fn cookie(headers: &HeaderMap) -> Option<&str> {
     let mut pairs = cookies.flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs.find(|(name, _)| *name == COOKIE).map(|(_, value)| value)
 }
+
+/// Operations about all homes whose handlers know no caller, since the second listener serves them, too.
+const OF_ALL_HOMES: [&str; 2] = ["/metrics", "/readyz"];
 
 /// Operations of an uploader besides uploads: read its home and its clip, and follow the job. Of the pictures, it sees those
 /// of the recording that it sent itself: they show why a clip failed. The overlay shows the home's LiDAR map.

@@ -303,7 +303,9 @@ async fn a_key_for_one_home_knows_no_other() {
         clip.problem(404, "home-not-found");
     }
     let key = server.client("acme", Role::Admin, Some("own")).await;
-    for path in ["/v1/homes", "/v1/clips", "/v1/changes", "/v1/objects", "/v1/jobs", "/v1/webhooks"] {
+    // Metrics and readiness tell of the homes of all tenants.
+    let lists = ["/v1/homes", "/v1/clips", "/v1/changes", "/v1/objects", "/v1/jobs", "/v1/webhooks"];
+    for path in lists.into_iter().chain(["/metrics", "/readyz"]) {
         let problem = key.get(path).await.problem(403, "forbidden");
         let detail = problem["detail"].as_str().unwrap();
         assert!(detail.contains("`admin`") && detail.contains("`own`"), "{path}: {detail}");
