@@ -102,6 +102,20 @@ async fn kept(storage: &Storage, home: &HomeId, number: Option<i64>) -> Result<H
     Err(no_revision(number, current.revision))
 }
 
+/// Returns a level's files of one name. A revision that was removed meanwhile is refused: its list has only the files that later
+/// ones share.
+pub(super) async fn map_files(
+    storage: &Storage,
+    home: &HomeId,
+    revision: i64,
+    level: LevelName,
+    name: &str,
+) -> Result<Vec<MapFile>, Error> {
+    let files = storage.home_map_files(home, revision, level, name).await?;
+    kept(storage, home, Some(revision)).await?;
+    Ok(files)
+}
+
 /// Returns the refusal of a revision that is not there: it was removed, or never made.
 fn no_revision(revision: i64, current: i64) -> Error {
     if revision < current { Error::MapRevisionRemoved { revision } } else { Error::NoSuchMap }
@@ -263,6 +277,7 @@ mod tests {
         let current = storage.home_map_files(&home, 6, level, map_file::TILE).await.unwrap();
         let cases = [
             (points.of_tile(&tiles[0]).await.unwrap_err(), "map-revision-removed"),
+            (map_files(&storage, &home, 1, level, map_file::TILE).await.unwrap_err(), "map-revision-removed"),
             (missing(&storage, &home, 1, &tiles[0]).await, "map-revision-removed"),
             (without_file(&storage, &home, 1).await, "map-revision-removed"),
             (without_file(&storage, &home, 6).await, "map-not-found"),

@@ -3,12 +3,13 @@
 use super::archive::Archive;
 use crate::api::App;
 use crate::api::error::Error;
+use crate::api::map::map_files;
 use crate::api::map::points::{Points, Streamed};
 use crate::api::types;
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, PointFilter};
 use viola_storage::{
-    Clip, ClipFilter, Home, HomeId, HomeMap, MapFile, MapLevel, Page, StorageError, map_file, result_file,
+    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
 };
 
 const README: &str = include_str!("README.txt");
@@ -24,20 +25,21 @@ pub(super) enum ExportError {
     Zip(#[from] zip::result::ZipError),
     #[error("the zip could not be written: {0}")]
     Write(#[from] std::io::Error),
-    #[error("the points could not be read: {0}")]
-    Points(Box<Error>),
+    #[error("the home's map could not be read: {0}")]
+    Map(Box<Error>),
     #[error("nobody reads the zip any more")]
     Abandoned,
     #[error("the home's map changed too often while it was read")]
     Changing,
 }
 
-/// Points that cannot be read.
+/// Files of the map that cannot be read.
 impl From<Error> for ExportError {
     fn from(error: Error) -> ExportError {
         match error {
             Error::MapRevisionRemoved { .. } => ExportError::Changing,
-            error => ExportError::Points(Box::new(error)),
+            Error::Storage(error) => ExportError::Storage(error),
+            error => ExportError::Map(Box::new(error)),
         }
     }
 }
@@ -106,7 +108,7 @@ impl Contents {
     async fn map_level(&self, zip: &mut Archive, map: &HomeMap, level: &MapLevel) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let folder = folder("map", level.level);
-        let files = |name| self.map_files(map, level.level, name);
+        let files = |name| map_files(storage, &self.home, map.revision, level.level, name);
         for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
             for found in &files(name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
@@ -131,20 +133,6 @@ impl Contents {
             zip.stream(&format!("{folder}/{name}"), points.body(format, head, tiles)).await?;
         }
         Ok(())
-    }
-
-    /// Returns a level's files of one name. The list of a revision that was removed meanwhile has only those that later ones
-    /// share.
-    async fn map_files(
-        &self,
-        map: &HomeMap,
-        level: LevelName,
-        name: &str,
-    ) -> Result<Vec<MapFile>, ExportError> {
-        let storage = &self.app.storage;
-        let files = storage.home_map_files(&self.home, map.revision, level, name).await?;
-        let kept = storage.home_map(&self.home, Some(map.revision)).await?;
-        kept.map(|_| files).ok_or(ExportError::Changing)
     }
 
     async fn clip(&self, zip: &mut Archive, clip: &Clip) -> Result<(), ExportError> {

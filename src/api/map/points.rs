@@ -3,7 +3,7 @@
 use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, file_name, kept, level, missing, revision, tag_of_content};
+use super::{App, LevelQuery, file_name, level, map_files, missing, revision, tag_of_content};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -132,7 +132,7 @@ pub(in crate::api) async fn get_map_points(
     let (format, format_name, media_type) = named(&FORMATS, format.unwrap_or("ply"))?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
-    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
+    let tiles = map_files(&app.storage, &home, map.revision, level.level, map_file::TILE).await?;
     // A point has the index of its clip in the map's list.
     let clips: Vec<u8> = map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
     let asked = [&query.classes, &query.r#box, &query.z, &query.voxel];
@@ -142,8 +142,6 @@ pub(in crate::api) async fn get_map_points(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    // The list of a revision that was removed meanwhile has only the tiles that later ones share.
-    kept(&app.storage, &home, Some(map.revision)).await?;
     let points = Points {
         storage: app.storage.clone(),
         home: home.clone(),

@@ -4,7 +4,7 @@ use super::format::{Format, named};
 use super::made_file::{answer, make};
 use super::points::Points;
 use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, kept, level, revision, tag_of_file};
+use super::{App, LevelQuery, apart, file_name, level, map_files, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -82,9 +82,7 @@ pub(in crate::api) async fn get_map_recording(
     }
     let unsent = app.makers.unsent(home.tenant()).await?;
     let place = app.makers.file(home.tenant()).await?;
-    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
-    // The list of a revision that was removed meanwhile has only the tiles that later ones share.
-    kept(&app.storage, &home, Some(map.revision)).await?;
+    let tiles = map_files(&app.storage, &home, map.revision, level.level, map_file::TILE).await?;
     let level_map = LevelMap {
         level: level.level,
         time_ms: map.clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),

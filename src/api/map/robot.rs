@@ -2,7 +2,9 @@
 
 use super::format::{Format, named};
 use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, kept, level, missing, revision, tag_of_file, without_file};
+use super::{
+    App, LevelQuery, apart, file_name, level, map_files, missing, revision, tag_of_file, without_file,
+};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -137,10 +139,7 @@ impl Source {
         });
         let (lidar, valetudo, mut ground) = read.await?;
         if let Some(ground) = &mut ground {
-            let files = storage.home_map_files(home, map.revision, level.level, map_file::TILE).await?;
-            // The list of a revision that was removed meanwhile has only the tiles that later ones share.
-            kept(storage, home, Some(map.revision)).await?;
-            for file in files {
+            for file in map_files(storage, home, map.revision, level.level, map_file::TILE).await? {
                 let Some(bytes) = storage.map_file_bytes(&file).await? else {
                     return Err(missing(storage, home, map.revision, &file).await);
                 };
