@@ -240,9 +240,13 @@ impl Points {
             }
         });
         let points = futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles);
-        points.inspect_err(|error| match error {
-            Error::MapRevisionRemoved { .. } => tracing::info!(%error, "points broke off"),
-            _ => tracing::error!(%error, "points broke off"),
+        points.inspect_err(|error| {
+            // The revision or the home was removed meanwhile.
+            if error.is_refusal() {
+                tracing::info!(%error, "points broke off");
+            } else {
+                tracing::error!(%error, "points broke off");
+            }
         })
     }
 
