@@ -1,5 +1,6 @@
 //! Compression of answers: files of the binary once, all other text and points while they are sent, in turns.
 
+use super::bodies::media_type;
 use axum::body::{Body, HttpBody};
 use axum::extract::{Request, State};
 use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, Version, header};
@@ -32,10 +33,7 @@ pub(super) fn compression() -> CompressionLayer<And<SizeAbove, IsCompressed>> {
 
 /// Returns whether an answer may be compressed.
 pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
-    let media_type =
-        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    let media_type = media_type.split(';').next().unwrap_or_default().trim();
-    match media_type {
+    match media_type(headers).as_str() {
         "text/event-stream" => false,
         "application/javascript" | "application/json" | "image/svg+xml" => true,
         other => other.starts_with("text/") || other.starts_with("model/") || other.ends_with("+json"),

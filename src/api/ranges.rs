@@ -5,6 +5,7 @@
 //! out. A request for several ranges gets the whole answer, as does one that accepts a compressed answer of a compressible
 //! type, because its bytes would be others.
 
+use super::bodies::media_type;
 use super::compression::is_text_or_points;
 use super::error::Error;
 use super::reply::is_wanted;
@@ -67,9 +68,7 @@ fn length_of(answer: &Response) -> Option<u64> {
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
-    let media_type =
-        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    let media_type = media_type.split(';').next().unwrap_or_default().trim();
+    let media_type = media_type(headers);
     media_type == "application/json" || media_type.ends_with("+json")
 }
 

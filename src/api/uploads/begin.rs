@@ -8,6 +8,7 @@ use crate::api::App;
 use crate::api::access::Caller;
 use crate::api::bodies::content_length;
 use crate::api::error::Error;
+use crate::api::extract::has_body;
 use axum::http::HeaderMap;
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -21,7 +22,7 @@ pub(super) async fn begin(
 ) -> Result<(Uuid, Option<Append>), Error> {
     let text = headers::metadata(sent)?;
     let metadata = Metadata::parse(&text)?;
-    let has_body = headers::has_body(sent);
+    let has_body = has_body(sent);
     if has_body {
         headers::check_media_type(sent)?;
     }

@@ -1,9 +1,9 @@
 //! Request headers of tus. A header that is sent twice is refused: a proxy could read the other value.
 
 use super::refusal::UploadRefusal;
-use crate::api::bodies::content_length;
+use crate::api::bodies::media_type;
 use crate::api::error::Error;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use uuid::Uuid;
 
 pub(super) const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
@@ -152,15 +152,8 @@ pub(super) fn concat(headers: &HeaderMap) -> Result<Concat, Error> {
     Ok(Concat::Final { ids, sent: sent.to_owned() })
 }
 
-pub(super) fn has_body(headers: &HeaderMap) -> bool {
-    content_length(headers).is_some_and(|length| length > 0)
-        || headers.contains_key(header::TRANSFER_ENCODING)
-}
-
 pub(super) fn check_media_type(headers: &HeaderMap) -> Result<(), Error> {
-    let sent = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    let essence = sent.split(';').next().unwrap_or_default().trim();
-    if essence.eq_ignore_ascii_case(MEDIA_TYPE) {
+    if media_type(headers) == MEDIA_TYPE {
         return Ok(());
     }
     Err(UploadRefusal::MediaType { expected: MEDIA_TYPE }.into())

@@ -107,10 +107,9 @@ impl UploadRefusal {
                 E::WrongOffset { .. } | E::Overtaken => {
                     (S::CONFLICT, "upload_offset_mismatch", "The offset is not the upload's")
                 }
-                E::LengthTold | E::LengthTooSmall { .. } => {
+                E::LengthTold | E::LengthTooSmall { .. } | E::NotPartial { .. } => {
                     (S::BAD_REQUEST, "invalid_header", "A header is not valid")
                 }
-                E::NotPartial { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
                 E::Final => (S::FORBIDDEN, "upload_final", "A final upload takes no bytes"),
                 E::TooMany { .. } => {
                     (S::TOO_MANY_REQUESTS, "too_many_uploads", "Too many uploads are unfinished")
