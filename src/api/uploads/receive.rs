@@ -132,7 +132,7 @@ async fn check_room(app: &App, append: &Append) -> Result<Tenant, Error> {
     // Requests of other offsets and lengths have refusals of their own when they begin.
     let may_begin = upload.kind != UploadKind::Final
         && upload.received_bytes == offset
-        && length.is_none_or(|length| length >= offset);
+        && append.length_bytes.is_none_or(|told| length == Some(told) && told >= offset);
     if may_begin && append.body_bytes.is_some_and(|bytes| bytes > room(app, length, offset)) {
         return Err(too_large(app, length, offset));
     }
