@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, Json, Member, member};
+use super::extract::{ClipPath, Json, Member, member, wrong};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Resource, may_change};
 use super::types::{self, Clip};
@@ -166,10 +166,6 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
             Err(Error::InvalidBody { field: None, detail })
         }
     }
-}
-
-fn wrong(field: &'static str, what: &str) -> Error {
-    Error::InvalidMember { field, detail: format!("{field} is {what}") }
 }
 
 impl From<ChoiceError> for Error {

@@ -5,7 +5,9 @@ use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
 use super::content;
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp};
+use super::extract::{
+    ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp, wrong,
+};
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
@@ -291,7 +293,6 @@ pub(super) async fn patch_clip(
 
 /// Returns the correction of a patch.
 async fn edit(app: &App, home: &HomeId, id: Uuid, patch: &ClipPatch) -> Result<ClipEdit, Error> {
-    let wrong = |field, what: &str| Error::InvalidMember { field, detail: format!("{field} is {what}") };
     let title = |title: &Value| {
         let title = title.as_str().filter(|title| names::is_title(title)).map(str::to_owned);
         title.ok_or_else(|| {

@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
-use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member};
+use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member, wrong};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, Resource, may_change};
@@ -190,10 +190,6 @@ pub(super) async fn list_map_corrections(
     HomePath { home }: HomePath,
 ) -> Result<Document<Corrections>, Error> {
     Ok(Document(app.storage.corrections(&home).await?.into()))
-}
-
-fn wrong(field: &'static str, what: &str) -> Error {
-    Error::InvalidMember { field, detail: format!("{field} is {what}") }
 }
 
 /// Parses a member that is neither absent nor null.

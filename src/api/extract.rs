@@ -330,6 +330,11 @@ pub(super) fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Membe
     Option::<Value>::deserialize(deserializer).map(Some)
 }
 
+/// Returns the refusal of a member's value, in words of what it may be.
+pub(super) fn wrong(field: &'static str, what: &str) -> Error {
+    Error::InvalidMember { field, detail: format!("{field} is {what}") }
+}
+
 /// `sent` is the media type of the body.
 fn refused_json(rejection: &JsonRejection, sent: &str) -> Error {
     let detail = rejection.body_text();

@@ -83,13 +83,18 @@ fn level<'a>(map: &'a HomeMap, asked: Option<&str>) -> Result<&'a MapLevel, Erro
 
 /// Returns the requested revision of a home's map, by default the current one.
 async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeMap, Error> {
-    let number = asked.map(|text| {
-        text.parse::<i64>().ok().filter(|number| *number > 0).ok_or_else(|| Error::InvalidQuery {
-            field: Some("revision"),
-            detail: "revision is a number from 1".to_owned(),
+    kept(&app.storage, home, number("revision", asked, 1)?).await
+}
+
+/// Parses a number of a query.
+fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<i64>, Error> {
+    let parse = |text: &str| {
+        text.parse::<i64>().ok().filter(|number| *number >= least).ok_or_else(|| Error::InvalidQuery {
+            field: Some(field),
+            detail: format!("{field} is a number from {least}"),
         })
-    });
-    kept(&app.storage, home, number.transpose()?).await
+    };
+    text.map(parse).transpose()
 }
 
 /// Returns a revision that is kept, by default the current one.

@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/map/changes`: the changes between two revisions of a map.
 
-use super::no_revision;
 use super::scene::scene;
+use super::{no_revision, number};
 use crate::api::App;
 use crate::api::error::{Error, Problem};
 use crate::api::extract::{HomePath, Query};
@@ -56,16 +56,6 @@ pub(in crate::api) async fn get_map_changes(
     let later = Revision::of(&app, &home, to, current).await?;
     let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
     Ok(Document(changes(earlier.as_ref(), &later, (from, to))))
-}
-
-fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<i64>, Error> {
-    let parse = |text: &str| {
-        text.parse::<i64>().ok().filter(|number| *number >= least).ok_or_else(|| Error::InvalidQuery {
-            field: Some(field),
-            detail: format!("{field} is a number from {least}"),
-        })
-    };
-    text.map(parse).transpose()
 }
 
 /// The clips and the levels of a revision, with their scenes.
