@@ -284,6 +284,19 @@ pub(super) async fn current(
     }
 }
 
+/// Returns a revision of the LiDAR map of a level. The refusal tells whether the home, the level or the revision is missing.
+pub(super) async fn of_revision(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+    revision: i64,
+) -> Result<viola_storage::LidarMapRevision, Error> {
+    match app.storage.lidar_map_revision(home, level, revision).await? {
+        Some(map) => Ok(map),
+        None => Err(current(app, home, level).await.err().unwrap_or(Error::NoSuchLidarRevision(revision))),
+    }
+}
+
 impl From<viola_storage::LidarMapRevision> for CurrentLidarMap {
     fn from(map: viola_storage::LidarMapRevision) -> CurrentLidarMap {
         let image = home::PictureFrame::of(&map.info);

@@ -90,8 +90,7 @@ pub(super) async fn restore_lidar_map(
     LevelRevisionPath { home, level, revision }: LevelRevisionPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let earlier = app.storage.lidar_map_revision(&home, level, revision).await?;
-    let earlier = earlier.ok_or(Error::NoSuchLidarRevision(revision))?;
+    let earlier = lidar_map::of_revision(&app, &home, level, revision).await?;
     let mut from_current = None;
     if !lidar_map::is_current(&app, &home, level, &earlier.sha256).await? {
         app.limits.check_quota(&app.storage, &caller.tenant, earlier.size_bytes).await?;

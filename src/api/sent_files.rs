@@ -4,6 +4,7 @@ use super::App;
 use super::bodies::{FileBytes, attachment, send};
 use super::error::Error;
 use super::extract::{ClipPath, LevelRevisionPath};
+use super::lidar_map::of_revision;
 use super::problems::CommonProblems;
 use super::reply::{IMMUTABLE, REVALIDATED, unless_known};
 use axum::extract::State;
@@ -43,8 +44,7 @@ pub(super) async fn get_lidar_map_file(
     LevelRevisionPath { home, level, revision }: LevelRevisionPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let map = app.storage.lidar_map_revision(&home, level, revision).await?;
-    let map = map.ok_or(Error::NoSuchLidarRevision(revision))?;
+    let map = of_revision(&app, &home, level, revision).await?;
     let blob = app.storage.lidar_map_blob(&map).await?;
     let name = map.file_name.unwrap_or_else(|| format!("{home}-{level}-{revision}"));
     // A home that was deleted and made again counts its revisions from 1 again.

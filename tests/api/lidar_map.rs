@@ -188,6 +188,16 @@ async fn an_earlier_map_comes_back_and_every_file_can_be_had() {
     let missing = server.get(&format!("{path}/revisions/4/file")).await.problem(404, "lidar-map-not-found");
     assert!(missing["detail"].as_str().unwrap().contains("no revision 4"), "{missing}");
     server.post(&format!("{path}/revisions/4/restore"), "").await.problem(404, "lidar-map-not-found");
+    for (maps, code, part) in [
+        (format!("{home}/lidar-maps/attic"), "lidar-map-not-found", "`attic`"),
+        ("/v1/homes/nowhere/lidar-maps/main".to_owned(), "home-not-found", "no home"),
+    ] {
+        let file = server.get(&format!("{maps}/revisions/1/file")).await;
+        let restored = server.post(&format!("{maps}/revisions/1/restore"), "").await;
+        for problem in [file, restored].map(|answer| answer.problem(404, code)) {
+            assert!(problem["detail"].as_str().unwrap().contains(part), "{problem}");
+        }
+    }
     for revision in ["0", "-1", "x"] {
         let path = format!("{path}/revisions/{revision}/restore");
         assert_eq!(server.post(&path, "").await.problem(400, "invalid-path")["field"], "revision");
