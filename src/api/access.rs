@@ -120,6 +120,8 @@ pub(super) async fn check(
     }
     let caller = caller.unwrap_or_else(Caller::anyone);
     tracing::Span::current().record("tenant", caller.tenant.name());
+    // A request that the role does not allow counts, too: its key was looked up.
+    app.limits.pass(&caller.tenant)?;
     let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
     if !may(caller.role, request.method(), route) {
         return Err(Error::Forbidden(needed_role(caller.role, request.method(), route)));
@@ -127,7 +129,6 @@ pub(super) async fn check(
     if OF_ALL_HOMES.contains(&route) {
         caller.for_all_homes()?;
     }
-    app.limits.pass(&caller.tenant)?;
     let turn = match turn {
         Some(turn) => turn,
         None => take_turn(&app, &caller.tenant, request.extensions()).await,

@@ -341,6 +341,12 @@ async fn a_tenant_has_its_share_of_requests() {
     let begun = futures::future::join_all((0..40).map(|_| server.send(sign_in()))).await;
     let refused = begun.into_iter().find(|answer| answer.status != 204);
     refused.expect("5 sessions a second are allowed").problem(429, "too-many-requests");
+    // So does a request that the role of its key does not allow.
+    let core = server.client("core", Role::Uploader, None).await;
+    let asked = futures::future::join_all((0..40).map(|_| core.get("/v1/homes"))).await;
+    for status in [403, 429] {
+        assert!(asked.iter().any(|answer| answer.status == status), "{status}");
+    }
     bolt.get("/v1/session").await.ok(200);
 }
 
