@@ -33,7 +33,6 @@ pub(super) async fn watch_home(
     HomePath { home }: HomePath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    app.storage.home(&home).await?;
     let seen = headers.get("last-event-id").map(|value| value.to_str().ok()?.parse().ok());
     let seen = seen.map(|position| {
         let detail =
@@ -41,7 +40,9 @@ pub(super) async fn watch_home(
         position.ok_or_else(|| Error::InvalidHeader { field: "Last-Event-ID", detail: detail.to_owned() })
     });
     let seen = seen.transpose()?;
+    // Before the home is looked up: then its removal comes after the position, and ends the stream.
     let after = app.storage.home_position(seen).await?;
+    app.storage.home(&home).await?;
     // An EventSource keeps the id and sees no event, because it has no data.
     let begin = Event::default().id(after.to_string());
     let stop = app.stop.clone();
