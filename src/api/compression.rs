@@ -40,14 +40,26 @@ pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
     }
 }
 
+/// Returns the codings that a client names, in lower case, with their weights.
+pub(super) fn codings(headers: &HeaderMap) -> impl Iterator<Item = (String, f32)> {
+    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    accepted.flat_map(|list| list.split(',')).map(coding)
+}
+
+/// Parses a coding and its weight, by default 1 (RFC 9110, section 12.5.3).
+fn coding(text: &str) -> (String, f32) {
+    let text = text.to_ascii_lowercase();
+    let (name, weight) = text.split_once(';').unwrap_or((text.as_str(), ""));
+    let weight = weight.trim().strip_prefix("q=").and_then(|weight| weight.trim().parse().ok());
+    (name.trim().to_owned(), weight.unwrap_or(1.0))
+}
+
 /// Removes what forbids an answer without compression: it would be answered by 406 after its change was made. A server may
 /// ignore it (RFC 9110, section 12.5.3).
 fn allow_identity(headers: &mut HeaderMap) {
-    let forbids = |coding: &str| {
-        let (name, weight) = coding.split_once(';').unwrap_or((coding, ""));
-        let weight = weight.trim().to_ascii_lowercase();
-        let weight = weight.strip_prefix("q=").and_then(|weight| weight.trim().parse::<f32>().ok());
-        matches!(name.trim().to_ascii_lowercase().as_str(), "identity" | "*") && weight == Some(0.0)
+    let forbids = |text: &str| {
+        let (name, weight) = coding(text);
+        matches!(name.as_str(), "identity" | "*") && weight == 0.0
     };
     let accepted = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
     let (forbidding, kept): (Vec<&str>, Vec<&str>) =
@@ -155,12 +167,7 @@ fn gzip(bytes: &[u8]) -> Bytes {
 
 /// Returns whether a client names gzip and does not exclude it (RFC 9110, section 12.5.3).
 fn accepts_gzip(headers: &HeaderMap) -> bool {
-    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter();
-    accepted.filter_map(|value| value.to_str().ok()).flat_map(|list| list.split(',')).any(|coding| {
-        let (name, weight) = coding.split_once(';').unwrap_or((coding, ""));
-        let weight = weight.trim().strip_prefix("q=").and_then(|weight| weight.parse::<f32>().ok());
-        name.trim().eq_ignore_ascii_case("gzip") && weight != Some(0.0)
-    })
+    codings(headers).any(|(name, weight)| name == "gzip" && weight > 0.0)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! type, because its bytes would be others.
 
 use super::bodies::media_type;
-use super::compression::is_text_or_points;
+use super::compression::{codings, is_text_or_points};
 use super::error::Error;
 use super::reply::is_wanted;
 use axum::body::{Body, HttpBody};
@@ -50,11 +50,7 @@ pub(super) async fn serve_part(request: Request, next: Next) -> Response {
 }
 
 fn accepts_only_identity(headers: &HeaderMap) -> bool {
-    let accepted = headers.get_all(header::ACCEPT_ENCODING).iter();
-    accepted.filter_map(|value| value.to_str().ok()).flat_map(|list| list.split(',')).all(|coding| {
-        let coding = coding.trim();
-        coding.is_empty() || coding.starts_with("identity") || coding.ends_with(";q=0")
-    })
+    codings(headers).all(|(name, weight)| matches!(name.as_str(), "" | "identity") || weight == 0.0)
 }
 
 /// Returns the length of an answer of which parts can be served; `None` for others.
@@ -163,6 +159,21 @@ mod tests {
             ("bytes=99999999999999999999-", None),
         ] {
             assert_eq!(parse(header, 10), want, "{header}");
+        }
+    }
+
+    #[test]
+    fn a_client_that_excludes_all_compression_gets_parts_of_text() {
+        for (accepted, want) in [
+            ("", true),
+            ("identity", true),
+            ("Identity;q=0.5, gzip;q=0", true),
+            ("gzip; q=0, br;q=0.000", true),
+            ("gzip;q=0.5", false),
+            ("identity, *", false),
+        ] {
+            let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, accepted.parse().unwrap())]);
+            assert_eq!(accepts_only_identity(&headers), want, "{accepted}");
         }
     }
 
