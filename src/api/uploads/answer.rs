@@ -97,7 +97,7 @@ fn insert_header(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<st
     }
 }
 
-async fn headers_of(app: &App, upload: &Upload) -> Result<HeaderMap, Error> {
+fn headers_of(upload: &Upload, made: &Made) -> HeaderMap {
     let mut headers = HeaderMap::new();
     insert_header(&mut headers, OFFSET, upload.received_bytes.to_string());
     match upload.length_bytes {
@@ -114,19 +114,17 @@ async fn headers_of(app: &App, upload: &Upload) -> Result<HeaderMap, Error> {
     if !is_kept {
         insert_header(&mut headers, EXPIRES, http_date(upload.expires_at));
     }
-    let made = Made::of(app, upload).await?;
-    for (name, path) in [(CLIP, made.clip), (JOB, made.job)] {
+    for (name, path) in [(CLIP, &made.clip), (JOB, &made.job)] {
         if let Some(path) = path {
             insert_header(&mut headers, name, path);
         }
     }
-    Ok(headers)
+    headers
 }
 
-async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error> {
-    let made = Made::of(app, &upload).await?;
+fn document_of(upload: Upload, made: Made) -> UploadDocument {
     let filename = Metadata::parse(&upload.metadata).ok().and_then(|metadata| metadata.filename);
-    Ok(UploadDocument {
+    UploadDocument {
         id: upload.id,
         kind: upload.kind.into(),
         state: upload.state.into(),
@@ -139,28 +137,30 @@ async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error>
         problem: upload.problem,
         created_at: upload.created_at,
         expires_at: upload.expires_at,
-    })
+    }
 }
 
 /// Returns the state of an upload as headers, for a client that resumes it.
 pub(super) async fn state(app: &App, id: Uuid) -> Result<HeaderMap, Error> {
     let upload = app.storage.living_upload(id, app.storage.now()).await?;
-    headers_of(app, &upload).await
+    let made = Made::of(app, &upload).await?;
+    Ok(headers_of(&upload, &made))
 }
 
 /// Returns the state of an upload as a document, even if its file was refused.
 pub(super) async fn document(app: &App, id: Uuid) -> Result<Document<UploadDocument>, Error> {
     let upload = app.storage.upload(id, app.storage.now()).await?.ok_or(UploadError::NotFound)?;
-    Ok(Document(document_of(app, upload).await?))
+    let made = Made::of(app, &upload).await?;
+    Ok(Document(document_of(upload, made)))
 }
 
 /// Returns the answer to the request that created an upload.
 pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
     let upload = app.storage.living_upload(id, app.storage.now()).await?;
-    let mut headers = headers_of(app, &upload).await?;
+    let made = Made::of(app, &upload).await?;
+    let mut headers = headers_of(&upload, &made);
     insert_header(&mut headers, header::LOCATION, path(id));
-    let document = document_of(app, upload).await?;
-    Ok((StatusCode::CREATED, headers, Document(document)).into_response())
+    Ok((StatusCode::CREATED, headers, Document(document_of(upload, made))).into_response())
 }
 
 /// Returns the supported version, extensions and limits of tus as headers.
