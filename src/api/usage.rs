@@ -32,7 +32,7 @@ pub(super) async fn get_usage(State(app): State<App>, caller: Caller) -> Result<
     Ok(Json(Usage {
         tenant: tenant.name().to_owned(),
         bytes: app.storage.tenant_bytes(tenant).await?,
-        max_bytes: app.limits.max_bytes(&app.storage, tenant).await?,
+        max_bytes: own.max_bytes.or(app.limits.storage_bytes),
         uploads: app.storage.unfinished_uploads(tenant).await?,
         max_uploads: own.max_uploads.unwrap_or(app.uploads.limits.in_tenant),
     }))

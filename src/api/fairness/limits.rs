@@ -40,11 +40,6 @@ impl Limits {
         })
     }
 
-    /// Returns the maximum size of a tenant's files; none means unlimited.
-    pub async fn max_bytes(&self, storage: &Storage, tenant: &Tenant) -> Result<Option<u64>, StorageError> {
-        Ok(storage.tenant_limits(tenant).await?.max_bytes.or(self.storage_bytes))
-    }
-
     /// Returns an error if `more_bytes` exceed the tenant's quota. Concurrent requests may all pass it.
     pub async fn check_quota(
         &self,
@@ -52,7 +47,8 @@ impl Limits {
         tenant: &Tenant,
         more_bytes: u64,
     ) -> Result<(), Error> {
-        let Some(limit) = self.max_bytes(storage, tenant).await? else { return Ok(()) };
+        let own = storage.tenant_limits(tenant).await?.max_bytes;
+        let Some(limit) = own.or(self.storage_bytes) else { return Ok(()) };
         let used = storage.tenant_bytes(tenant).await?;
         if used.saturating_add(more_bytes) > limit {
             return Err(StorageError::TenantFull { used, limit, more: more_bytes }.into());
