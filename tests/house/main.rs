@@ -171,18 +171,19 @@ fn names_path(line: &str, path: &str) -> bool {
 /// and unpacks networks by other programs.
 const START_PROCESSES: &[&str] = &["video", "jobs", "cli"];
 
+/// Returns whether a line names the type that starts processes, or calls it by a name that was imported in a group.
+fn starts_a_process(line: &str) -> bool {
+    let paths = ["process::Command", "std::process::Command", "tokio::process::Command", "Command::new"];
+    paths.iter().any(|path| names_path(line, path))
+}
+
 #[test]
 fn few_start_processes() {
     let may_start = |source: &&Source| START_PROCESSES.contains(&source.first_module());
     let mut broken = Vec::new();
     for source in sources().iter().filter(|source| !may_start(source)) {
-        for (number, line) in source.code() {
-            if ["process", "std::process", "tokio::process"]
-                .iter()
-                .any(|path| names_path(line, &format!("{path}::Command")))
-            {
-                broken.push(format!("{}:{number}: it starts a process", source.path.display()));
-            }
+        for (number, line) in source.code().filter(|(_, line)| starts_a_process(line)) {
+            broken.push(format!("{}:{number}: it starts a process: {line}", source.path.display()));
         }
     }
     check(broken);
@@ -288,9 +289,35 @@ fn functions_stay_short() {
 
 fn is_function(line: &str) -> bool {
     let head = line.trim_start();
-    let words = ["pub ", "pub(super) ", "pub(crate) ", "async ", "const ", "unsafe "];
+    let head = match head.strip_prefix("pub(") {
+        Some(within) => within.split_once(") ").map_or("", |(_, rest)| rest),
+        None => head.strip_prefix("pub ").unwrap_or(head),
+    };
+    let words = ["async ", "const ", "unsafe "];
     let rest = words.iter().fold(head, |head, word| head.strip_prefix(word).unwrap_or(head));
     rest.starts_with("fn ") && !line.trim_end().ends_with([';', '}'])
+}
+
+#[test]
+fn functions_and_starts_of_processes_are_found() {
+    for (line, is_expected) in [
+        ("fn a() {", true),
+        ("    pub(in crate::api) async fn a(", true),
+        ("pub(super) const fn a() -> usize {", true),
+        ("fn a() {}", false),
+        ("    fn a();", false),
+        ("pub(super) struct A(usize);", false),
+    ] {
+        assert_eq!(is_function(line), is_expected, "{line}");
+    }
+    for (line, is_expected) in [
+        ("use std::process::Command;", true),
+        ("    let child = Command::new(program).spawn();", true),
+        ("use std::process::{ExitCode, Stdio};", false),
+        ("let command = clap::Command::new(name);", false),
+    ] {
+        assert_eq!(starts_a_process(line), is_expected, "{line}");
+    }
 }
 
 #[test]
