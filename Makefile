@@ -1,5 +1,9 @@
 .PHONY: demo test quick
 
+# A shell that has the settings of a service, as docs/operating.md exports them, must not lead the tests to its data.
+unexport VIOLA_CONFIG VIOLA_DATA VIOLA_DATABASE_URL VIOLA_S3_BUCKET VIOLA_S3_PREFIX VIOLA_S3_ENDPOINT VIOLA_S3_REGION \
+	VIOLA_S3_ACCESS_KEY_ID VIOLA_S3_SECRET_ACCESS_KEY VIOLA_S3_ALLOW_HTTP VIOLA_S3_VIRTUAL_HOSTED
+
 # A simulated home is mapped, filmed, uploaded over HTTP and aligned; then the server stays up to be looked at. The first
 # call compiles for about 15 minutes on two cores.
 demo:

@@ -27,11 +27,16 @@ pub fn viola() -> Command {
     prepared(Command::new(program()))
 }
 
-/// Prepares a command of the binary, without the environment variables of the tests that would affect it.
+/// Prepares a command of the binary, without the environment variables that it reads: a shell may name the database and the
+/// bucket of a service.
 pub fn prepared(mut command: Command) -> Command {
     command.stdin(Stdio::null());
-    for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH", "OTEL_EXPORTER_OTLP_ENDPOINT"] {
-        command.env_remove(name);
+    for (name, _) in std::env::vars_os() {
+        let text = name.to_string_lossy();
+        let is_setting = text.starts_with("VIOLA_") || text.starts_with("OTEL_");
+        if is_setting || ["RUST_LOG", "ORT_DYLIB_PATH"].contains(&&*text) {
+            command.env_remove(&name);
+        }
     }
     command
 }
