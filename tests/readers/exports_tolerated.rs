@@ -84,11 +84,13 @@ fn half(whole: u16) -> Vec<u8> {
 fn nerfstudio_with_arrays_of_depth() {
     let metres = |mm: u16| (f32::from(mm) / 1000.0).to_le_bytes().to_vec();
     type Kind = (&'static str, fn(u16) -> Vec<u8>, &'static str);
-    let kinds: [Kind; 4] = [
+    let kinds: [Kind; 5] = [
         ("<u2", |mm| mm.to_le_bytes().to_vec(), "millimetres (.npy)"),
         ("<f2", half, "millimetres (.npy)"),
         ("<f4", |mm| f32::from(mm).to_le_bytes().to_vec(), "millimetres (.npy)"),
         ("<f4", metres, "depth was read as metres, not as millimetres"),
+        // Of a camera's integers, divided by 1000.
+        ("<f8", |mm| (f64::from(mm) / 1000.0).to_le_bytes().to_vec(), "depth was read as metres"),
     ];
     for (dtype, bytes_of_mm, told) in kinds {
         let clip = check(writers::nerfstudio, |f| nerfstudio_as_npy(f, dtype, bytes_of_mm));
@@ -100,10 +102,10 @@ fn nerfstudio_with_arrays_of_depth() {
         edit_json(f, "transforms.json", |file| file["integer_depth_scale"] = json!(0.01));
     });
     check_told(&clip, "integer_depth_scale (.npy)");
-    let doubles = |f: &mut Files| {
-        nerfstudio_as_npy(f, "<f8", |mm| f64::from(mm).to_le_bytes().to_vec());
+    let integers = |f: &mut Files| {
+        nerfstudio_as_npy(f, "<i4", |mm| i32::from(mm).to_le_bytes().to_vec());
     };
-    crate::refusals::check(writers::nerfstudio, doubles, "bad_depth", "<f8; save depth as float32");
+    crate::refusals::check(writers::nerfstudio, integers, "bad_depth", "<i4; save depth as float32");
     let cut_array = |f: &mut Files| {
         nerfstudio_as_npy(f, "<f4", |mm| f32::from(mm).to_le_bytes().to_vec());
         cut(f, "depths/frame_00002.npy", 0.5);

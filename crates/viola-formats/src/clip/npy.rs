@@ -10,7 +10,7 @@ use viola_geometry::Pinhole;
 const MAX_PIXELS: u64 = 4 << 20;
 /// Three values, and the padding after them.
 const MAX_HEADER_BYTES: usize = 4 << 10;
-const MAX_FILE_BYTES: u64 = MAX_PIXELS * 4 + MAX_HEADER_BYTES as u64 + 12;
+const MAX_FILE_BYTES: u64 = MAX_PIXELS * 8 + MAX_HEADER_BYTES as u64 + 12;
 
 /// The numbers that the arrays of a layout may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +33,8 @@ enum Readings<'a> {
     Halves(&'a [[u8; 2]]),
     /// Floats of 32 bits.
     Floats(&'a [[u8; 4]]),
+    /// Floats of 64 bits, which NumPy makes of integers that are divided.
+    Doubles(&'a [[u8; 8]]),
 }
 
 /// Returns width and height.
@@ -51,6 +53,7 @@ pub(super) fn largest_float(container: &dyn Container, name: &str) -> Result<Opt
         Readings::Integers(_) => None,
         Readings::Halves(numbers) => Some(numbers.iter().map(half).fold(0.0, largest)),
         Readings::Floats(numbers) => Some(numbers.iter().map(|b| f32::from_le_bytes(*b)).fold(0.0, largest)),
+        Readings::Doubles(numbers) => Some(numbers.iter().map(double).fold(0.0, largest)),
     })
 }
 
@@ -72,8 +75,14 @@ pub(super) fn decode(
         }
         Readings::Halves(numbers) => numbers.iter().map(|b| metres(half(b))).collect(),
         Readings::Floats(numbers) => numbers.iter().map(|b| metres(f32::from_le_bytes(*b))).collect(),
+        Readings::Doubles(numbers) => numbers.iter().map(|b| metres(double(b))).collect(),
     };
     Ok(DepthImage { width, height, depth_m })
+}
+
+/// Returns a float of 64 bits, rounded to 32.
+fn double(bytes: &[u8; 8]) -> f32 {
+    f64::from_le_bytes(*bytes) as f32
 }
 
 /// Returns a float of 16 bits (IEEE 754, binary16), least significant byte first.
@@ -103,6 +112,7 @@ fn parse<'a>(bytes: &'a [u8], name: &str, allowed: Allowed) -> Result<Array<'a>,
         ("<u2", _) => (Readings::Integers(rest.as_chunks().0), 2),
         ("<f2", Allowed::IntegersAndFloats) => (Readings::Halves(rest.as_chunks().0), 2),
         ("<f4", Allowed::IntegersAndFloats) => (Readings::Floats(rest.as_chunks().0), 4),
+        ("<f8", Allowed::IntegersAndFloats) => (Readings::Doubles(rest.as_chunks().0), 8),
         (_, Allowed::Integers) => {
             return Err(bad(format!(
                 "its numbers are {number}; depth is in whole millimetres of 16 bits (<u2)"
