@@ -4,7 +4,7 @@ use crate::drawing::*;
 use crate::maps::check_home;
 use crate::maps_refused::check_refused;
 use crate::robot_files::*;
-use viola_formats::lidar::{LidarMap, LineKind, ZoneKind};
+use viola_formats::lidar::{LidarMap, LineKind, ZoneKind, valetudo_json};
 use viola_geometry::{Point2, Pose2};
 
 fn close(a: [f64; 2], b: [f64; 2]) -> bool {
@@ -84,6 +84,7 @@ fn dreame_with_its_saved_map() {
     for bytes in [text, lines, zlib(&dreame_inflated(b'I')), dreame_inflated(b'I'), packed, as_text] {
         let map = LidarMap::read(&bytes).unwrap();
         assert_eq!(map.info.format, "dreame");
+        assert_eq!(valetudo_json(&bytes), None);
         check_home("dreame", &map, DREAME_CORNER);
         check_rooms("dreame", &map, &[("16", Some("Kitchen"), Some("wood_vertical")), ("17", None, None)]);
         // -1900, -900 mm: 3087 and 3187 cm from the edges of 65.54 m.
@@ -178,6 +179,8 @@ fn valetudo_in_what_carries_it() {
         let map = LidarMap::read(&bytes).unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_eq!(map.info, plain.info, "{what}");
         assert!(map.cells == plain.cells, "{what}");
+        let sent_back = valetudo_json(&bytes).unwrap_or_else(|| panic!("{what}"));
+        assert_eq!(LidarMap::read(&sent_back).unwrap().info, plain.info, "{what}");
     }
 }
 

@@ -4,7 +4,7 @@ mod dreame;
 mod roborock;
 mod viomi;
 
-pub(super) use dreame::is_text;
+pub(super) use dreame::{decode as inflate_text, is_text};
 pub(super) use dreame::{is_inflated as is_inflated_dreame, read as read_inflated_dreame};
 pub(super) use roborock::{is as is_roborock, read as read_roborock};
 
@@ -70,22 +70,24 @@ pub(super) fn read_gzip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 pub(super) fn read_zlib(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let inflated = inflate(bytes)?;
     match inflated.as_slice() {
+        json if is_json(json) => valetudo::read(json),
         map if viomi::is(map) => viomi::read(map),
         map if dreame::is(map) => dreame::read(map),
-        // After the robots' maps, whose number may be this character.
-        [b'{', ..] => valetudo::read(&inflated),
         _ => Err(LidarError::UnknownFormat),
     }
+}
+
+/// Returns whether an inflated zlib stream is Valetudo's JSON, and not a robot's map, whose number may begin with the same
+/// character.
+pub(super) fn is_json(inflated: &[u8]) -> bool {
+    inflated.starts_with(b"{") && !viomi::is(inflated) && !dreame::is(inflated)
 }
 
 /// Reads base64 of a zlib stream: a Dreame map, or the JSON that Valetudo published by MQTT at the start of 2021
 /// (Hypfer/ICantBelieveItsNotValetudo, issue 45 and pull request 46).
 pub(super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
-    let inflated = dreame::decode(text)?;
-    match inflated.as_slice() {
-        [b'{', ..] if !dreame::is(&inflated) => valetudo::read(&inflated),
-        map => dreame::read(map),
-    }
+    let inflated = inflate_text(text)?;
+    if is_json(&inflated) { valetudo::read(&inflated) } else { dreame::read(&inflated) }
 }
 
 /// Reads little-endian numbers; returns `None` for a number past the end.

@@ -9,7 +9,7 @@ mod png;
 
 use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
-use super::robot::{gunzip, inflate, is_gzip, is_zlib};
+use super::robot::{gunzip, inflate, inflate_text, is_gzip, is_json, is_text, is_zlib};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind, utf16};
 use crate::container::{Container, Zip};
@@ -28,11 +28,12 @@ pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
         _ if text.starts_with(b"{") => Some(text.to_vec()),
         _ if utf16::is(bytes) => utf16::to_utf8(bytes).ok().and_then(|text| json_of(text.as_bytes())),
         [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
-        _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
+        _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| is_json(inflated)),
         _ if is_gzip(bytes) => gunzip(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
         [b'P', b'K', 3, ..] => {
             only_file(bytes).filter(|file| !file.starts_with(b"PK")).and_then(|file| json_of(&file))
         }
+        _ if is_text(text) => inflate_text(text).ok().filter(|inflated| is_json(inflated)),
         _ => None,
     }
 }
