@@ -4,7 +4,7 @@
 //! archives of 7-Scenes have no intrinsics.
 
 use super::numbered::{self, Kind, Part};
-use super::text::{all_numbers, read_intrinsics, read_table};
+use super::text::{all_numbers, read_intrinsics, read_possible_table};
 use super::tum::is_not_of_kinect;
 use super::{Cameras, ClipError, DepthAt, Intrinsics, Layout, Numbers, Of, Source, no_pose_without};
 use crate::clip::files::find_file;
@@ -69,14 +69,10 @@ fn cameras(
 /// Returns the cameras of a file with the rows `m_depthWidth = 640`, `m_calibrationDepthIntrinsic = 572 0 320 0 0 572 240 ...` and
 /// others; `None` if it is another program's.
 fn cameras_of_info(container: &dyn Container, name: &str) -> Result<Option<Cameras>, ClipError> {
-    let table = match read_table(container, name) {
-        Err(error) if error.is_service_fault() => return Err(error),
-        table => table.ok(),
-    };
+    let Some(table) = read_possible_table(container, name)? else { return Ok(None) };
     let numbers_of = |key: &str| {
-        let rows = table.iter().flat_map(|table| table.rows());
-        let (_, numbers) =
-            rows.filter_map(|(_, row)| row.split_once('=')).find(|(own, _)| own.trim() == key)?;
+        let mut members = table.rows().filter_map(|(_, row)| row.split_once('='));
+        let (_, numbers) = members.find(|(own, _)| own.trim() == key)?;
         all_numbers(numbers)
     };
     let camera = |kind: &str| {

@@ -170,6 +170,14 @@ pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table,
     }
 }
 
+/// Reads a file that may be another program's; `None` if it is not text, or too large.
+pub(super) fn read_possible_table(container: &dyn Container, name: &str) -> Result<Option<Table>, ClipError> {
+    match read_table(container, name) {
+        Err(error) if !error.is_service_fault() => Ok(None),
+        table => table.map(Some),
+    }
+}
+
 impl Table {
     /// Returns the lines that are not empty or comments, and their numbers, from 1.
     pub fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
@@ -234,8 +242,35 @@ pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
 
 #[cfg(test)]
 mod tests {
-    use super::is_shorter;
+    use super::{is_shorter, read_possible_table};
+    use crate::container::{Container, ContainerError, Region};
+    use std::io::ErrorKind;
     use std::iter;
+
+    /// A container whose files cannot be read.
+    struct Unreadable(ErrorKind);
+
+    impl Container for Unreadable {
+        fn names(&self) -> &[String] {
+            &[]
+        }
+
+        fn read(&self, name: &str, _max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
+            Err(ContainerError::Unreadable { name: name.to_string(), source: self.0.into() })
+        }
+
+        fn region(&self, name: &str, _max_bytes: u64) -> Result<Region, ContainerError> {
+            Err(ContainerError::Missing { name: name.to_string() })
+        }
+    }
+
+    #[test]
+    fn a_fault_of_the_machine_is_not_another_program_s_file() {
+        for (kind, is_fault) in [(ErrorKind::OutOfMemory, true), (ErrorKind::InvalidData, false)] {
+            let read = read_possible_table(&Unreadable(kind), "trajectory.log");
+            assert_eq!(read.is_err(), is_fault, "{kind:?}");
+        }
+    }
 
     #[test]
     fn rows_that_end_too_early_are_told_by_the_row_above() {

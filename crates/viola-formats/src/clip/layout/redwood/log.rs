@@ -2,7 +2,7 @@
 //! camera-to-world matrix.
 
 use crate::clip::ClipError;
-use crate::clip::layout::text::{numbers, pose_from_rows, read_table};
+use crate::clip::layout::text::{numbers, pose_from_rows, read_possible_table};
 use crate::container::Container;
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::Pose3;
@@ -63,7 +63,7 @@ impl<'a> Log<'a> {
 
     /// Reads a trajectory; `None` for another kind of file.
     fn read(container: &dyn Container, name: &'a str) -> Result<Option<Log<'a>>, ClipError> {
-        let Ok(table) = read_table(container, name) else { return Ok(None) };
+        let Some(table) = read_possible_table(container, name)? else { return Ok(None) };
         let mut rows = table.rows();
         let (mut poses, mut note) = (Poses::new(), None);
         while let Some((line, head)) = rows.next() {
