@@ -1,14 +1,14 @@
 //! A zip archive, read entry by entry without unpacking it (PKWARE APPNOTE 6.3).
 
+mod directory;
 mod entry;
 
 use super::contents::{FileSum, RATIO_FREE_BYTES, read_bounded};
 use super::names::{Entries, required, safe_name, shown};
 use super::spool::spool;
 use super::{Container, ContainerError, MAX_ENTRIES, Region, Scratch};
-use ::zip::read::{ArchiveOffset, Config, ZipArchiveMetadata};
-use ::zip::result::ZipError;
-use ::zip::{CompressionMethod, ZipArchive};
+use ::zip::CompressionMethod;
+use directory::damaged;
 use entry::Entry;
 use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
@@ -20,14 +20,10 @@ const MAX_ENTRY_BYTES: u64 = 4 << 30;
 const MAX_TOTAL_BYTES: u64 = 64 << 30;
 /// Maximum unpacked bytes per packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
 const MAX_RATIO: u64 = 200;
-/// Begins an entry's header in the directory (APPNOTE 4.3.12).
-const DIRECTORY_HEADER: [u8; 4] = *b"PK\x01\x02";
-/// The size of this header, up to the entry's name.
-const DIRECTORY_HEADER_BYTES: usize = 46;
-/// Archive Utility of macOS, which makes the archives of Finder's menu, keeps the last 16 bits of a count and the last 32 of an
-/// offset (zlib-ng/minizip-ng, issue 184; thejoshwolfe/yauzl, issues 60 and 69).
-const MAC_ADVICE: &str = "as macOS packs 65 536 files or more, or more than 4 GiB; pack the folder with `zip -r` or `tar` in a \
-    terminal, or split the recording";
+/// Archive Utility of macOS, which makes the archives of Finder's menu, keeps the last 32 bits of an offset
+/// (thejoshwolfe/yauzl, issue 69).
+const MAC_ADVICE: &str = "as macOS packs more than 4 GiB; pack the folder with `zip -r` or `tar` in a terminal, or split the \
+    recording";
 
 trait ReadSeek: Read + Seek + Send + Sync {}
 impl<T: Read + Seek + Send + Sync> ReadSeek for T {}
@@ -73,47 +69,45 @@ impl Zip {
     }
 
     fn check(source: Source, scratch: &Scratch) -> Result<Zip, ContainerError> {
-        let mut reader = BufReader::new(source.reader()?);
-        let packed_bytes = check_footer(&mut reader)?;
-        // A known offset keeps the crate from searching the whole file for the directory.
-        let config = Config { archive_offset: ArchiveOffset::Known(0) };
-        let directory = ZipArchive::with_config(config, reader).map_err(damaged)?.metadata();
-        check_count(&directory, &mut source.reader()?)?;
-        if directory.has_duplicate_names() {
-            return Err(ContainerError::DuplicateName { name: "the same".into() });
-        }
+        let packed_bytes = check_footer(&mut BufReader::new(source.reader()?))?;
         let mut found = Entries::new();
         let mut total_bytes = 0u64;
-        for index in 0..directory.len() {
-            let entry = directory.entry(index).map_err(damaged)?;
-            let raw = entry.name().map_err(damaged)?;
-            let name = safe_name(&raw)?;
-            if entry.is_symlink() {
-                return Err(ContainerError::Link { name: shown(&raw) });
+        for directory in directory::read(|| source.reader())? {
+            if directory.has_duplicate_names() {
+                return Err(ContainerError::DuplicateName { name: "the same".into() });
             }
-            if entry.is_dir() || raw.ends_with('\\') {
-                continue;
+            for index in 0..directory.len() {
+                let entry = directory.entry(index).map_err(damaged)?;
+                let raw = entry.name().map_err(damaged)?;
+                let name = safe_name(&raw)?;
+                if entry.is_symlink() {
+                    return Err(ContainerError::Link { name: shown(&raw) });
+                }
+                if entry.is_dir() || raw.ends_with('\\') {
+                    continue;
+                }
+                if entry.encrypted() {
+                    return Err(ContainerError::ZipEncrypted { name });
+                }
+                if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
+                    return Err(ContainerError::ZipMethod { name });
+                }
+                if entry.compression() == CompressionMethod::Stored && entry.size() != entry.compressed_size()
+                {
+                    let reason = format!("{name} is stored, and yet its packed size is another");
+                    return Err(ContainerError::ZipDamaged { reason });
+                }
+                check_ratio(&name, entry.size(), entry.compressed_size(), MAX_ENTRY_BYTES)?;
+                total_bytes = total_bytes.saturating_add(entry.size());
+                let kept = Entry {
+                    header_at: entry.header_start(),
+                    packed: entry.compressed_size(),
+                    bytes: entry.size(),
+                    crc32: entry.crc32(),
+                    is_deflated: entry.compression() == CompressionMethod::Deflated,
+                };
+                found.push(name, kept)?;
             }
-            if entry.encrypted() {
-                return Err(ContainerError::ZipEncrypted { name });
-            }
-            if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
-                return Err(ContainerError::ZipMethod { name });
-            }
-            if entry.compression() == CompressionMethod::Stored && entry.size() != entry.compressed_size() {
-                let reason = format!("{name} is stored, and yet its packed size is another");
-                return Err(ContainerError::ZipDamaged { reason });
-            }
-            check_ratio(&name, entry.size(), entry.compressed_size(), MAX_ENTRY_BYTES)?;
-            total_bytes = total_bytes.saturating_add(entry.size());
-            let kept = Entry {
-                header_at: entry.header_start(),
-                packed: entry.compressed_size(),
-                bytes: entry.size(),
-                crc32: entry.crc32(),
-                is_deflated: entry.compression() == CompressionMethod::Deflated,
-            };
-            found.push(name, kept)?;
         }
         check_ratio("the archive", total_bytes, packed_bytes, MAX_TOTAL_BYTES)?;
         let (names, entries) = found.finish()?;
@@ -202,44 +196,11 @@ fn check_ratio(name: &str, bytes: u64, packed: u64, max_bytes: u64) -> Result<()
     Ok(())
 }
 
-fn damaged(error: ZipError) -> ContainerError {
-    match error {
-        ZipError::Io(source) => ContainerError::damaged_zip("the archive", source),
-        error => ContainerError::ZipDamaged { reason: error.to_string() },
-    }
-}
-
-/// Refuses a directory that goes on behind the entries that its end counts: the others would be missing.
-fn check_count(
-    directory: &ZipArchiveMetadata,
-    reader: &mut (impl Read + Seek),
-) -> Result<(), ContainerError> {
-    let counted = directory.len();
-    let headers = (0..counted).filter_map(|index| directory.entry(index).ok());
-    let Some(last) = headers.map(|entry| entry.central_header_start()).max() else { return Ok(()) };
-    let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
-    let mut header = [0; DIRECTORY_HEADER_BYTES];
-    reader.seek(SeekFrom::Start(last)).map_err(io)?;
-    reader.read_exact(&mut header).map_err(io)?;
-    // A name, an extra field and a comment follow.
-    let length = |at: usize| i64::from(u16::from_le_bytes([header[at], header[at + 1]]));
-    reader.seek(SeekFrom::Current(length(28) + length(30) + length(32))).map_err(io)?;
-    let mut next = Vec::new();
-    reader.by_ref().take(4).read_to_end(&mut next).map_err(io)?;
-    if next != DIRECTORY_HEADER {
-        return Ok(());
-    }
-    let reason =
-        format!("its directory has more entries than the {counted} that its end counts, {MAC_ADVICE}");
-    Err(ContainerError::ZipDamaged { reason })
-}
-
 /// Checks the start and the end of the file before the crate does, and returns the file's size.
 ///
 /// The crate allocates for the number of entries in the end record. A plain end record has at most 65 535; a
 /// zip64 record can have more, so every one that the crate could use is checked here.
 fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> {
-    const END: [u8; 4] = *b"PK\x05\x06";
     const LOCATOR: [u8; 4] = *b"PK\x06\x07";
     const LOCATOR_BYTES: usize = 20;
     /// The end record, the longest comment, the zip64 locator before it, and some slack.
@@ -253,13 +214,14 @@ fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> 
     reader.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut head = Vec::new();
     reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;
-    if head != *b"PK\x03\x04" && head != END {
+    if head != *b"PK\x03\x04" && head != directory::END {
         return Err(ContainerError::NotAnArchive);
     }
     reader.seek(SeekFrom::Start(len.saturating_sub(TAIL_BYTES))).map_err(io)?;
     let mut tail = Vec::new();
     reader.by_ref().take(TAIL_BYTES).read_to_end(&mut tail).map_err(io)?;
-    let ends: Vec<usize> = (0..tail.len().saturating_sub(21)).filter(|&at| tail[at..at + 4] == END).collect();
+    let ends: Vec<usize> =
+        (0..tail.len().saturating_sub(21)).filter(|&at| tail[at..at + 4] == directory::END).collect();
     if ends.is_empty() {
         return Err(ContainerError::ZipTruncated);
     }
@@ -300,7 +262,7 @@ fn check_offset<'a>(
         reader.seek(SeekFrom::Start(offset.into())).map_err(io)?;
         reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;
         // The largest number leaves the offset to a zip64 record.
-        if offset == u32::MAX || head == DIRECTORY_HEADER {
+        if offset == u32::MAX || head == directory::HEADER {
             return Ok(());
         }
     }

@@ -1,0 +1,161 @@
+//! The directory of a zip archive: a header for each entry, and an end record that counts them (APPNOTE 4.3.12 and 4.3.16).
+//!
+//! Archive Utility of macOS, which makes the archives of Finder's menu, keeps the last 16 bits of the count (zlib-ng/minizip-ng,
+//! issue 184; thejoshwolfe/yauzl, issue 60). The other entries are read in parts, as if each part had an archive of its own.
+
+use crate::container::{ContainerError, MAX_ENTRIES};
+use ::zip::ZipArchive;
+use ::zip::read::{ArchiveOffset, Config, ZipArchiveMetadata};
+use ::zip::result::ZipError;
+use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::sync::Arc;
+
+/// Begins an entry's header.
+pub(super) const HEADER: [u8; 4] = *b"PK\x01\x02";
+/// The size of this header, up to the entry's name.
+const HEADER_BYTES: usize = 46;
+/// Begins the end record.
+pub(super) const END: [u8; 4] = *b"PK\x05\x06";
+/// The size of this record without a comment.
+const END_BYTES: usize = 22;
+/// A count that keeps 16 bits lacks a multiple of this number.
+const LOST: usize = 1 << 16;
+/// Maximum number of entries of a part: an end record can count them.
+const PART: usize = 1 << 15;
+
+/// Reads the directory, in parts if it has more entries than its end counts. `open` returns a new reader of the archive.
+pub(super) fn read<R: Read + Seek>(
+    open: impl Fn() -> Result<R, ContainerError>,
+) -> Result<Vec<Arc<ZipArchiveMetadata>>, ContainerError> {
+    let counted = parse(open()?)?;
+    let headers = (0..counted.len()).filter_map(|index| counted.entry(index).ok());
+    let Some(last) = headers.map(|entry| entry.central_header_start()).max() else {
+        return Ok(vec![counted]);
+    };
+    let Rest { parts, end_at, is_ended } = Rest::behind(last, open()?)?;
+    let more: usize = parts.iter().map(|part| part.entries).sum();
+    if more > 0 && !is_ended || more % LOST != 0 {
+        let all = counted.len() + more;
+        let reason = format!("its directory has {all} entries, and its end counts {}", counted.len());
+        return Err(ContainerError::ZipDamaged { reason });
+    }
+    let mut directories = vec![counted];
+    for part in parts {
+        let end = part.end_record().ok_or_else(|| ContainerError::ZipDamaged {
+            reason: "its directory is too far away".to_string(),
+        })?;
+        directories.push(parse(WithEnd { archive: open()?, at: 0, end_at, end })?);
+    }
+    Ok(directories)
+}
+
+fn parse(archive: impl Read + Seek) -> Result<Arc<ZipArchiveMetadata>, ContainerError> {
+    // A known offset keeps the crate from searching the whole file for the directory.
+    let config = Config { archive_offset: ArchiveOffset::Known(0) };
+    Ok(ZipArchive::with_config(config, BufReader::new(archive)).map_err(damaged)?.metadata())
+}
+
+pub(super) fn damaged(error: ZipError) -> ContainerError {
+    match error {
+        ZipError::Io(source) => ContainerError::damaged_zip("the archive", source),
+        error => ContainerError::ZipDamaged { reason: error.to_string() },
+    }
+}
+
+/// A part of the directory: headers one behind the other.
+struct Part {
+    from: u64,
+    to: u64,
+    entries: usize,
+}
+
+impl Part {
+    /// Returns the record that ends a directory of this part alone; `None` if it cannot tell the part's place.
+    fn end_record(&self) -> Option<[u8; END_BYTES]> {
+        let entries = u16::try_from(self.entries).ok()?.to_le_bytes();
+        let mut record = [0; END_BYTES];
+        record[..4].copy_from_slice(&END);
+        record[8..10].copy_from_slice(&entries);
+        record[10..12].copy_from_slice(&entries);
+        record[12..16].copy_from_slice(&u32::try_from(self.to - self.from).ok()?.to_le_bytes());
+        record[16..20].copy_from_slice(&u32::try_from(self.from).ok()?.to_le_bytes());
+        Some(record)
+    }
+}
+
+/// The headers behind the last one that is counted.
+struct Rest {
+    parts: Vec<Part>,
+    /// The place behind them.
+    end_at: u64,
+    /// True if the end record is there.
+    is_ended: bool,
+}
+
+impl Rest {
+    fn behind(last: u64, archive: impl Read + Seek) -> Result<Rest, ContainerError> {
+        let failed = |source: io::Error| ContainerError::damaged_zip("the archive", source);
+        let mut reader = BufReader::new(archive);
+        reader.seek(SeekFrom::Start(last)).map_err(failed)?;
+        let mut parts: Vec<Part> = Vec::new();
+        let (mut at, mut bytes) = (last, Vec::new());
+        for number in 0..=MAX_ENTRIES {
+            bytes.clear();
+            reader.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
+            let header = bytes.first_chunk::<HEADER_BYTES>().filter(|header| header.starts_with(&HEADER));
+            let Some(header) = header else {
+                return Ok(Rest { parts, end_at: at, is_ended: bytes.starts_with(&END) });
+            };
+            // A name, an extra field and a comment follow.
+            let length = |at: usize| u32::from(u16::from_le_bytes([header[at], header[at + 1]]));
+            let behind = length(28) + length(30) + length(32);
+            reader.seek_relative(behind.into()).map_err(failed)?;
+            let from = at;
+            at += HEADER_BYTES as u64 + u64::from(behind);
+            match parts.last_mut() {
+                // The first header is the last one that is counted.
+                _ if number == 0 => {}
+                Some(part) if part.entries < PART => (part.to, part.entries) = (at, part.entries + 1),
+                _ => parts.push(Part { from, to: at, entries: 1 }),
+            }
+        }
+        Err(ContainerError::TooManyEntries)
+    }
+}
+
+/// An archive up to its end record, and another end record.
+struct WithEnd<R> {
+    archive: R,
+    at: u64,
+    end_at: u64,
+    end: [u8; END_BYTES],
+}
+
+impl<R: Read + Seek> Read for WithEnd<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = match self.end_at.checked_sub(self.at).filter(|left| *left > 0) {
+            Some(left) => {
+                self.archive.seek(SeekFrom::Start(self.at))?;
+                self.archive.by_ref().take(left).read(buffer)?
+            }
+            None => {
+                let from = usize::try_from(self.at - self.end_at).unwrap_or(usize::MAX);
+                self.end.get(from..).unwrap_or_default().read(buffer)?
+            }
+        };
+        self.at += read as u64;
+        Ok(read)
+    }
+}
+
+impl<R> Seek for WithEnd<R> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::End(by) => (self.end_at + END_BYTES as u64).checked_add_signed(by),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+        };
+        self.at = at.ok_or(io::Error::from(ErrorKind::InvalidInput))?;
+        Ok(self.at)
+    }
+}
