@@ -1,7 +1,7 @@
 //! COLMAP's depth maps: `width&height&channels&` as text, then 32-bit floats, row by row
 //! (colmap/colmap, src/colmap/mvs/mat.h).
 
-use super::{ClipError, DepthImage, picture};
+use super::{ClipError, DepthImage, depth, picture};
 use crate::container::Container;
 use viola_geometry::Pinhole;
 
@@ -25,11 +25,8 @@ pub(super) fn decode(
     let bytes = container.read(name, MAX_BYTES)?;
     let DepthMap { width, height, floats } = DepthMap::of(&bytes, name)?;
     picture::check_size(name, (width, height), camera)?;
-    let depth = |bytes: &[u8; 4]| match f32::from_le_bytes(*bytes) {
-        depth if depth.is_finite() && depth > 0.0 => depth,
-        _ => 0.0,
-    };
-    Ok(DepthImage { width, height, depth_m: floats.iter().map(depth).collect() })
+    let depth_m = floats.iter().map(|bytes| depth::valid(f32::from_le_bytes(*bytes))).collect();
+    Ok(DepthImage { width, height, depth_m })
 }
 
 /// The parts of a file.

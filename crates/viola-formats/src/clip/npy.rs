@@ -6,11 +6,9 @@ use super::{ClipError, DepthImage, depth, picture};
 use crate::container::Container;
 use viola_geometry::Pinhole;
 
-/// 4 : 3 pictures up to 2 300 x 1 700.
-const MAX_PIXELS: u64 = 4 << 20;
 /// Three values, and the padding after them.
 const MAX_HEADER_BYTES: usize = 4 << 10;
-const MAX_FILE_BYTES: u64 = MAX_PIXELS * 8 + MAX_HEADER_BYTES as u64 + 12;
+const MAX_FILE_BYTES: u64 = depth::MAX_PIXELS * 8 + MAX_HEADER_BYTES as u64 + 12;
 
 /// The numbers that the arrays of a layout may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,7 +134,7 @@ fn parse<'a>(bytes: &'a [u8], name: &str, allowed: Allowed) -> Result<Array<'a>,
         return Err(bad("it has not two sides (shape)".into()));
     };
     let pixels = u64::from(width) * u64::from(height);
-    if pixels == 0 || pixels > MAX_PIXELS {
+    if pixels == 0 || pixels > depth::MAX_PIXELS {
         return Err(bad(format!("{width}x{height} is no size of a depth picture")));
     }
     if rest.len() as u64 != pixels * bytes_each {
