@@ -5,7 +5,8 @@ use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
 use crate::clip::MAX_FRAMES;
 use crate::clip::files::{Coding, Part, has_ending};
-use crate::container::{Container, Region};
+use crate::container::{Container, ContainerError, Region};
+use std::io::ErrorKind;
 
 /// Maximum size of a file: whole scenes have some gigabytes.
 const MAX_BYTES: u64 = 64 << 30;
@@ -28,19 +29,20 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     let region = container.region(name, MAX_BYTES)?;
     let mut cursor = Cursor { region: &region, name, at: 0 };
-    match (cursor.u32(), has_ending(name, ".sens")) {
-        (Ok(3 | 4), _) => {}
-        (Ok(version), true) => {
+    let is_named = has_ending(name, ".sens");
+    match cursor.u32() {
+        Ok(3 | 4) => {}
+        Ok(version) if is_named => {
             return Err(cursor.bad(format!("version {version} of .sens is not read, only 3 and 4")));
         }
-        (Err(error), true) => return Err(error),
+        Err(error) if is_named || error.is_service_fault() => return Err(error),
         _ => return Ok(None),
     }
     let header = match cursor.header() {
         Ok(header) => header,
+        Err(error) if is_named || error.is_service_fault() => return Err(error),
         // A version number alone does not make a .sens file.
-        Err(_) if !has_ending(name, ".sens") => return Ok(None),
-        Err(error) => return Err(error),
+        Err(_) => return Ok(None),
     };
     let sources = cursor.frames(&header)?;
     let frames = sources.len();
@@ -91,7 +93,12 @@ impl Cursor<'_> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], ClipError> {
         let mut bytes = [0; N];
         let read = self.region.read_exact_at(self.at, &mut bytes);
-        read.map_err(|_| self.bad(format!("it ends too early, at byte {}; send the whole file", self.at)))?;
+        read.map_err(|source| match source.kind() {
+            ErrorKind::UnexpectedEof => {
+                self.bad(format!("it ends too early, at byte {}; send the whole file", self.at))
+            }
+            _ => ContainerError::Unreadable { name: self.name.to_string(), source }.into(),
+        })?;
         self.at += N as u64;
         Ok(bytes)
     }
@@ -217,5 +224,25 @@ impl Cursor<'_> {
         }
         self.at = end;
         Ok(Part { at, bytes: length, coding, number, confidence_bytes: 0 })
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::fs::{self, File};
+
+    #[test]
+    fn a_file_that_cannot_be_read_has_not_ended() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scan.sens");
+        fs::write(&path, [0; 8]).unwrap();
+        let only_written = File::options().write(true).open(&path).unwrap();
+        for (file, code) in [(only_written, "unreadable"), (File::open(&path).unwrap(), "bad_metadata")] {
+            let region = Region::whole(file).unwrap();
+            let mut cursor = Cursor { region: &region, name: "scan.sens", at: 0 };
+            let error = cursor.matrix().unwrap_err();
+            assert_eq!(error.code(), code, "{error}");
+        }
     }
 }
