@@ -213,11 +213,9 @@ fn check_nested(container: &dyn Container) -> Result<(), ClipError> {
     if let Some(name) = zips.first()
         && 2 * zips.len() >= container.names().len()
         && let Ok(region) = container.region(name, MAX_NESTED_BYTES)
+        && region.head().is_ok_and(|head| head == Some(*b"PK\x03\x04"))
     {
-        let mut head = [0; 4];
-        if region.read_exact_at(0, &mut head).is_ok() && head == *b"PK\x03\x04" {
-            return Err(ContainerError::ArchiveInside { name: name.to_string() }.into());
-        }
+        return Err(ContainerError::ArchiveInside { name: name.to_string() }.into());
     }
     Ok(())
 }

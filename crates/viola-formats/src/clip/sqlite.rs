@@ -52,10 +52,9 @@ impl Table {
 impl<'a> Database<'a> {
     /// Reads the list of the tables; returns `None` if the file is not a database.
     pub fn open(region: &'a Region, name: &'a str) -> Result<Option<Database<'a>>, ClipError> {
-        let mut header = [0; 100];
-        if region.read_exact_at(0, &mut header).is_err() || !header.starts_with(MAGIC) {
-            return Ok(None);
-        }
+        let head = region.head::<100>();
+        let head = head.map_err(|source| ContainerError::Unreadable { name: name.to_string(), source })?;
+        let Some(header) = head.filter(|header| header.starts_with(MAGIC)) else { return Ok(None) };
         let page_bytes = match u16::from_be_bytes([header[16], header[17]]) {
             1 => 65_536,
             bytes => usize::from(bytes),

@@ -59,6 +59,16 @@ impl Region {
         Ok(())
     }
 
+    /// Returns the first bytes; `None` if there are fewer.
+    pub fn head<const N: usize>(&self) -> io::Result<Option<[u8; N]>> {
+        let mut head = [0; N];
+        match self.read_exact_at(0, &mut head) {
+            Ok(()) => Ok(Some(head)),
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Returns an unbuffered reader of this part, with its own position.
     pub fn reader(&self) -> RegionReader<'_> {
         RegionReader { region: self, at: 0 }
@@ -100,5 +110,23 @@ impl Seek for RegionReader<'_> {
         };
         self.at = at.ok_or(io::Error::from(io::ErrorKind::InvalidInput))?;
         Ok(self.at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_not_a_short_one() {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(b"1234").unwrap();
+        let whole = |file: io::Result<File>| Region::whole(file.unwrap()).unwrap();
+        let region = whole(File::open(file.path()));
+        assert_eq!(region.head().unwrap(), Some(*b"123"));
+        assert_eq!(region.head::<5>().unwrap(), None);
+        let only_written = whole(File::options().write(true).open(file.path()));
+        assert!(only_written.head::<3>().is_err());
     }
 }

@@ -7,7 +7,7 @@ use crate::clip::files::Part;
 use crate::clip::layout::trajectory::Timed;
 use crate::clip::sqlite::Database;
 use crate::clip::{ClipError, MAX_FRAMES};
-use crate::container::{Container, Spool};
+use crate::container::{Container, ContainerError, Spool};
 use std::collections::BTreeMap;
 use viola_geometry::Pose3;
 
@@ -80,14 +80,14 @@ impl Bag {
         };
         for name in names {
             let region = container.region(name, MAX_FILE_BYTES)?;
-            let mut head = [0; 8];
-            let is_mcap = region.read_exact_at(0, &mut head).is_ok() && &head == mcap::MAGIC;
-            if &head == ROS_1 {
+            let unreadable = |source| ContainerError::Unreadable { name: name.to_string(), source };
+            let head = region.head::<8>().map_err(unreadable)?;
+            if head.as_ref() == Some(ROS_1) {
                 let reason = format!("it is a bag of ROS 1; {ROS_1_ADVICE}");
                 return Err(ClipError::BadMetadata { name: name.to_string(), reason });
             }
             let visit: Visit = &mut |topic, kind, message| bag.add(name, topic, kind, message);
-            if is_mcap {
+            if head.as_ref() == Some(mcap::MAGIC) {
                 mcap::read(&region, name, visit)?;
                 continue;
             }
