@@ -32,7 +32,7 @@ pub(super) fn read<R: Read + Seek>(
     let Some(last) = headers.map(|entry| entry.central_header_start()).max() else {
         return Ok(vec![counted]);
     };
-    let Rest { parts, end_at, is_ended } = Rest::behind(last, open()?)?;
+    let Rest { parts, is_ended } = Rest::behind(last, open()?)?;
     let more: usize = parts.iter().map(|part| part.entries).sum();
     if more > 0 && !is_ended || more % LOST != 0 {
         let all = counted.len() + more;
@@ -44,7 +44,7 @@ pub(super) fn read<R: Read + Seek>(
         let end = part.end_record().ok_or_else(|| ContainerError::ZipDamaged {
             reason: "its directory is too far away".to_string(),
         })?;
-        directories.push(parse(WithEnd { archive: open()?, at: 0, end_at, end })?);
+        directories.push(parse(WithEnd { archive: open()?, at: 0, end_at: part.to, end })?);
     }
     Ok(directories)
 }
@@ -86,9 +86,7 @@ impl Part {
 /// The headers behind the last one that is counted.
 struct Rest {
     parts: Vec<Part>,
-    /// The place behind them.
-    end_at: u64,
-    /// True if the end record is there.
+    /// True if the end record follows.
     is_ended: bool,
 }
 
@@ -104,7 +102,7 @@ impl Rest {
             reader.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
             let header = bytes.first_chunk::<HEADER_BYTES>().filter(|header| header.starts_with(&HEADER));
             let Some(header) = header else {
-                return Ok(Rest { parts, end_at: at, is_ended: bytes.starts_with(&END) });
+                return Ok(Rest { parts, is_ended: bytes.starts_with(&END) });
             };
             // A name, an extra field and a comment follow.
             let length = |at: usize| u32::from(u16::from_le_bytes([header[at], header[at + 1]]));
@@ -123,7 +121,7 @@ impl Rest {
     }
 }
 
-/// An archive up to its end record, and another end record.
+/// An archive up to the end of a part of its directory, and an end record.
 struct WithEnd<R> {
     archive: R,
     at: u64,
