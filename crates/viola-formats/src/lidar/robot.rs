@@ -4,7 +4,7 @@ mod dreame;
 mod roborock;
 mod viomi;
 
-pub(super) use dreame::{decode as inflate_text, is_text};
+pub(super) use dreame::is_text;
 pub(super) use dreame::{is_inflated as is_inflated_dreame, read as read_inflated_dreame};
 pub(super) use roborock::{is as is_roborock, read as read_roborock};
 
@@ -86,8 +86,14 @@ pub(super) fn is_json(inflated: &[u8]) -> bool {
 /// Reads base64 of a zlib stream: a Dreame map, or the JSON that Valetudo published by MQTT at the start of 2021
 /// (Hypfer/ICantBelieveItsNotValetudo, issue 45 and pull request 46).
 pub(super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
-    let inflated = inflate_text(text)?;
+    let inflated = dreame::decode(text)?;
     if is_json(&inflated) { valetudo::read(&inflated) } else { dreame::read(&inflated) }
+}
+
+/// Returns Valetudo's JSON of a text that [`read_text`] reads; `None` for other texts.
+pub(super) fn json_in_text(text: &[u8]) -> Option<Vec<u8>> {
+    let inflated = is_text(text).then(|| dreame::decode(text))?;
+    inflated.ok().filter(|inflated| is_json(inflated))
 }
 
 /// Reads little-endian numbers; returns `None` for a number past the end.

@@ -9,7 +9,7 @@ mod png;
 
 use self::file::{Entity, Head, Label, Layer, MapFile, State};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
-use super::robot::{gunzip, inflate, inflate_text, is_gzip, is_json, is_text, is_zlib};
+use super::robot::{gunzip, inflate, is_gzip, is_json, is_zlib, json_in_text};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_FILE_BYTES, MAX_POINTS, Obstacle, ZoneKind, utf16};
 use crate::container::{Container, Zip};
@@ -33,8 +33,7 @@ pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
         [b'P', b'K', 3, ..] => {
             only_file(bytes).filter(|file| !file.starts_with(b"PK")).and_then(|file| json_of(&file))
         }
-        _ if is_text(text) => inflate_text(text).ok().filter(|inflated| is_json(inflated)),
-        _ => None,
+        _ => json_in_text(text),
     }
 }
 

@@ -227,7 +227,7 @@ impl Cursor<'_> {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use std::fs::{self, File};

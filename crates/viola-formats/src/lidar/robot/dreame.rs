@@ -81,7 +81,7 @@ pub(in super::super) fn is_text(text: &[u8]) -> bool {
 }
 
 /// Decodes either alphabet of base64, and inflates the result.
-pub(in super::super) fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
+pub(super) fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
     let url_safe: Vec<u8> = text
         .iter()
         .filter(|b| !b.is_ascii_whitespace())
