@@ -73,12 +73,14 @@ impl Part {
     /// Returns the record that ends a directory of this part alone; `None` if it cannot tell the part's place.
     fn end_record(&self) -> Option<[u8; END_BYTES]> {
         let entries = u16::try_from(self.entries).ok()?.to_le_bytes();
+        // The largest number would leave it to a zip64 record.
+        let number = |bytes: u64| u32::try_from(bytes).ok().filter(|number| *number < u32::MAX);
         let mut record = [0; END_BYTES];
         record[..4].copy_from_slice(&END);
         record[8..10].copy_from_slice(&entries);
         record[10..12].copy_from_slice(&entries);
-        record[12..16].copy_from_slice(&u32::try_from(self.to - self.from).ok()?.to_le_bytes());
-        record[16..20].copy_from_slice(&u32::try_from(self.from).ok()?.to_le_bytes());
+        record[12..16].copy_from_slice(&number(self.to - self.from)?.to_le_bytes());
+        record[16..20].copy_from_slice(&number(self.from)?.to_le_bytes());
         Some(record)
     }
 }
@@ -155,5 +157,24 @@ impl<R> Seek for WithEnd<R> {
         };
         self.at = at.ok_or(io::Error::from(ErrorKind::InvalidInput))?;
         Ok(self.at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Part;
+
+    #[test]
+    fn no_number_asks_for_a_zip64_record() {
+        let largest = u64::from(u32::MAX);
+        for (from, to, expected) in [
+            (0, largest - 1, true),
+            (0, largest, false),
+            (largest - 1, largest + 46, true),
+            (largest, largest + 46, false),
+        ] {
+            let part = Part { from, to, entries: 1 };
+            assert_eq!(part.end_record().is_some(), expected, "{from} to {to}");
+        }
     }
 }
