@@ -84,10 +84,9 @@ fn matches(a: &[Corner], b: &[Corner]) -> Vec<(Point3, Point3)> {
         let is_alone = f64::from(second) >= NEXT_BEST * f64::from(best.0);
         (best.0 <= MAX_BITS && is_alone).then_some(best.1)
     };
-    let back: Vec<Option<usize>> = b.iter().map(|corner| nearest(corner, a)).collect();
     let pair = |(i, corner): (usize, &Corner)| {
-        let j = nearest(corner, b)?;
-        (back[j] == Some(i)).then_some((corner.point_m, b[j].point_m))
+        let other = &b[nearest(corner, b)?];
+        (nearest(other, a) == Some(i)).then_some((corner.point_m, other.point_m))
     };
     a.iter().enumerate().filter_map(pair).collect()
 }
