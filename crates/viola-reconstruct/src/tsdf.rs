@@ -145,7 +145,8 @@ impl Tsdf {
         let stride = stride(&frame.depth_camera);
         let reach_m = TRUNCATION_M;
         let origin = world_from_camera.translation.vector;
-        let mut last = None;
+        // By sample: a ray's samples are mostly in the blocks of those of the ray beside it.
+        let mut last = [None; 3];
         for y in (0..frame.depth.height).step_by(stride) {
             for x in (0..frame.depth.width).step_by(stride) {
                 let depth_m = frame.depth.at(x, y);
@@ -156,11 +157,11 @@ impl Tsdf {
                 let depth_m = f64::from(depth_m);
                 // The samples of a ray, and the rays beside it, are at most a block apart, so a block that they miss
                 // has little of the truncation band.
-                for along in [-reach_m, 0.0, reach_m] {
+                for (along, last) in [-reach_m, 0.0, reach_m].into_iter().zip(&mut last) {
                     let point = origin + ray * (depth_m + along / ray.norm());
                     let key = [0, 1, 2].map(|axis| (point[axis] / BLOCK_M).floor() as i32);
-                    if last != Some(key) {
-                        last = Some(key);
+                    if *last != Some(key) {
+                        *last = Some(key);
                         self.touch(key);
                     }
                 }
