@@ -250,8 +250,7 @@ impl Tracker {
         alike.sort_by(|a, b| b.cmp(a));
         alike.iter().take(RELOCALISE_TRIES).find_map(|&(_, a)| {
             let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;
-            let (place, found) = loops::same_place(&self.keys[a], key, seed)?;
-            (place.pairs >= loops::JOINING_PAIRS).then_some((a, found))
+            Some((a, loops::same_place(&self.keys[a], key, seed)?))
         })
     }
 
