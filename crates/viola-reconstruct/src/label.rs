@@ -106,21 +106,19 @@ impl Labeller {
         };
         let recording = Recording { clip, key_frames, up_in_world };
         match vote::vote(&recording, &labeller.sites, segmenter.as_ref(), params, progress)? {
-            Ok(Voted { votes, failures }) => {
+            Ok(Voted { votes, pictures, failures }) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
                 labeller.votes = Some(votes);
-                let chosen = vote::choose(key_frames);
-                if let Some((_, error)) = failures.first() {
-                    let (name, failed, all) = (segmenter.name(), failures.len(), chosen.len());
+                if let Some(error) = failures.first() {
+                    let (name, failed) = (segmenter.name(), failures.len());
+                    let all = pictures.len() + failed;
                     let detail = format!(
                         "the classes come without {failed} of {all} pictures, because of {name}: {error}"
                     );
                     labeller.remarks.push(Reason::new("network_failed", detail));
                 }
-                let is_segmented = |index: &usize| failures.iter().all(|(failed, _)| failed != index);
-                labeller.pictures = chosen.iter().map(|key| key.index).filter(is_segmented).collect();
-                let key_frames = labeller.pictures.len();
-                labeller.report = LabelReport { by: segmenter.name(), key_frames };
+                labeller.report = LabelReport { by: segmenter.name(), key_frames: pictures.len() };
+                labeller.pictures = pictures;
             }
             Err(error) => {
                 let detail =

@@ -25,8 +25,10 @@ pub(super) struct Votes {
 /// The votes of a clip's pictures.
 pub(super) struct Voted {
     pub(super) votes: Votes,
-    /// Frames, by their index in the clip, on whose pictures the network failed, with the errors.
-    pub(super) failures: Vec<(usize, SegmentError)>,
+    /// Indices in the clip of the segmented frames.
+    pub(super) pictures: Vec<usize>,
+    /// Errors of the pictures on which the network failed.
+    pub(super) failures: Vec<SegmentError>,
 }
 
 /// Sites processed together. They lie side by side, so most sites out of view are skipped as a chunk.
@@ -59,7 +61,7 @@ pub(super) fn vote(
     params: &LabelParams,
     progress: &dyn Progress,
 ) -> Result<Result<Voted, SegmentError>, ReconstructError> {
-    let (mut segmented, mut failures) = (0, Vec::new());
+    let (mut pictures, mut failures) = (Vec::new(), Vec::new());
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
     let chosen = choose(recording.key_frames);
@@ -81,21 +83,21 @@ pub(super) fn vote(
             match augment::segment(segmenter, &turned, params.augmentations) {
                 Ok(map) => {
                     votes.add(sites, &balls, &frame, &key.world_from_camera, &Turned { map, turn });
-                    segmented += 1;
+                    pictures.push(key.index);
                 }
-                Err(error) => failures.push((key.index, error)),
+                Err(error) => failures.push(error),
             }
         }
     }
     match failures.first() {
-        Some((_, error)) if segmented == 0 => Ok(Err(error.clone())),
-        _ => Ok(Ok(Voted { votes, failures })),
+        Some(error) if pictures.is_empty() => Ok(Err(error.clone())),
+        _ => Ok(Ok(Voted { votes, pictures, failures })),
     }
 }
 
 /// Returns the sharpest key frame of each stretch: the network is slow, neighbours give the same classes, and
 /// blurred pictures give worse ones.
-pub(super) fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
+fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
     let mut chosen: Vec<&KeyFrame> = Vec::new();
     let mut begin: Option<&KeyFrame> = None;
     for key in key_frames {
