@@ -25,10 +25,13 @@ fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
     Arc::new(home.clip(&survey, 0, &params))
 }
 
-struct Broken;
+/// Fails on all pictures, and counts them.
+#[derive(Default)]
+struct Broken(AtomicUsize);
 
 impl Segmenter for Broken {
     fn segment(&self, _: &RgbImage) -> Result<ClassMap, SegmentError> {
+        self.0.fetch_add(1, Ordering::Relaxed);
         Err(SegmentError::NotFinite)
     }
 
@@ -121,7 +124,7 @@ fn shapes_alone_agree_with_the_truth() {
 fn a_network_that_fails_leaves_geometry_and_a_reason() {
     let clip = clip_in_memory(simulated(Set::Normal, 3, 6));
     let plain = observe(&clip, LabelParams::default());
-    let failed = LabelParams { segmenter: Some(Arc::new(Broken)), ..LabelParams::default() };
+    let failed = LabelParams { segmenter: Some(Arc::new(Broken::default())), ..LabelParams::default() };
     let absent = LabelParams { unavailable: Some("it is gone".into()), ..LabelParams::default() };
     let broken = LabelParams { surface: Some(surface_network("columns_nan.onnx")), ..LabelParams::default() };
     for (label, code) in
@@ -153,6 +156,10 @@ fn a_picture_on_which_the_network_fails_leaves_the_other_pictures() {
         |seen: &Observation| seen.cloud_in_clip.points.iter().filter(|p| p.label.views > 0).count();
     assert!(2 * pictured(&seen) > pictured(&whole), "{} of {}", pictured(&seen), pictured(&whole));
     assert!(whole.reasons.iter().all(|reason| reason.code != "network_failed"), "{:?}", whole.reasons);
+    // After three failures the others are not tried: each may take seconds.
+    let broken = Arc::new(Broken::default());
+    assert!(whole.pictures.len() > 3 && with(broken.clone()).pictures.is_empty(), "{:?}", whole.pictures);
+    assert_eq!(broken.0.load(Ordering::Relaxed), 3);
 }
 
 fn surface_network(file: &str) -> Arc<SurfaceNetwork> {

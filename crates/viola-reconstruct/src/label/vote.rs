@@ -35,6 +35,8 @@ pub(super) struct Voted {
 const CHUNK: usize = 1024;
 /// Frames decoded at a time.
 const BATCH: usize = 4;
+/// A network that fails on so many pictures and has segmented none fails on the others, too, each in the time of a picture.
+const MAX_FAILURES: usize = 3;
 
 /// The pictures of a clip.
 pub(super) struct Recording<'a> {
@@ -52,8 +54,8 @@ impl Recording<'_> {
 }
 
 /// Streams the chosen key frames again, segments each upright, and adds its votes for the sites that it sees.
-/// `sites` are in the world frame. A picture on which the network fails has no votes; if it fails on all, the first error is
-/// returned.
+/// `sites` are in the world frame. A picture on which the network fails has no votes; if it fails on all, or on the first
+/// [`MAX_FAILURES`], the first error is returned.
 pub(super) fn vote(
     recording: &Recording,
     sites: &Sites,
@@ -86,6 +88,9 @@ pub(super) fn vote(
                     pictures.push(key.index);
                 }
                 Err(error) => failures.push(error),
+            }
+            if pictures.is_empty() && failures.len() == MAX_FAILURES {
+                return Ok(Err(failures.swap_remove(0)));
             }
         }
     }
