@@ -7,13 +7,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align as align;
 use viola_align::{AlignParams, Observation};
 use viola_formats::clip::Clip;
+use viola_geometry::Pose3;
 use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
 use viola_lab::evaluate::Oracle;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, clip_in_memory};
 use viola_network::RuntimeParams;
 use viola_network::manifest::Manifest;
-use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter, SurfaceNetwork, label_map};
+use viola_reconstruct::label::{ClassMap, Labeller, SegmentError, Segmenter, SurfaceNetwork, label_map};
 use viola_reconstruct::{Label, LabelParams};
 use viola_testing::process::viola;
 
@@ -135,6 +136,16 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
         assert!(seen.reasons.iter().any(|reason| reason.code == code), "{:?}", seen.reasons);
         assert_eq!(seen.cloud_in_clip, plain.cloud_in_clip);
     }
+}
+
+#[test]
+fn surface_above_the_slices_of_the_network_is_no_failure() {
+    let clip = clip_in_memory(simulated(Set::Normal, 3, 6));
+    let mut cloud = observe(&clip, LabelParams::default()).cloud_in_clip;
+    let params = LabelParams { surface: Some(surface_network("columns.onnx")), ..LabelParams::default() };
+    let labeller = Labeller::segment_pictures(&clip, &mut cloud, &[], None, &params, &Silent).unwrap();
+    let labelled = labeller.add_shapes(&mut cloud, &Pose3::translation(0.0, 0.0, 9.0), &params);
+    assert_eq!((labelled.report.by.as_str(), labelled.remark), ("geometry", None));
 }
 
 #[test]

@@ -152,12 +152,13 @@ impl Labeller {
                 };
                 Some(classes)
             }
+            // Without surface in the network's slices, it has nothing to say.
+            None | Some((_, Err(SegmentError::NoSurface { .. }))) => None,
             Some((network, Err(error))) => {
                 let detail = format!("the surface network {} was not used: {error}", network.name());
                 remark = Some(Reason::new("network_failed", detail));
                 None
             }
-            None => None,
         };
         let labels = if self.votes.is_none() && surface.is_none() {
             combine::shaped(&shapes)
