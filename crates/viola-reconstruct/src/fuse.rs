@@ -136,7 +136,11 @@ pub fn fuse(
         for (frame, (index, world_from_camera)) in frames.next_batch(at_a_time).into_iter().zip(batch) {
             match frame {
                 Ok(frame) => {
-                    tsdf.integrate(&frame, world_from_camera);
+                    // One thread alone creates the blocks of a frame.
+                    let ((), sharpness) = rayon::join(
+                        || tsdf.integrate(&frame, world_from_camera),
+                        || frame.color.as_ref().map_or(0.0, sharpness),
+                    );
                     if key_frames.len() % every == 0 && frame.color.is_some() {
                         pictures.push(Picture::new(&frame, world_from_camera));
                     }
@@ -144,7 +148,7 @@ pub fn fuse(
                         index: *index,
                         number: frame.header.number,
                         world_from_camera: *world_from_camera,
-                        sharpness: frame.color.as_ref().map_or(0.0, sharpness),
+                        sharpness,
                         readings: Readings::thin(&frame.depth, frame.depth_camera),
                     });
                 }
