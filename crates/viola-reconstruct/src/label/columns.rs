@@ -2,6 +2,7 @@
 //! same for training; both must agree.
 
 use nalgebra::{Rotation2, Vector2};
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Vector3};
 
@@ -137,8 +138,8 @@ impl Columns {
             if is_there { grid[planes * plane + index([x, y, slice])] } else { 0.0 }
         };
         let places = &places[..asked];
-        let mut own = Vec::with_capacity(places.len() * VOXEL_NUMBERS);
-        for (&[x, y, slice], normal) in places.iter().zip(&normals) {
+        let numbers = |(&[x, y, slice], normal): (&[i64; 3], &Vector3)| {
+            let mut own = Vec::with_capacity(VOXEL_NUMBERS);
             for planes in [0, SLICES] {
                 let steps = -(WINDOW as i64)..=WINDOW as i64;
                 own.extend(steps.map(|step| value([x, y, slice + step], planes)));
@@ -150,7 +151,9 @@ impl Columns {
             for [dy, dx] in AROUND {
                 own.extend([0, 1].map(|part| value([x + dx, y + dy, slice / 2], level(part))));
             }
-        }
+            own
+        };
+        let own = places.par_iter().zip(&normals).flat_map_iter(numbers).collect();
         let column = places.iter().map(|[x, y, _]| y / 2 * (width as i64 / 2) + x / 2).collect();
         let place = places.iter().map(|[x, y, slice]| 4 * slice + 2 * (y % 2) + x % 2).collect();
         Some(Columns { height, width, grid, column, place, own, of_site })

@@ -1,6 +1,7 @@
 //! Finds upright planes in a clip's surface by a Hough transform (Hough, 1962).
 
 use super::sites::Sites;
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::Vector2;
 
@@ -163,11 +164,12 @@ impl Votes {
     }
 
     /// Returns the voters within [`NEAR_M`] of a plane whose normals are within an angle, by its cosine, of the plane's.
-    fn near(&self, normal: Vector2, offset_m: f64, facing: f64) -> impl Iterator<Item = &Voter> {
+    /// They are in their order.
+    fn near(&self, normal: Vector2, offset_m: f64, facing: f64) -> impl ParallelIterator<Item = &Voter> {
         let is_near = move |voter: &&Voter| {
             (voter.at.dot(&normal) - offset_m).abs() < NEAR_M && voter.normal.dot(&normal) > facing
         };
-        self.voters.iter().filter(is_near)
+        self.voters.par_iter().with_min_len(4096).filter(is_near)
     }
 
     /// Takes the voters of a plane out, with their votes; returns their sites, in order.

@@ -2,6 +2,7 @@
 //! Huttenlocher, 2004). The weight of an edge is the bend between two sites.
 
 use super::sites::Sites;
+use rayon::prelude::*;
 use viola_geometry::groups;
 
 /// Scale of the threshold; a larger value gives larger segments.
@@ -11,8 +12,8 @@ const MIN_SITES: u32 = 40;
 
 /// Returns the segment of each site, numbered from 0 in the order of their first sites.
 pub(super) fn segments(sites: &Sites) -> Vec<u32> {
-    let mut edges: Vec<Edge> = sites.neighbours.iter().map(|pair| Edge::new(*pair, sites)).collect();
-    edges.sort_unstable();
+    let mut edges: Vec<Edge> = sites.neighbours.par_iter().map(|pair| Edge::new(*pair, sites)).collect();
+    edges.par_sort_unstable();
     let mut forest = Forest::new(sites.len());
     for edge in &edges {
         let ([a, b], weight) = (edge.sites().map(|site| forest.root(site)), edge.weight());

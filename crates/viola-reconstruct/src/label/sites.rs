@@ -1,6 +1,7 @@
 //! The places of a clip that get a class: one for each voxel of its fused surface.
 
 use crate::cloud::PointCloud;
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Pose3, Vector3};
 
@@ -80,7 +81,7 @@ const ROWS: [[i32; 2]; 4] = [[1, 0], [-1, 1], [0, 1], [1, 1]];
 fn touching(keys: &[[i32; 3]]) -> Vec<[u32; 2]> {
     let mut sorted: Vec<([i32; 3], u32)> =
         keys.iter().zip(0..).map(|([x, y, z], site)| ([*z, *y, *x], site)).collect();
-    sorted.sort_unstable();
+    sorted.par_sort_unstable();
     let mut found = vec![[u32::MAX; HALF]; keys.len()];
     for (at, (place, site)) in sorted.iter().enumerate() {
         let next = [place[0], place[1], place[2] + 1];
