@@ -68,12 +68,11 @@ impl KeyFrame {
     /// Returns the number of descriptor words that two key frames have in common.
     pub fn similarity(&self, other: &[u32]) -> usize {
         let (mut i, mut j, mut common) = (0, 0, 0);
+        // Without branches on the order of the words, which no processor predicts.
         while let (Some(a), Some(b)) = (self.words.get(i), other.get(j)) {
-            match a.cmp(b) {
-                std::cmp::Ordering::Less => i += 1,
-                std::cmp::Ordering::Greater => j += 1,
-                std::cmp::Ordering::Equal => (i, j, common) = (i + 1, j + 1, common + 1),
-            }
+            i += usize::from(a <= b);
+            j += usize::from(b <= a);
+            common += usize::from(a == b);
         }
         common
     }
