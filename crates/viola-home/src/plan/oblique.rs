@@ -3,6 +3,7 @@
 use super::evidence::{Evidence, by_lidar, fraction, heights};
 use super::faces::{Face, GAP_LOSS};
 use super::uprights::Upright;
+use rayon::prelude::*;
 use viola_geometry::{Point2, Vector2};
 
 /// Smallest angle to the axes.
@@ -120,7 +121,7 @@ pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
     };
     let directions = directions();
     // Columns are only taken away, so earlier gains are bounds.
-    let mut gains: Vec<f32> = directions.iter().map(|normal| gain(&left, normal)).collect();
+    let mut gains: Vec<f32> = directions.par_iter().map(|normal| gain(&left, normal)).collect();
     let least = MIN_FACE_M * f64::from(1.0 - GAP_LOSS) / ALONG_M;
     let mut faces = Vec::new();
     while faces.len() < MAX_FACES {
