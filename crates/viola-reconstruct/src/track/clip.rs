@@ -5,6 +5,7 @@ use super::{Track, TrackParams, Tracker};
 use crate::error::ReconstructError;
 use crate::key_frame::KeyFrame;
 use crate::reason::Reason;
+use std::cmp::Reverse;
 use viola_formats::clip::{Clip, ClipError, FrameHeader};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
@@ -18,6 +19,8 @@ const MAX_FRACTION_LEFT: f64 = 0.95;
 const SPARSE: &str = "sparse_frames";
 /// Maximum number of frames decoded at a time.
 const BATCH: usize = 8;
+/// Maximum number of parts of a clip whose ends are told. A long recording in the dark has thousands.
+const MAX_TOLD: usize = 8;
 
 /// Tracked poses of a clip without poses, or its refined poses.
 #[derive(Debug, Clone)]
@@ -160,7 +163,13 @@ fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<R
         );
         reasons.push(Reason::new(SPARSE, detail));
     }
-    for (place, segment) in track.segments.iter().enumerate() {
+    let ended = |place: &usize| track.segments[*place].ended.is_some();
+    let mut told: Vec<usize> = (0..track.segments.len()).filter(ended).collect();
+    told.sort_by_key(|place| (*place != longest, Reverse(track.segments[*place].frames)));
+    told.truncate(MAX_TOLD);
+    told.sort_unstable();
+    for place in told {
+        let segment = &track.segments[place];
         let Some(why) = &segment.ended else { continue };
         let used = if place == longest { "the part that is used" } else { "a part that is left out" };
         let detail = format!(
@@ -171,4 +180,29 @@ fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<R
         reasons.push(Reason::new(why.code(), detail));
     }
     reasons
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::{Lost, Segment};
+
+    #[test]
+    fn the_ends_of_the_used_part_and_of_a_few_others_are_told() {
+        let segment = |place: usize| {
+            let frames = if place == 70 { 90 } else { 5 + place % 10 };
+            Segment { frames, first: 100 * place, ended: Some(Lost::Dark) }
+        };
+        let segments = (0..80).map(segment).collect();
+        let track = Track { poses: Vec::new(), segments, key_frames: 0, loops: 0, key_bytes: 0 };
+        let told: Vec<String> = reasons(&track, 8000, |place| place as u32)
+            .into_iter()
+            .filter(|reason| reason.code == "track_dark")
+            .map(|reason| reason.detail)
+            .collect();
+        assert_eq!(told.len(), MAX_TOLD);
+        // The longest of the others, the first of equals, in their order.
+        assert!(told[0].starts_with("a part that is left out, from frame 900 for 14 frames"), "{told:?}");
+        assert!(told[7].starts_with("the part that is used, from frame 7000 for 90 frames"), "{told:?}");
+    }
 }
