@@ -4,6 +4,7 @@ use super::likeliest::{ByClass, likeliest, likeliest_in_structure};
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;
+use rayon::prelude::*;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
 /// Maximum number of pictures that count for a site's weight in its segment.
@@ -11,7 +12,7 @@ const MAX_VIEWS: f32 = 20.0;
 
 /// Returns the labels by pictures alone.
 pub(super) fn voted(votes: &Votes) -> Vec<Label> {
-    let sites = votes.sums.chunks_exact(CLASSES).zip(&votes.views);
+    let sites = votes.sums.par_chunks_exact(CLASSES).zip(&votes.views);
     sites.map(|(sums, &views)| likeliest(sums, views)).collect()
 }
 
@@ -36,7 +37,7 @@ fn by_shape(shape: &Shape) -> Label {
 pub(super) fn surfaced(
     segments: &[u32],
     shapes: &[Shape],
-    said: impl Fn(usize) -> Option<ByClass>,
+    said: impl Fn(usize) -> Option<ByClass> + Sync,
 ) -> Vec<Label> {
     let mut pools = pools(segments);
     for (site, segment) in segments.iter().enumerate() {
@@ -49,7 +50,7 @@ pub(super) fn surfaced(
         let weight = |i: usize| (said[i] * pool[i] * likelihood(*shape, Class::ALL[i])).sqrt();
         likeliest(&std::array::from_fn::<f32, CLASSES, _>(weight), 0)
     };
-    shapes.iter().zip(segments).enumerate().map(label).collect()
+    shapes.par_iter().zip(segments).enumerate().map(label).collect()
 }
 
 /// Returns zeros for each segment.
@@ -98,7 +99,7 @@ impl Alone {
 pub(super) fn combined(
     segments: &[u32],
     shapes: &[Shape],
-    votes: impl Fn(usize) -> (ByClass, u16),
+    votes: impl Fn(usize) -> (ByClass, u16) + Sync,
     alone: &Alone,
 ) -> Vec<Label> {
     let mut pieces = pools(segments);
@@ -111,7 +112,7 @@ pub(super) fn combined(
         }
     }
     segments
-        .iter()
+        .par_iter()
         .enumerate()
         .map(|(site, &segment)| {
             let mut said = pieces[segment as usize];

@@ -5,6 +5,7 @@ use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View, surface_from_g
 use super::instances::agree;
 use super::likeliest::ByClass;
 use super::sites::Sites;
+use rayon::prelude::*;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
 use viola_geometry::{Point3, Vector3};
@@ -78,14 +79,14 @@ impl SurfaceNetwork {
         let mut sums = vec![([0f32; CLASSES], Vector3::zeros(), 0f32); sites.len()];
         for view in &VIEWS {
             let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
-            for (site, (sum, to_centre_m, count)) in sums.iter_mut().enumerate() {
+            sums.par_iter_mut().enumerate().for_each(|(site, (sum, to_centre_m, count))| {
                 let (Some(of_view), Some(towards_m)) = (said.of(site), said.to_centre(site)) else {
-                    continue;
+                    return;
                 };
                 sum.iter_mut().zip(of_view).for_each(|(sum, p)| *sum += p);
                 *to_centre_m += towards_m;
                 *count += 1.0;
-            }
+            });
         }
         let of_sites = sums.into_iter().zip(&sites.positions_m).map(|((sum, to_centre_m, count), at)| {
             let is_told = count > 0.0;
@@ -139,7 +140,7 @@ impl SurfaceNetwork {
         let (logits, boxes) = (output("logits", CLASSES)?, output("box", BOX_NUMBERS)?);
         let turned = surface_from_grid(normals, view);
         let to_centre = |numbers: &[f32]| turned(&Vector3::from_fn(|axis, _| f64::from(numbers[axis])));
-        let of_voxel = logits.chunks_exact(CLASSES).map(softmax).collect();
+        let of_voxel = logits.par_chunks_exact(CLASSES).map(softmax).collect();
         let to_centre_m = boxes.chunks_exact(BOX_NUMBERS).map(to_centre).collect();
         Ok(VoxelClasses { of_voxel, to_centre_m, of_site: columns.of_site })
     }
