@@ -163,8 +163,8 @@ impl Votes {
         (normal, offset_m)
     }
 
-    /// Returns the voters within [`NEAR_M`] of a plane whose normals are within an angle, by its cosine, of the plane's.
-    /// They are in their order.
+    /// Returns the voters within [`NEAR_M`] of a plane whose normals are within an angle, by its cosine, of the plane's, in
+    /// their order.
     fn near(&self, normal: Vector2, offset_m: f64, facing: f64) -> impl ParallelIterator<Item = &Voter> {
         let is_near = move |voter: &&Voter| {
             (voter.at.dot(&normal) - offset_m).abs() < NEAR_M && voter.normal.dot(&normal) > facing

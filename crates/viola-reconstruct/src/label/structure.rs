@@ -2,6 +2,7 @@
 
 use super::planes::{self, Upright};
 use super::sites::Sites;
+use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::Vector2;
 
@@ -164,7 +165,8 @@ fn has_top(patch: &Upright, level: &[usize], sites: &Sites) -> bool {
     const DEEP_M: f64 = 0.1;
     let along = patch.along();
     let count = level
-        .iter()
+        .par_iter()
+        .with_min_len(4096)
         .filter(|&&i| {
             let at = sites.positions_m[i];
             if (at.z - patch.high_m).abs() > 0.12 {
@@ -189,7 +191,7 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
     };
     let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
     let beside = |[x, y]: [i32; 2]| (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])));
-    for (i, shape) in shapes.iter_mut().enumerate() {
+    shapes.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, shape)| {
         let at = sites.positions_m[i];
         if matches!(shape, Shape::Loose | Shape::Upright)
             && at.z > 0.08
@@ -199,7 +201,7 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
         {
             *shape = Shape::Wall;
         }
-    }
+    });
 }
 
 #[cfg(test)]
