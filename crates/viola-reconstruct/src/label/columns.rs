@@ -15,7 +15,7 @@ pub(super) const SLICES: usize = 60;
 /// Upper side of the highest slice.
 pub(super) const TOP_M: f64 = LOW_M + SLICES as f64 * CELL_M;
 /// Slices above and below a voxel that its head sees.
-const WINDOW: usize = 10;
+const WINDOW: i64 = 10;
 /// The columns around a column, as steps along y and x.
 const AROUND: [[i64; 2]; 8] = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
 /// Planes of the grid: of each slice occupied and the mean normal's z, of each two slices the half sum of its x and of
@@ -23,7 +23,8 @@ const AROUND: [[i64; 2]; 8] = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, 
 pub(super) const PLANES: usize = 3 * SLICES;
 /// Numbers of a voxel: occupied and the normal's z for each slice of its window, the voxels around it, its own normal's
 /// x and y, and those of the planes beside it.
-pub(super) const VOXEL_NUMBERS: usize = 2 * (2 * WINDOW + 1) + 3 * AROUND.len() + 2 + 2 * AROUND.len();
+pub(super) const VOXEL_NUMBERS: usize =
+    2 * (2 * WINDOW as usize + 1) + 3 * AROUND.len() + 2 + 2 * AROUND.len();
 /// The network halves the grid four times.
 const STRIDE: usize = 16;
 /// Maximum side of the grid, 25.6 m; the rest of a larger surface has no labels from the network. The network
@@ -138,22 +139,23 @@ impl Columns {
             if is_there { grid[planes * plane + index([x, y, slice])] } else { 0.0 }
         };
         let places = &places[..asked];
-        let numbers = |(&[x, y, slice], normal): (&[i64; 3], &Vector3)| {
-            let mut own = Vec::with_capacity(VOXEL_NUMBERS);
-            for planes in [0, SLICES] {
-                let steps = -(WINDOW as i64)..=WINDOW as i64;
-                own.extend(steps.map(|step| value([x, y, slice + step], planes)));
-            }
-            for [dy, dx] in AROUND {
-                own.extend([-1, 0, 1].map(|step| value([x + dx, y + dy, slice + step], 0)));
-            }
-            own.extend(turned(normal).iter().map(|part| *part as f32));
-            for [dy, dx] in AROUND {
-                own.extend([0, 1].map(|part| value([x + dx, y + dy, slice / 2], level(part))));
-            }
-            own
-        };
-        let own = places.par_iter().zip(&normals).flat_map_iter(numbers).collect();
+        let mut own = vec![0f32; places.len() * VOXEL_NUMBERS];
+        let voxels = own.par_chunks_exact_mut(VOXEL_NUMBERS).zip(places).zip(&normals);
+        voxels.for_each(|((own, &[x, y, slice]), normal)| {
+            let value = &value;
+            let window = [0, SLICES]
+                .into_iter()
+                .flat_map(|planes| (-WINDOW..=WINDOW).map(move |step| value([x, y, slice + step], planes)));
+            let around = AROUND
+                .into_iter()
+                .flat_map(|[dy, dx]| [-1, 0, 1].map(|step| value([x + dx, y + dy, slice + step], 0)));
+            let beside = AROUND
+                .into_iter()
+                .flat_map(|[dy, dx]| [0, 1].map(|part| value([x + dx, y + dy, slice / 2], level(part))));
+            let facing = <[f64; 2]>::from(turned(normal)).map(|part| part as f32);
+            let numbers = window.chain(around).chain(facing).chain(beside);
+            own.iter_mut().zip(numbers).for_each(|(own, number)| *own = number);
+        });
         let column = places.iter().map(|[x, y, _]| y / 2 * (width as i64 / 2) + x / 2).collect();
         let place = places.iter().map(|[x, y, slice]| 4 * slice + 2 * (y % 2) + x % 2).collect();
         Some(Columns { height, width, grid, column, place, own, of_site })
