@@ -81,10 +81,12 @@ impl KnownObject {
             (0..3).map(|axis| (from.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
         let is_apart = apart_m >= MIN_MOVE_M;
         let has_moved = is_apart && evidence::is_pushed(&from.points, &points, looked);
+        // An object that was gone came back, unless no clip of the map looked through its place: that clip was deleted.
+        let came_back =
+            last.is_gone && evidence::is_empty(&last.bounds(), &last.points, looked).unwrap_or(true);
         KnownObject {
             points,
-            // An object that was gone came back.
-            is_new: last.is_new || last.is_gone,
+            is_new: last.is_new || came_back,
             moves: last.moves.saturating_add(u32::from(has_moved)),
             // An object that is apart and was not pushed was seen better. Points of deleted clips are not kept.
             moves_from: Some(from).filter(|from| !is_apart && evidence::is_of_map(&from.points, looked)),

@@ -241,7 +241,7 @@ fn an_object_is_new_only_if_its_place_was_empty_before() {
 
 #[test]
 fn an_object_is_gone_only_if_its_place_is_empty_since() {
-    let times = [Some(10), Some(20), Some(30)];
+    let times = [Some(10), Some(20), Some(30), Some(40)];
     let looked = |empty: &[_]| LookedThrough::of_boxes(&times, empty);
     let mut history = History::default();
     history.identify_objects(&mut vec![seen_chair(1.0, 1)], &Stated::new(), &looked(&[]));
@@ -256,10 +256,15 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
         assert_eq!(history.objects[0].is_gone, is_gone, "{name}");
     }
     assert_eq!(history.objects[0].missing, 4);
-    // It came back.
-    history.identify_objects(&mut vec![seen_chair(1.0, 2)], &Stated::new(), &looked(&[]));
-    let known = &history.objects[0];
-    assert_eq!((known.id.as_str(), known.is_new, known.is_gone), ("chair-1", true, false));
+    for (name, empty, clip, is_new) in [
+        ("it came back", vec![space(1.0, 0.8, 2)], 3, true),
+        ("the clip that looked through its place is deleted", vec![], 1, false),
+    ] {
+        let mut history = history.clone();
+        history.identify_objects(&mut vec![seen_chair(1.0, clip)], &Stated::new(), &looked(&empty));
+        let known = &history.objects[0];
+        assert_eq!((known.id.as_str(), known.is_new, known.is_gone), ("chair-1", is_new, false), "{name}");
+    }
 }
 
 #[test]
