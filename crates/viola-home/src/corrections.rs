@@ -7,7 +7,7 @@
 mod keys;
 
 use super::identity::{Stated, Statement};
-use super::objects::{Object, UprightBox, room_of};
+use super::objects::{Object, UprightBox};
 use super::rooms::{Room, merged, room_at, split};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -161,7 +161,6 @@ pub fn stated(corrections: &[(String, ObjectCorrection)], times_ms: impl IntoIte
 /// the ids of the hidden objects.
 pub fn correct_objects(
     objects: &mut Vec<Object>,
-    rooms: &[Room],
     corrections: &[(String, ObjectCorrection)],
 ) -> (BTreeMap<String, Corrected<ObjectField>>, BTreeSet<String>) {
     let (mut corrected, mut hidden) = (BTreeMap::new(), BTreeSet::new());
@@ -179,13 +178,8 @@ pub fn correct_objects(
             object.class = correction.seen.class;
         }
         object.class = correction.class.unwrap_or(object.class);
-        let bounds = correction.over(&object.bounds());
-        // An object that no clip shows has no room yet.
-        if bounds != object.bounds() || object.room.is_none() {
-            (object.centre_m, object.size_m, object.yaw_rad) =
-                (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
-            object.room = room_id(rooms, object);
-        }
+        let UprightBox { centre_m, size_m, yaw_rad } = correction.over(&object.bounds());
+        (object.centre_m, object.size_m, object.yaw_rad) = (centre_m, size_m, yaw_rad);
         let fields = correction.fields();
         if !fields.is_empty() {
             let key = id.clone();
@@ -208,18 +202,6 @@ fn unseen(id: &str, seen: &Seen) -> Object {
         clips: Vec::new(),
         samples: Vec::new(),
     }
-}
-
-/// Assigns objects to the rooms after these were joined and divided.
-pub fn assign_rooms(objects: &mut [Object], rooms: &[Room], corrections: &[(String, RoomCorrection)]) {
-    let are_edited = corrections.iter().any(|(_, one)| one.merge.is_some() || one.split.is_some());
-    for object in objects.iter_mut().filter(|object| are_edited && object.room.is_some()) {
-        object.room = room_id(rooms, object);
-    }
-}
-
-fn room_id(rooms: &[Room], object: &Object) -> Option<String> {
-    room_of(rooms, &object.bounds()).map(|room| room.id.clone())
 }
 
 /// The rooms that are one with another, each by a point inside it.

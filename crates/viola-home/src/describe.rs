@@ -27,7 +27,7 @@ pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Descri
 
 /// Describes a map whose rooms and objects are revised before the plan is drawn: they get the ids that they
 /// had, and the corrections of people. Both are compared with rooms of earlier revisions by the outlines of the
-/// LiDAR map's cells. `revise` returns the lines by which people divided rooms.
+/// LiDAR map's cells. `revise` returns the lines by which people divided rooms. The objects get their rooms last.
 pub fn describe_revised(
     lidar: &LidarMap,
     tiles: &[Tile],
@@ -95,6 +95,7 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
     use viola_geometry::Pose2;
+    use viola_geometry::taxonomy::Class;
 
     fn described() -> Description {
         describe(&flat(0.0), &[], &ClipNumbers::new(std::iter::empty()))
@@ -112,6 +113,30 @@ mod tests {
             assert!((room.area_m2 / area_m2 - 1.0).abs() < 0.05, "{room:?}");
             assert!(room.contains(&Point2::from(room.label_at_m)));
         }
+    }
+
+    #[test]
+    fn an_object_that_no_clip_shows_has_a_room() {
+        let pinned = Object {
+            id: "chair-1".to_owned(),
+            class: Class::Chair,
+            confidence: 0.8,
+            centre_m: [2.0, 1.5, 0.45],
+            size_m: [0.6, 0.5, 0.9],
+            yaw_rad: 0.4,
+            room: None,
+            points: 0,
+            clips: Vec::new(),
+            samples: Vec::new(),
+        };
+        let revise = |_: &mut Vec<Room>, objects: &mut Vec<Object>| {
+            objects.push(pinned);
+            Vec::new()
+        };
+        let numbers = ClipNumbers::new(std::iter::empty());
+        let Description { rooms, objects, .. } = describe_revised(&flat(0.0), &[], &numbers, revise);
+        let room = rooms.iter().find(|room| room.contains(&Point2::new(2.0, 1.5))).unwrap();
+        assert_eq!(objects[0].room.as_ref(), Some(&room.id));
     }
 
     /// The plan's frame is a quarter turn from the map's: its point (x, y) is (-y, x) in the map.

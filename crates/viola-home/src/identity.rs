@@ -159,8 +159,8 @@ impl History {
         }
     }
 
-    /// Gives computed rooms their ids. Returns the id of each room by the id that it came with.
-    pub fn identify_rooms(&mut self, rooms: &mut [Room]) -> BTreeMap<String, String> {
+    /// Gives computed rooms their ids.
+    pub fn identify_rooms(&mut self, rooms: &mut [Room]) {
         self.take_numbers_of_robot();
         let mut candidates = Vec::new();
         for (row, known) in self.rooms.iter().enumerate() {
@@ -175,9 +175,8 @@ impl History {
         for (row, column) in best_pairs(&candidates) {
             ids[column] = Some(self.rooms[row].id.clone());
         }
-        let mut renamed = BTreeMap::new();
         for (room, id) in rooms.iter_mut().zip(ids) {
-            let id = match (room.source, id) {
+            room.id = match (room.source, id) {
                 (RoomSource::LidarMap, _) => on_level(self.level, room.id.clone()),
                 (RoomSource::Computed, Some(id)) => id,
                 (RoomSource::Computed, None) => {
@@ -185,7 +184,6 @@ impl History {
                     on_level(self.level, number.to_string())
                 }
             };
-            renamed.insert(std::mem::replace(&mut room.id, id.clone()), id);
         }
         let found: BTreeSet<&str> = rooms.iter().map(|room| room.id.as_str()).collect();
         let mut missing: Vec<KnownRoom> =
@@ -193,7 +191,6 @@ impl History {
         missing.iter_mut().for_each(|known| known.missing = known.missing.saturating_add(1));
         missing.retain(|known| known.missing <= REMEMBERED);
         self.rooms = rooms.iter().map(known_room).chain(missing).collect();
-        renamed
     }
 
     /// Knows corrected objects that were forgotten, or that came from a map without a history.

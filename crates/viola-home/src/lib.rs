@@ -39,7 +39,7 @@ pub use contact_sheet::contact_sheet_png;
 pub use contribution::{ClipContribution, ClipScan, ScanCamera, camera_poses, views_bytes};
 pub use corrections::{
     Corrected, CorrectedRooms, ObjectCorrection, ObjectField, RoomCorrection, RoomDivision, RoomField,
-    RoomMerge, RoomSplit, Seen, assign_rooms, correct_objects, correct_rooms, stated,
+    RoomMerge, RoomSplit, Seen, correct_objects, correct_rooms, stated,
 };
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};

@@ -89,17 +89,13 @@ pub fn describe(
     let numbers = ClipNumbers::new(clips.iter().map(|clip| &clip.clip));
     let (mut corrected_rooms, mut corrected_objects) = (BTreeMap::new(), BTreeMap::new());
     let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
-        let renamed = history.ids.identify_rooms(rooms);
+        history.ids.identify_rooms(rooms);
         let corrected = home::correct_rooms(rooms, &of_rooms);
         corrected_rooms = corrected.by_id;
         history.rooms_of_cells.clone_from(rooms);
         let times_ms = last.corrections.objects.iter().map(|kept| kept.corrected_at.as_millisecond());
         history.ids.identify_objects(objects, &home::stated(&of_objects, times_ms), looked);
-        for object in objects.iter_mut() {
-            object.room = object.room.as_ref().and_then(|room| renamed.get(room).cloned());
-        }
-        home::assign_rooms(objects, rooms, &of_rooms);
-        let (of_ids, hidden) = home::correct_objects(objects, rooms, &of_objects);
+        let (of_ids, hidden) = home::correct_objects(objects, &of_objects);
         corrected_objects = of_ids;
         history.hidden = hidden.into_iter().collect();
         corrected.divisions

@@ -40,7 +40,7 @@ fn each_property_is_corrected_by_itself() {
         (of(|c| c.name = Some("Throne".to_owned())), found.clone(), vec![Name]),
         (
             of(|c| c.centre_m = Some([5.0, 1.0, 0.5])),
-            Object { centre_m: [5.0, 1.0, 0.5], room: Some("2".to_owned()), ..found.clone() },
+            Object { centre_m: [5.0, 1.0, 0.5], ..found.clone() },
             vec![CentreM],
         ),
         (of(|c| c.size_m = Some([1.0; 3])), Object { size_m: [1.0; 3], ..found.clone() }, vec![SizeM]),
@@ -51,14 +51,14 @@ fn each_property_is_corrected_by_itself() {
         let name = correction.name.clone();
         let mut objects = vec![chair("chair-2", 7.0, 1.0), found.clone()];
         let (corrected, hidden) =
-            correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), correction.clone())]);
+            correct_objects(&mut objects, &[("chair-1".to_owned(), correction.clone())]);
         assert_eq!(objects, [chair("chair-2", 7.0, 1.0), expected], "{fields:?}");
         let of_chair = &corrected["chair-1"];
         assert_eq!((&of_chair.name, &of_chair.fields, corrected.len()), (&name, &fields, 1));
         assert!(hidden.is_empty() && !correction.is_empty());
         // Without the object, only its place and a pin keep it in the map.
         let mut objects = Vec::new();
-        correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), correction)]);
+        correct_objects(&mut objects, &[("chair-1".to_owned(), correction)]);
         assert_eq!(objects.len(), usize::from([vec![CentreM], vec![Pinned]].contains(&fields)), "{fields:?}");
         assert!(objects.iter().all(|object| object.points == 0 && object.clips.is_empty()));
     }
@@ -71,16 +71,8 @@ fn a_pinned_object_stays_as_it_was() {
     let elsewhere =
         Object { class: Class::Sofa, centre_m: [1.3, 1.1, 0.4], size_m: [0.9; 3], ..found.clone() };
     let mut objects = vec![elsewhere];
-    correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), pin)]);
+    correct_objects(&mut objects, &[("chair-1".to_owned(), pin)]);
     assert_eq!(objects, [found]);
-}
-
-#[test]
-fn a_pinned_object_that_no_clip_shows_has_a_room() {
-    let pin = ObjectCorrection { pinned: true, ..ObjectCorrection::of(seen(&chair("chair-1", 5.0, 1.0))) };
-    let mut objects = Vec::new();
-    correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), pin)]);
-    assert_eq!(objects[0].room.as_deref(), Some("2"));
 }
 
 #[test]
@@ -103,7 +95,7 @@ fn a_hidden_object_is_not_shown() {
     let found = chair("chair-1", 1.0, 1.0);
     let hide = ObjectCorrection { hidden: true, pinned: true, ..ObjectCorrection::of(seen(&found)) };
     let mut objects = vec![found, chair("chair-2", 3.0, 1.0)];
-    let (corrected, hidden) = correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), hide)]);
+    let (corrected, hidden) = correct_objects(&mut objects, &[("chair-1".to_owned(), hide)]);
     assert_eq!((objects.len(), objects[0].id.as_str(), corrected.len()), (1, "chair-2", 0));
     assert_eq!(hidden.into_iter().collect::<Vec<_>>(), ["chair-1"]);
 }

@@ -117,8 +117,7 @@ fn a_map_without_a_history_goes_on_with_its_ids() {
 fn rooms_keep_their_ids_when_their_order_changes() {
     let mut history = History::default();
     let mut next = |mut rooms: Vec<Room>| -> Vec<String> {
-        let renamed = history.identify_rooms(&mut rooms);
-        assert_eq!(renamed.len(), rooms.len());
+        history.identify_rooms(&mut rooms);
         rooms.into_iter().map(|room| room.id).collect()
     };
     let [kitchen, hall, study] = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]
