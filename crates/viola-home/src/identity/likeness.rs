@@ -3,7 +3,8 @@
 use super::super::assemble::LookedThrough;
 use super::super::objects::{Object, UprightBox};
 use super::super::rooms::Room;
-use super::super::rooms::outline::{contains, signed_area_m2};
+use super::super::rooms::bands::Bands;
+use super::super::rooms::outline::signed_area_m2;
 use super::{KnownObject, KnownRoom, Statement};
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
@@ -145,13 +146,15 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
     let step_m = (width_m * height_m / SAMPLES).sqrt();
     let count = |length_m: f64| ((length_m / step_m).ceil() as usize).clamp(1, SAMPLES as usize);
     let (columns, rows) = (count(width_m), count(height_m));
+    // Noisy maps have rooms of very many sides.
+    let (then, now) = (Bands::new(&known.polygon_m, &[]), Bands::new(&room.polygon_m, &room.holes_m));
     let mut common = 0;
     for i in 0..columns {
         for j in 0..rows {
             let x = from[0] + (i as f64 + 0.5) * width_m / columns as f64;
             let y = from[1] + (j as f64 + 0.5) * height_m / rows as f64;
             let at = Point2::new(x, y);
-            common += usize::from(contains(&known.polygon_m, &at) && room.contains(&at));
+            common += usize::from(then.contains(&at) && now.contains(&at));
         }
     }
     let shared_m2 = common as f64 / (columns * rows) as f64 * width_m * height_m;
