@@ -284,8 +284,13 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.cmp(b.1)));
     let mut corrected: BTreeMap<String, Corrected<RoomField>> = BTreeMap::new();
     let mut divisions: Vec<RoomDivision> = Vec::new();
+    let mut parts: BTreeSet<String> = BTreeSet::new();
     for (_, key, field, correction) in all {
         let Some(index) = at(rooms, &correction.at_m, Some(key.as_str())) else { continue };
+        // A correction of a part is not that of the whole room, which no line divides any more.
+        if part_id(&rooms[index].id) == *key && !parts.contains(key) {
+            continue;
+        }
         let is_done = match field {
             RoomField::MergeWith => {
                 correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge, &mut divisions))
@@ -293,6 +298,7 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
             RoomField::SplitBy => {
                 let division = correction.split.as_ref().and_then(|line| cut(rooms, index, line, correction));
                 let is_done = division.is_some();
+                parts.extend(division.iter().map(|division| part_id(&division.rooms[0])));
                 divisions.extend(division);
                 is_done
             }

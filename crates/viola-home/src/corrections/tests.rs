@@ -189,6 +189,15 @@ fn rooms_are_named_joined_and_divided() {
                 three.clone(),
             ],
         ),
+        // The line was withdrawn, or the part joined with the rest of its room.
+        (vec![("1-b", named(3.5, "Nook"))], vec![one.clone(), two.clone(), three.clone()]),
+        (
+            vec![
+                ("1", RoomCorrection { split: divided(1.0, 3.0, 1).split, ..joined(1.0, &[3.5], 2) }),
+                ("1-b", named(3.5, "Nook")),
+            ],
+            vec![row("1", Some("Nook"), 12.0, &[SplitBy, MergeWith, Name]), two.clone(), three.clone()],
+        ),
         // The name of both is that of the room that was joined with another, if it has one.
         (
             vec![
