@@ -3,6 +3,7 @@
 mod along;
 mod front;
 mod leaf;
+mod near;
 mod opening;
 
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
@@ -10,6 +11,7 @@ use crate::map_point::MapPoint;
 use along::{place, within};
 use front::fronts;
 use leaf::Leaf;
+use near::Near;
 use opening::{door, is_between_rooms, window};
 use std::cmp::Ordering;
 use viola_geometry::taxonomy::Class;
@@ -24,6 +26,8 @@ const DOOR_OFF_M: f64 = 0.08;
 const CURTAIN_OFF_M: f64 = 0.25;
 /// Windows and doors of outer walls lie deeper than the usual thickness.
 const RECESS_M: f64 = 0.2;
+/// No point tells of a wall from farther outside its faces.
+const MOST_OFF_M: f64 = CURTAIN_OFF_M + RECESS_M;
 /// Heights in which points count, in bins of `BIN_M`. The frames of French windows begin at the floor.
 const HEIGHTS_M: [f64; 2] = [0.05, 2.6];
 const BIN_M: f64 = 0.15;
@@ -113,16 +117,18 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
     // An open leaf is no closed door of the wall beside it.
     let leaves = add_leaves(plan, &labelled);
     labelled.retain(|point| point.class != Class::Door || !leaves.iter().any(|leaf| leaf.has(&point.at)));
+    let [near, near_piers] = [&labelled, &piers].map(|points| Near::new(points, |point: &Labelled| point.at));
     let mut found: Vec<Opening> = Vec::new();
     for wall in plan.walls.iter().filter(|wall| !is_leaf(wall, &plan.rooms)) {
-        let steps = steps(wall, room_side(wall, &plan.rooms), labelled.iter());
+        let steps = steps(wall, room_side(wall, &plan.rooms), near.wall(wall, MOST_OFF_M));
         let doors = runs(&steps, Step::shows_door, Step::shows_pier, CLOSED_DOOR_M);
         let doors = doors.into_iter().filter(|run| !is_before_window(&steps[run[0]..=run[1]]));
         found.extend(doors.map(|run| door(wall, run, &labelled)));
     }
     // A window of a wall between rooms is a mirror or a picture, as a rule.
     for front in fronts(&plan.walls).iter().filter(|front| front.line.length_m() >= FRONT_M) {
-        let steps = steps(&front.line, None, labelled.iter().chain(&piers));
+        let line = &front.line;
+        let steps = steps(line, None, near.wall(line, MOST_OFF_M).chain(near_piers.wall(line, MOST_OFF_M)));
         let on_line = windows(&steps).into_iter().filter_map(|run| {
             let is_curtained = is_most(&steps[run[0]..=run[1]], Step::shows_curtain);
             window(&front.line, run, is_curtained, &labelled)
