@@ -46,6 +46,8 @@ pub struct KnownRoom {
     pub id: String,
     pub source: RoomSource,
     pub polygon_m: Vec<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub holes_m: Vec<Vec<[f64; 2]>>,
     pub missing: u32,
 }
 
@@ -89,9 +91,11 @@ impl History {
         for known in &mut self.objects {
             known.move_by(now_from_then);
         }
-        for corner in self.rooms.iter_mut().flat_map(|room| &mut room.polygon_m) {
-            let at = now_from_then.apply(&Point2::from(*corner));
-            *corner = [at.x, at.y];
+        for room in &mut self.rooms {
+            for corner in std::iter::once(&mut room.polygon_m).chain(&mut room.holes_m).flatten() {
+                let at = now_from_then.apply(&Point2::from(*corner));
+                *corner = [at.x, at.y];
+            }
         }
     }
 
@@ -233,7 +237,8 @@ impl History {
 }
 
 fn known_room(room: &Room) -> KnownRoom {
-    KnownRoom { id: room.id.clone(), source: room.source, polygon_m: room.polygon_m.clone(), missing: 0 }
+    let Room { id, source, polygon_m, holes_m, .. } = room.clone();
+    KnownRoom { id, source, polygon_m, holes_m, missing: 0 }
 }
 
 impl UprightBox {

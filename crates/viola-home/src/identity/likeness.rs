@@ -147,7 +147,8 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
     let count = |length_m: f64| ((length_m / step_m).ceil() as usize).clamp(1, SAMPLES as usize);
     let (columns, rows) = (count(width_m), count(height_m));
     // Noisy maps have rooms of very many sides.
-    let (then, now) = (Bands::new(&known.polygon_m, &[]), Bands::new(&room.polygon_m, &room.holes_m));
+    let (then, now) =
+        (Bands::new(&known.polygon_m, &known.holes_m), Bands::new(&room.polygon_m, &room.holes_m));
     let mut common = 0;
     for i in 0..columns {
         for j in 0..rows {
@@ -158,7 +159,8 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
         }
     }
     let shared_m2 = common as f64 / (columns * rows) as f64 * width_m * height_m;
-    let (a_m2, b_m2) = (signed_area_m2(&known.polygon_m), room.area_m2);
+    let holes_m2: f64 = known.holes_m.iter().map(|hole| signed_area_m2(hole)).sum();
+    let (a_m2, b_m2) = (signed_area_m2(&known.polygon_m) + holes_m2, room.area_m2);
     let iou = shared_m2 / (a_m2 + b_m2 - shared_m2).max(shared_m2).max(1e-9);
     let fraction = shared_m2 / a_m2.min(b_m2).max(1e-9);
     let is_same = iou >= MIN_ROOM_IOU || fraction >= MIN_ROOM_FRACTION;
