@@ -30,7 +30,7 @@ pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
         .flat_map(|_| stream.next_batch(1))
         .map(|frame| frame.map(|frame| tile(&frame)))
         .collect();
-    let (width, height) = tiles.iter().flatten().next().map_or((SIDE, SIDE), |tile| tile.dimensions());
+    let (width, height) = size(&tiles);
     if tiles.iter().all(Result::is_err) {
         return Err(tiles
             .into_iter()
@@ -59,6 +59,12 @@ pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
     Ok(png.into_inner())
 }
 
+/// Returns the width and the height in which every tile has room: a frame without a colour picture has half the height.
+fn size(tiles: &[Result<RgbImage, ClipError>]) -> (u32, u32) {
+    let sizes = tiles.iter().flatten().map(RgbImage::dimensions);
+    sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1))).unwrap_or((SIDE, SIDE))
+}
+
 fn caption(header: &FrameHeader) -> String {
     let time = header.time_s.map_or(String::new(), |time_s| format!(", {time_s:.1} s"));
     let pose = if header.world_from_camera.is_some() { "" } else { ", no pose" };
@@ -79,4 +85,22 @@ fn tile(frame: &Frame) -> RgbImage {
     imageops::replace(&mut tile, &color, 0, 0);
     imageops::replace(&mut tile, &depth, 0, i64::from(height));
     tile
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tile_has_room() {
+        let tile = |width: u32, height: u32| Ok(RgbImage::new(width, height));
+        let broken = || Err(ClipError::NoFrames { color: 0, depth: 0 });
+        for (tiles, expected) in [
+            (vec![tile(300, 169), broken(), tile(300, 338)], (300, 338)),
+            (vec![tile(300, 338), tile(300, 169)], (300, 338)),
+            (vec![broken()], (SIDE, SIDE)),
+        ] {
+            assert_eq!(size(&tiles), expected);
+        }
+    }
 }
