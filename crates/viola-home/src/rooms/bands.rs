@@ -7,6 +7,9 @@ use viola_geometry::Point2;
 const BAND_M: f64 = 0.25;
 /// Largest number of bands: higher polygons have higher bands.
 const MAX_BANDS: f64 = 4096.0;
+/// Bands of a side on average, beside the two in which it ends: polygons of long sides have higher bands, so that the memory
+/// is bounded by the number of sides.
+const MEAN_BANDS: f64 = 4.0;
 /// Sides this much beyond a distance are compared, so that rounding loses none.
 const ROUNDING_M: f64 = 1e-6;
 
@@ -30,7 +33,9 @@ impl Bands {
         let heights = || rings().flatten().map(|corner| corner[1]);
         let low_m = heights().fold(f64::INFINITY, f64::min);
         let height_m = (heights().fold(f64::NEG_INFINITY, f64::max) - low_m).max(0.0);
-        let band_m = BAND_M.max(height_m / MAX_BANDS);
+        let sides = || rings().flat_map(edges);
+        let mean_m = sides().map(|(a, b)| (b[1] - a[1]).abs()).sum::<f64>() / sides().count().max(1) as f64;
+        let band_m = BAND_M.max(height_m / MAX_BANDS).max(mean_m / MEAN_BANDS);
         let count = (height_m / band_m) as usize + 1;
         let mut bands = Bands { low_m, band_m, bands: (0..count).map(|_| Vec::new()).collect() };
         for (ring, corners) in rings().enumerate() {
@@ -146,5 +151,15 @@ mod tests {
         let listed: usize = bands.bands.iter().map(Vec::len).sum();
         assert!(listed <= 4 * ring.len(), "{listed}");
         assert!(bands.near(&Point2::new(50.0, 50.0), 0.4).count() <= 5 * most);
+    }
+
+    /// A comb of a thousand teeth of 100 m.
+    #[test]
+    fn long_sides_are_in_few_bands() {
+        let teeth = (0..1_000).map(|at| 2.0 * f64::from(at));
+        let ring: Vec<[f64; 2]> =
+            teeth.flat_map(|x| [[x, 0.0], [x, 100.0], [x + 1.0, 100.0], [x + 1.0, 0.0]]).collect();
+        let listed: usize = Bands::new(&ring, &[]).bands.iter().map(Vec::len).sum();
+        assert!((ring.len()..=6 * ring.len()).contains(&listed), "{listed}");
     }
 }
