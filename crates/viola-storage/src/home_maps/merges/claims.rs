@@ -3,7 +3,7 @@
 //! since a home may never stop uploading: then the merge leaves out the clips that wait, and their answers make the next one due.
 
 use crate::columns::Columns;
-use crate::database::{Row, Transaction, query};
+use crate::database::{Query, Row, Transaction, query};
 use crate::{StorageError, clock};
 use jiff::{SignedDuration, Timestamp};
 use std::time::Duration;
@@ -13,6 +13,10 @@ pub(super) const LONG_REST: Duration = Duration::from_mins(1);
 
 /// The same for a clip of the newest map, which the merge would take out of it. The pauses before this one take 10 minutes, too.
 const LONG_REST_IN_MAP: Duration = Duration::from_mins(10);
+
+/// Faults of a clip of the newest map that have lasted for less are those of an outage, and the merge waits for the clip however
+/// long it rests.
+const LONGEST_OUTAGE: SignedDuration = SignedDuration::from_hours(2);
 
 /// A map that has been due for this long does not wait for clips that it does not have. Clips that were sent together are
 /// aligned within minutes, and one merge has them all; a person who waits for a correction or a removal waits no longer.
@@ -28,54 +32,58 @@ const LOOK_AGAIN: Duration = Duration::from_mins(1);
 /// Most homes that one claim looks at: each look writes.
 const MAX_LOOKS: usize = 16;
 
-/// Holds for a home without a clip that is queued or running, of those that the first argument selects. A job whose next attempt
-/// is after the second one does not count.
+/// Holds for a home without a clip that is queued or running, of those that the first argument selects. The second one selects
+/// jobs that do not count while they are queued: those that rest.
 macro_rules! none_waits {
-    ($which:literal, $long_rest:literal) => {
+    ($which:literal, $rests:literal) => {
         concat!(
             "NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')",
             $which,
-            " AND NOT EXISTS (SELECT 1 FROM jobs
-                WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > ",
-            $long_rest,
+            " AND NOT EXISTS (SELECT 1 FROM jobs WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND ",
+            $rests,
             "))"
         )
     };
 }
 
-/// Holds for a home that is due and need not wait for its clips. The limits are times: of [`LONG_REST`] and
-/// [`LONG_REST_IN_MAP`], of [`LONGEST_WAIT`] and [`LONGEST_WAIT_FOR_MAP`], and that after which a time is of a clock that was ahead.
+/// Holds for a home that is due and need not wait for its clips. [`with_limits`] binds the times of the limits.
 macro_rules! need_not_wait {
-    ($rest:literal, $rest_in_map:literal, $waited:literal, $waited_for_map:literal, $ahead:literal) => {
+    () => {
         concat!(
-            "(map_due_since <= ",
-            $waited_for_map,
-            " OR (",
-            none_waits!(" AND placement IS NOT NULL", $rest_in_map),
+            "(map_due_since <= $5 OR (",
+            none_waits!(" AND placement IS NOT NULL", "jobs.run_after > $2 AND jobs.first_fault_at <= $3"),
             " AND (",
-            none_waits!("", $rest),
-            " OR map_due_since <= ",
-            $waited,
-            " OR map_due_since > ",
-            $ahead,
-            ")))"
+            none_waits!("", "jobs.run_after > $1"),
+            " OR map_due_since <= $4 OR map_due_since > $6)))"
         )
     };
+}
+
+/// Returns a statement with [`need_not_wait`] and its first six values: the times of [`LONG_REST`], [`LONG_REST_IN_MAP`],
+/// [`LONGEST_OUTAGE`], [`LONGEST_WAIT`] and [`LONGEST_WAIT_FOR_MAP`], and that after which a time is of a clock that was ahead.
+fn with_limits(statement: &'static str, now: Timestamp) -> Query {
+    query(statement)
+        .bind((now + LONG_REST).as_millisecond())
+        .bind((now + LONG_REST_IN_MAP).as_millisecond())
+        .bind((now - LONGEST_OUTAGE).as_millisecond())
+        .bind((now - LONGEST_WAIT).as_millisecond())
+        .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
+        .bind(clock::no_pause_after(now))
 }
 
 /// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that need not wait for clips.
 macro_rules! claim {
     ($tenants:literal, $lock:literal) => {
         concat!(
-            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2, map_claimed_at = $1
+            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $8, map_claimed_at = $7
     WHERE id = (
         SELECT id FROM homes
         WHERE map_made < map_wanted AND tenant ",
             $tenants,
-            " $5
-            AND map_lease_until IS NULL AND (map_due_at <= $1 OR map_due_at > $4)
+            " $9
+            AND map_lease_until IS NULL AND (map_due_at <= $7 OR map_due_at > $6)
             AND ",
-            need_not_wait!("$3", "$6", "$7", "$8", "$4"),
+            need_not_wait!(),
             " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
             $lock,
             ")
@@ -88,14 +96,16 @@ macro_rules! claim {
 pub(crate) const CLAIM_LATER: &str = claim!(">", "");
 
 /// Selects a home without work ahead that may replace its newest map.
-pub(super) const SETTLED: &str =
-    concat!("SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ", none_waits!("", "$2"));
+pub(super) const SETTLED: &str = concat!(
+    "SELECT 1 FROM homes WHERE id = $1 AND map_made >= map_wanted AND ",
+    none_waits!("", "jobs.run_after > $2")
+);
 
 /// Selects a claimed home if it still need not wait for clips. It waits, too, if no clip has a place and one of the map may get
 /// one again after its rest: the merge would empty the map.
 const STILL_NEED_NOT_WAIT: &str = concat!(
-    "SELECT 1 FROM homes WHERE id = $1 AND ",
-    need_not_wait!("$2", "$3", "$4", "$5", "$6"),
+    "SELECT 1 FROM homes WHERE id = $7 AND ",
+    need_not_wait!(),
     " AND (map_due_since <= $5
         OR NOT EXISTS (SELECT 1 FROM clips
             WHERE home_id = homes.id AND state IN ('queued', 'aligning') AND placement IS NOT NULL)
@@ -136,15 +146,10 @@ async fn take_next(
     let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
     let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
     for statement in [later, others] {
-        let row = query(statement)
+        let row = with_limits(statement, now)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
-            .bind((now + LONG_REST).as_millisecond())
-            .bind(clock::no_pause_after(now))
             .bind(after)
-            .bind((now + LONG_REST_IN_MAP).as_millisecond())
-            .bind((now - LONGEST_WAIT).as_millisecond())
-            .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
             .fetch_optional(transaction)
             .await?;
         if row.is_some() {
@@ -159,14 +164,6 @@ async fn still_need_not_wait(
     row: &Row,
     now: Timestamp,
 ) -> Result<bool, StorageError> {
-    let found = query(STILL_NEED_NOT_WAIT)
-        .bind(row.text("id")?)
-        .bind((now + LONG_REST).as_millisecond())
-        .bind((now + LONG_REST_IN_MAP).as_millisecond())
-        .bind((now - LONGEST_WAIT).as_millisecond())
-        .bind((now - LONGEST_WAIT_FOR_MAP).as_millisecond())
-        .bind(clock::no_pause_after(now))
-        .fetch_optional(transaction)
-        .await?;
-    Ok(found.is_some())
+    let found = with_limits(STILL_NEED_NOT_WAIT, now).bind(row.text("id")?);
+    Ok(found.fetch_optional(transaction).await?.is_some())
 }
