@@ -15,6 +15,7 @@ on_every_back_end!(
     a_map_whose_clips_rest_after_faults_is_not_emptied,
     a_map_waits_two_hours_for_its_clip_that_meets_faults,
     a_merge_waits_no_longer_after_the_clock_was_set_back,
+    a_change_of_an_earlier_version_waits_for_the_clips_of_the_map,
 );
 
 /// Runs the next job, whose clip gets a pose; returns the clip.
@@ -133,6 +134,17 @@ async fn a_merge_waits_no_longer_after_the_clock_was_set_back(storage: Storage) 
     assert!(due(&storage, 101).await.is_none(), "a clip is on its way");
     let claim = due(&storage, 100 - HOUR).await.expect("the home is due since a clock that was ahead");
     assert_eq!(members_of(&claim), clips);
+}
+
+async fn a_change_of_an_earlier_version_waits_for_the_clips_of_the_map(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    merge_at(&storage, 110).await;
+    // Its processes know no time since which a map is due.
+    let queue = "UPDATE clips SET state = 'queued', result_key = NULL WHERE id = $1";
+    execute(&storage, queue, &clips[0].to_string()).await;
+    let mark = "UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1";
+    execute(&storage, mark, home.key()).await;
+    assert!(due(&storage, 20 * HOUR).await.is_none(), "the last merge was long ago, and this change was not");
 }
 
 /// A new LiDAR map is committed while the claim reads the clips, so only a later statement sees that they are queued.

@@ -232,8 +232,10 @@ impl Storage {
         };
         let mut transaction = self.database.begin().await?;
         let held = query(
-            // A change during the merge waits for the next one from now on.
-            "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0, map_due_since = $5
+            // A change during the merge waits for the next one from now on. Without one there is no time, since a process of an
+            // earlier version, which writes none, may make the next change.
+            "UPDATE homes SET map_made = $3, map_lease_until = NULL, map_faults = 0, map_due_at = 0,
+                map_due_since = CASE WHEN map_wanted > $3 THEN CAST($5 AS BIGINT) END
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
