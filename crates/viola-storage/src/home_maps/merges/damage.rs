@@ -31,7 +31,7 @@ pub(super) async fn update_reasons(
         let mut reasons: Vec<Reason> = row.json("reasons")?;
         let has_reason = reasons.iter().any(|reason| reason.code == CODE);
         if !has_reason && left_out.iter().any(is_of) {
-            let detail = "the clip is not in the home's map: files of its answer are missing or damaged";
+            let detail = "the home's map cannot take the clip: files of its answer are missing or damaged";
             reasons.push(Reason::new(CODE, detail));
         } else if has_reason && read.iter().any(is_of) {
             reasons.retain(|reason| reason.code != CODE);
