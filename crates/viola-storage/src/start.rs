@@ -37,13 +37,23 @@ impl Storage {
             // A full disk must not keep the service from being read.
             tracing::warn!(%error, "if the database was restored, readers of the changes may miss some");
         }
+        if self.is_alone()
+            && let Err(error) = self.begin_waits_again(self.now()).await
+        {
+            tracing::warn!(%error, "maps may lose clips that were to be aligned before the service stopped");
+        }
         self.fill_searches().await?;
         self.seal_secrets().await
     }
 
+    /// Returns whether no other process can be running.
+    fn is_alone(&self) -> bool {
+        self.lock.as_ref().is_some_and(FolderLock::is_exclusive)
+    }
+
     /// Compares the store and its blobs with the database; removes leftovers if no other process can be running.
     async fn compare_blobs(&self) -> Result<(), StorageError> {
-        let is_alone = self.lock.as_ref().is_some_and(FolderLock::is_exclusive);
+        let is_alone = self.is_alone();
         let compare = async {
             let store = self.check_store().await?;
             self.check_blobs_are_known(store).await

@@ -2,6 +2,7 @@
 
 use super::home_maps::{current, due, finish, two_aligned};
 use super::*;
+use crate::columns::Columns;
 use crate::database::query;
 use viola_geometry::Pose2;
 use viola_testing::postgres::try_execute;
@@ -16,6 +17,7 @@ on_every_back_end!(
     a_map_waits_two_hours_for_its_clip_that_meets_faults,
     a_merge_waits_no_longer_after_the_clock_was_set_back,
     a_change_of_an_earlier_version_waits_for_the_clips_of_the_map,
+    a_map_keeps_its_clips_while_no_process_runs,
 );
 
 /// Runs the next job, whose clip gets a pose; returns the clip.
@@ -145,6 +147,34 @@ async fn a_change_of_an_earlier_version_waits_for_the_clips_of_the_map(storage: 
     let mark = "UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1";
     execute(&storage, mark, home.key()).await;
     assert!(due(&storage, 20 * HOUR).await.is_none(), "the last merge was long ago, and this change was not");
+}
+
+async fn a_map_keeps_its_clips_while_no_process_runs(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    merge_at(&storage, 110).await;
+    put_map(&storage, &home, b"new map").await;
+    storage.begin_waits_again(at(20 * HOUR)).await.unwrap();
+    assert!(due(&storage, 20 * HOUR + 700).await.is_none(), "its clips are queued");
+    for _ in &clips {
+        align_at(&storage, 20 * HOUR + 700).await;
+    }
+    let claim = due(&storage, 20 * HOUR + 701).await.expect("the home is due");
+    assert_eq!(members_of(&claim), clips);
+}
+
+#[tokio::test]
+async fn a_start_lets_the_waits_begin_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    let (home, _) = two_aligned(&storage).await;
+    execute(&storage, "UPDATE homes SET map_due_since = 0 WHERE id = $1", home.key()).await;
+    storage.close().await;
+    drop(storage);
+    let storage = in_folder(folder.path()).await;
+    let since = query("SELECT map_due_since FROM homes");
+    let since = since.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    assert!(since.number("map_due_since").unwrap() > 0);
+    storage.close().await;
 }
 
 /// A new LiDAR map is committed while the claim reads the clips, so only a later statement sees that they are queued.

@@ -4,7 +4,7 @@
 
 use crate::columns::Columns;
 use crate::database::{Query, Row, Transaction, query};
-use crate::{StorageError, clock};
+use crate::{Storage, StorageError, clock};
 use jiff::{SignedDuration, Timestamp};
 use std::time::Duration;
 
@@ -112,6 +112,19 @@ const STILL_NEED_NOT_WAIT: &str = concat!(
         OR EXISTS (SELECT 1 FROM clips
             WHERE home_id = homes.id AND state = 'aligned' AND result_key IS NOT NULL))"
 );
+
+impl Storage {
+    /// Lets the waits of all homes begin again at a start of the only process: no clip was aligned while it did not run, and a map
+    /// must not lose those that still wait.
+    pub(crate) async fn begin_waits_again(&self, now: Timestamp) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        query("UPDATE homes SET map_due_since = $1 WHERE map_made < map_wanted AND map_due_since < $1")
+            .bind(now.as_millisecond())
+            .execute(&mut transaction)
+            .await?;
+        transaction.commit().await
+    }
+}
 
 /// Claims a home and returns its row; `None` if no merge is due.
 pub(super) async fn take(
