@@ -328,3 +328,18 @@ pub(super) async fn enqueue_home(
     }
     Ok(stale_blobs)
 }
+
+/// Gives the queued jobs that align the clips of a home again the turns of new clips: a person waits for the next map of the home.
+pub(super) async fn advance_home(transaction: &mut Transaction, home: &HomeId) -> Result<(), StorageError> {
+    let delay_ms = -1000 * Priority::Again.lead().as_secs();
+    query(
+        "UPDATE jobs SET order_at = order_at - $2
+        WHERE state = 'queued' AND again = 1 AND order_at >= created_at + $2
+            AND clip_id IN (SELECT id FROM clips WHERE home_id = $1)",
+    )
+    .bind(home.key())
+    .bind(delay_ms)
+    .execute(transaction)
+    .await?;
+    Ok(())
+}

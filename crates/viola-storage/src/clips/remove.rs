@@ -2,7 +2,7 @@
 
 use super::super::changes::{self, Changed};
 use super::super::database::query;
-use super::super::{HomeId, Storage, StorageError, home_maps, homes, pending_deletes};
+use super::super::{HomeId, Storage, StorageError, home_maps, homes, jobs, pending_deletes};
 use super::{Clip, find_locked, owner};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -29,6 +29,10 @@ impl Storage {
         };
         if !expected(&clip) {
             return Err(StorageError::Changed { what: "clip" });
+        }
+        if clip.placement.is_some() {
+            // The map has the clip until the others in it are aligned, which must not take all the night after a new LiDAR map.
+            jobs::advance_home(&mut transaction, home).await?;
         }
         query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
         homes::grow(&mut transaction, home, -(clip.stored_bytes() as i64)).await?;

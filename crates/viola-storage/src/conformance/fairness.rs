@@ -1,6 +1,6 @@
 //! The order of jobs.
 
-use super::home_maps::align;
+use super::home_maps::{align, due, finish};
 use super::*;
 
 on_every_back_end!(
@@ -10,6 +10,7 @@ on_every_back_end!(
     a_new_map_queues_clips_one_behind_the_other,
     clips_without_an_answer_come_before_those_that_are_aligned_again,
     an_alignment_again_waits_half_a_day_at_most,
+    a_map_that_lost_a_clip_waits_no_half_day,
     tenants_take_turns_in_merging,
 );
 
@@ -174,4 +175,24 @@ async fn an_alignment_again_waits_half_a_day_at_most(storage: Storage) {
         clip = storage.align_clip(&busy, clip.id, at(hours * HOUR)).await.unwrap();
         assert_eq!(order(&storage, hours * HOUR, 1).await, [first], "{hours}");
     }
+}
+
+async fn a_map_that_lost_a_clip_waits_no_half_day(storage: Storage) {
+    let again = home_with_map(&storage, "acme", "again").await;
+    let removed = add(&storage, &again, b"one").await.id;
+    add(&storage, &again, b"two").await;
+    for _ in 0..2 {
+        align(&storage, AlignmentState::Aligned).await;
+    }
+    let claim = due(&storage, 110).await.expect("both clips are aligned");
+    assert!(finish(&storage, &claim, b"tile", 110).await);
+    put_map(&storage, &again, b"new map").await;
+    let fresh = home_with_map(&storage, "bolt", "fresh").await;
+    for n in 0..4u8 {
+        add(&storage, &fresh, &[n]).await;
+    }
+    storage.delete_clip(&again, removed, |_| true, at(200)).await.unwrap();
+    let order = order(&storage, 200, 9).await;
+    assert_eq!(order.len(), 5);
+    assert_eq!(order[4], "bolt/fresh", "{order:?}");
 }
