@@ -12,6 +12,7 @@ on_every_back_end!(
     an_alignment_again_waits_half_a_day_at_most,
     a_map_that_lost_a_clip_waits_no_half_day,
     tenants_take_turns_in_merging,
+    a_tenant_whose_maps_wait_keeps_no_other_waiting,
 );
 
 const HOUR: i64 = 3600;
@@ -68,6 +69,31 @@ async fn tenants_take_turns_in_merging(storage: Storage) {
         order.push(format!("{last}/{}", claim.home));
     }
     assert_eq!(order, ["acme/a", "bolt/d", "corp/e", "acme/b", "bolt/d", "corp/e"]);
+}
+
+async fn a_tenant_whose_maps_wait_keeps_no_other_waiting(storage: Storage) {
+    let one_aligned = async |tenant: &str, id: &str| {
+        let home = home_with_map(&storage, tenant, id).await;
+        add(&storage, &home, b"clip").await;
+        align(&storage, AlignmentState::Aligned).await;
+    };
+    for number in 0..20 {
+        one_aligned("acme", &format!("h{number}")).await;
+        let claim = due(&storage, 110).await.expect("the home is due");
+        assert!(finish(&storage, &claim, b"tile", 110).await);
+    }
+    // The only clip of each map has met faults for long, and rests until second 2000.
+    for rest in [
+        "UPDATE clips SET state = 'queued', result_key = NULL WHERE home_id IN (SELECT id FROM homes WHERE tenant = $1)",
+        "UPDATE jobs SET state = 'queued', first_fault_at = 0, run_after = 1800002000000 WHERE tenant = $1",
+        "UPDATE homes SET map_wanted = map_wanted + 1 WHERE tenant = $1",
+    ] {
+        execute(&storage, rest, "acme").await;
+    }
+    assert!(due(&storage, 200).await.is_none(), "the merges would empty the maps");
+    one_aligned("bolt", "other").await;
+    let claim = due(&storage, 300).await.expect("the other tenant's home is due");
+    assert_eq!(claim.home.tenant(), "bolt");
 }
 
 async fn who_asks_comes_first(storage: Storage) {

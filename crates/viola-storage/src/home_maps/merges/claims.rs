@@ -133,8 +133,9 @@ pub(super) async fn take(
     lease: Duration,
     now: Timestamp,
 ) -> Result<Option<Row>, StorageError> {
+    let mut after = after.to_owned();
     for _ in 0..MAX_LOOKS {
-        let Some(row) = take_next(transaction, after, lease, now).await? else { return Ok(None) };
+        let Some(row) = take_next(transaction, &after, lease, now).await? else { return Ok(None) };
         // On PostgreSQL the claim saw the clips as they were when it began. A new LiDAR map may have queued them before it locked
         // the home.
         if still_need_not_wait(transaction, &row, now).await? {
@@ -145,6 +146,8 @@ pub(super) async fn take(
             .bind((now + LOOK_AGAIN).as_millisecond())
             .execute(transaction)
             .await?;
+        // More homes of this tenant may wait than one claim looks at.
+        row.home("id")?.tenant().clone_into(&mut after);
     }
     Ok(None)
 }
