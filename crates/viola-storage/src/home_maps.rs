@@ -280,15 +280,15 @@ pub(super) async fn changed(
     mark(connection, mark_due!(""), home, now).await
 }
 
-/// Marks a home's map as due if the home has one: its LiDAR maps are others, whatever its clips are. All clips are queued for
-/// them, and the waiting begins again.
+/// Marks a home's map as due if the home has one, or will have its first: its LiDAR maps are others, whatever its clips are. All
+/// clips are queued for them, and the waiting begins again.
 pub(super) async fn outdated(
     connection: &mut Connection,
     home: &HomeId,
     now: Timestamp,
 ) -> Result<(), StorageError> {
     let statement = "UPDATE homes SET map_wanted = map_wanted + 1, map_due_since = $2
-        WHERE id = $1 AND EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1)";
+        WHERE id = $1 AND (map_made < map_wanted OR EXISTS (SELECT 1 FROM home_maps WHERE home_id = $1))";
     mark(connection, statement, home, now).await
 }
 

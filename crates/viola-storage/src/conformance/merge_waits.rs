@@ -13,6 +13,7 @@ on_every_back_end!(
     a_home_that_never_stops_uploading_is_merged,
     a_removed_clip_leaves_the_map_of_a_home_that_never_stops_uploading,
     a_new_lidar_map_takes_no_clip_out_of_the_map_for_hours,
+    a_first_map_waits_for_clips_that_a_new_lidar_map_queued,
     a_map_whose_clips_rest_after_faults_is_not_emptied,
     a_map_waits_two_hours_for_its_clip_that_meets_faults,
     a_merge_waits_no_longer_after_the_clock_was_set_back,
@@ -94,6 +95,26 @@ async fn a_new_lidar_map_takes_no_clip_out_of_the_map_for_hours(storage: Storage
     assert_eq!(clips_in_map(&storage, &home).await, clips);
     let claim = due(&storage, 15 * HOUR).await.expect("nothing is waited for that long");
     assert!(claim.has_new_lidar_map() && claim.members.is_empty());
+}
+
+async fn a_first_map_waits_for_clips_that_a_new_lidar_map_queued(storage: Storage) {
+    // The home is due from second 100 on, and no worker had time for the merge.
+    let (home, clips) = two_aligned(&storage).await;
+    let new = NewLidarMap {
+        level: LevelName::MAIN,
+        file: arrived(&storage, b"new map").await,
+        file_name: None,
+        info: lidar_info(),
+        from_earlier: None,
+        image_png: b"picture".to_vec(),
+    };
+    storage.put_lidar_map(&home, new, None, |_| true, at(900)).await.unwrap();
+    assert!(due(&storage, 901).await.is_none(), "the first map would be empty");
+    for _ in &clips {
+        align_at(&storage, 901).await;
+    }
+    let claim = due(&storage, 902).await.expect("the home is due");
+    assert_eq!(members_of(&claim), clips);
 }
 
 async fn a_map_whose_clips_rest_after_faults_is_not_emptied(storage: Storage) {
