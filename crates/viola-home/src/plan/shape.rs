@@ -6,6 +6,7 @@ use super::model::{Opening, OpeningKind, Wall};
 use super::spaces::Spaces;
 use crate::rooms::bands::Bands;
 use crate::rooms::outline::{Outline, trace};
+use std::ops::Range;
 use viola_geometry::{Grid, GridFrame};
 
 /// Walls between rooms are at most this thick.
@@ -20,17 +21,35 @@ const SAME_LINE_M: f64 = 0.03;
 
 /// Returns the polygon of each room.
 pub(super) fn outlines(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
-    let lines = [&cells.lines[0][..], &cells.lines[1][..]];
-    (1..=spaces.owners.len() as u32)
-        .map(|room| {
+    let boxes = boxes(cells, spaces);
+    (1..)
+        .zip(boxes)
+        .map(|(room, [columns, rows])| {
+            let lines = [(0, &columns), (1, &rows)]
+                .map(|(axis, range)| cells.lines[axis].get(range.start..=range.end).unwrap_or_default());
             // A doorway within the room is a part of it.
-            let cells = spaces.of_cell.iter().zip(&spaces.joins);
-            let mask: Vec<bool> = cells.map(|(of, joins)| *of == room || *joins == room).collect();
-            let mut outlines = traced(lines, mask);
+            let is_of = |at: usize| spaces.of_cell[at] == room || spaces.joins[at] == room;
+            let mask = rows.flat_map(|y| columns.clone().map(move |x| [x, y]));
+            let mut outlines = traced(lines, mask.map(|place| is_of(cells.index(place))).collect());
             outlines.sort_by(|a, b| b.outer_area_m2().total_cmp(&a.outer_area_m2()));
             outlines.into_iter().next().unwrap_or(Outline { ring_m: Vec::new(), holes_m: Vec::new() })
         })
         .collect()
+}
+
+/// Returns the columns and the rows of the box around each room: a large map has thousands of small rooms.
+fn boxes(cells: &Cells, spaces: &Spaces) -> Vec<[Range<usize>; 2]> {
+    let mut boxes: Vec<[Range<usize>; 2]> = vec![[0..0, 0..0]; spaces.owners.len()];
+    for (at, (of, joins)) in spaces.of_cell.iter().zip(&spaces.joins).enumerate() {
+        for room in [*of, *joins] {
+            let room = (room as usize).checked_sub(1).and_then(|room| boxes.get_mut(room));
+            for (range, at) in room.into_iter().flatten().zip(cells.place(at)) {
+                let from = if range.is_empty() { at } else { range.start.min(at) };
+                *range = from..range.end.max(at + 1);
+            }
+        }
+    }
+    boxes
 }
 
 /// Returns the polygons of the set cells between lines.
@@ -88,9 +107,13 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec
     }
     let mut walls: Vec<Stretch> = Vec::new();
     for next in all {
-        let continued = walls.iter_mut().rev().find(|wall| {
+        // They are in the order of their lines, and none begins further from its line than it is usually thick.
+        let is_near = |wall: &&mut Stretch| {
+            wall.axis == next.axis && wall.faces_m[0] + USUAL_M + 2.0 * SAME_LINE_M > next.faces_m[0]
+        };
+        let continued = walls.iter_mut().rev().take_while(is_near).find(|wall| {
             let off = |i: usize| (wall.faces_m[i] - next.faces_m[i]).abs();
-            (wall.axis, wall.is_measured) == (next.axis, next.is_measured)
+            wall.is_measured == next.is_measured
                 && off(0) < SAME_LINE_M
                 && off(1) < SAME_LINE_M
                 && next.from_m - wall.to_m < JOIN_M
@@ -312,4 +335,39 @@ fn fill_cavities(near: &mut [bool], is_open: &[bool], count: [usize; 2]) {
         }
     }
     near.iter_mut().zip(reached).for_each(|(near, reached)| *near |= !reached);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rooms of one cell, each apart from the others: as many as a plan may have.
+    #[test]
+    fn very_many_rooms_have_their_outlines_and_walls_soon() {
+        const SIDE: usize = 240;
+        let lines: Vec<f64> = (0..=2 * SIDE).map(|at| at as f64 * 0.6).collect();
+        let count = 4 * SIDE * SIDE;
+        let cells = Cells {
+            lines: [lines.clone(), lines.clone()],
+            inside: vec![true; count],
+            pillars: vec![false; count],
+            owners: vec![Vec::new(); count],
+        };
+        let place = |room: usize| [2 * (room % SIDE), 2 * (room / SIDE)];
+        let (mut of_cell, mut joins) = (vec![0; count], vec![0; count]);
+        (1..).zip(0..SIDE * SIDE).for_each(|(number, room)| of_cell[cells.index(place(room))] = number);
+        // The last one has a doorway.
+        joins[count - 1 - 2 * SIDE] = (SIDE * SIDE) as u32;
+        let spaces = Spaces { of_cell, owners: vec![0; SIDE * SIDE], joins, gaps: Vec::new() };
+        let outlines = outlines(&cells, &spaces);
+        assert_eq!(outlines.len(), SIDE * SIDE);
+        for (room, outline) in outlines.iter().enumerate() {
+            let ([x, y], width) = (place(room), if room + 1 < outlines.len() { 1 } else { 2 });
+            let ([left, right], [low, high]) = ([lines[x], lines[x + width]], [lines[y], lines[y + 1]]);
+            assert_eq!(outline.ring_m, [[left, low], [right, low], [right, high], [left, high]]);
+        }
+        // Nothing is beyond the lines at the edges.
+        let walls = walls(&cells, &spaces, &outlines);
+        assert_eq!(walls.len(), 2 * SIDE * (2 * SIDE - 1));
+    }
 }
