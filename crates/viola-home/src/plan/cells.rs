@@ -10,6 +10,7 @@ use super::islands;
 use super::oblique::{self, Oblique};
 use crate::rooms::Room;
 use lines::{SAME_LINE_M, WALL, lines};
+use std::ops::Range;
 use viola_geometry::{GridFrame, Point2};
 
 /// Cells this near an oblique face are right behind or before it.
@@ -154,6 +155,16 @@ impl Cells {
         near.filter(|line| *line < self.lines[axis].len())
             .filter(|line| off(line) <= SAME_LINE_M)
             .min_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+
+    /// Returns the cells along an axis whose centres may be between the lowest and the highest of some coordinates.
+    pub fn between(&self, axis: usize, metres: impl Iterator<Item = f64>) -> Range<usize> {
+        /// Centres this much beyond them are compared, so that rounding loses none.
+        const ROUNDING_M: f64 = 1e-6;
+        let (low, high) =
+            metres.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), m| (low.min(m), high.max(m)));
+        let after = |metres: f64| self.lines[axis].partition_point(|line| *line <= metres);
+        after(low - ROUNDING_M).saturating_sub(1)..after(high + ROUNDING_M).min(self.count(axis))
     }
 
     /// Adds the costs of a cell by what was seen in it.
@@ -323,4 +334,24 @@ pub(super) fn on_line<'a>(
     faces
         .iter()
         .filter(move |face| face.facing == facing && cells.line(facing.axis, face.line_m) == Some(line))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centres_between_coordinates_are_found_by_the_lines() {
+        let lines = [vec![0.0, 1.0, 1.2, 3.0, 3.1, 5.0], vec![0.0, 1.0]];
+        let cells =
+            Cells { lines, inside: vec![true; 5], pillars: vec![false; 5], owners: vec![Vec::new(); 5] };
+        for (from, to) in (-10..62).flat_map(|from| (from..62).map(move |to| (from, to))) {
+            let [low, high] = [from, to].map(|tenths| f64::from(tenths) / 10.0);
+            let found = cells.between(0, [high, low].into_iter());
+            let is_between = |at: &usize| (low..=high).contains(&cells.centre(*at)[0]);
+            assert!((0..5).filter(is_between).all(|at| found.contains(&at)), "{low} {high}: {found:?}");
+            // At most one more at each end.
+            assert!(found.len() <= (0..5).filter(is_between).count() + 2, "{low} {high}: {found:?}");
+        }
+    }
 }

@@ -63,18 +63,20 @@ fn gap(cells: &Cells, face: &Oblique, back: &Oblique, span: [f64; 2]) -> Option<
     if !(THICKNESS_M[0]..THICKNESS_M[1]).contains(&thickness_m) {
         return None;
     }
-    let centre = |at: usize| {
-        let place = cells.place(at);
-        Point2::from(
-            [0, 1].map(|axis| cells.lines[axis][place[axis]] + cells.size_m(axis, place[axis]) / 2.0),
-        )
-    };
+    let centre = |at: usize| Point2::from(cells.centre(at));
+    let (along_m, before_m) = ([span[0] - NEAR_M, span[1] + NEAR_M], [-thickness_m - NEAR_M, NEAR_M]);
     let is_in = |at: usize| {
-        let [along_m, before_m] = face.within(&centre(at));
-        (span[0] - NEAR_M..=span[1] + NEAR_M).contains(&along_m)
-            && (-thickness_m - NEAR_M..=NEAR_M).contains(&before_m)
+        let within = face.within(&centre(at));
+        (along_m[0]..=along_m[1]).contains(&within[0]) && (before_m[0]..=before_m[1]).contains(&within[1])
     };
-    let own: Vec<usize> = (0..cells.inside.len()).filter(|at| cells.inside[*at] && is_in(*at)).collect();
+    // A large map has very many cells, and an oblique wall may have very many gaps.
+    let corners = along_m.map(|along_m| before_m.map(|before_m| face.at(along_m) + face.normal * before_m));
+    let [columns, rows] =
+        [0, 1].map(|axis| cells.between(axis, corners.as_flattened().iter().map(|p| p[axis])));
+    let own: Vec<usize> = rows
+        .flat_map(|y| columns.clone().map(move |x| cells.index([x, y])))
+        .filter(|at| cells.inside[*at] && is_in(*at))
+        .collect();
     let mut sides = [Vec::new(), Vec::new()];
     for at in &own {
         for next in beside(*at, cells.count(0), cells.count(1)).into_iter().flatten() {
