@@ -151,6 +151,13 @@ fn owners_beside(gap: &Gap, cells: &Cells) -> [u32; 2] {
     [false, true].map(owner)
 }
 
+/// The given rooms of a piece.
+struct Parts {
+    rooms: Vec<u32>,
+    /// The one that has all other given rooms; without it, the nearest one has them.
+    rest: Option<u32>,
+}
+
 /// Divides pieces with several given rooms if these `divide`, else between the largest one and corrected ones that have most of
 /// their area in the piece. Drops small rooms, and numbers the rest by descending area.
 fn by_owner(
@@ -159,14 +166,7 @@ fn by_owner(
     divide: bool,
     is_corrected: impl Fn(u32) -> bool,
 ) -> (Vec<u32>, Vec<u32>) {
-    // Area of each given room in each piece.
-    let mut areas_m2: Vec<BTreeMap<u32, f64>> =
-        vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
-    for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| **piece != 0) {
-        for (owner, area) in cells.owners[at].iter().filter(|(owner, _)| *owner != 0) {
-            *areas_m2[*piece as usize].entry(*owner).or_default() += area;
-        }
-    }
+    let areas_m2 = rooms_m2(cells, pieces);
     let mut most_of: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
     for (piece, areas_m2) in areas_m2.iter().enumerate() {
         for (owner, area) in areas_m2 {
@@ -176,65 +176,97 @@ fn by_owner(
             }
         }
     }
-    let mut key: Vec<Key> = vec![None; pieces.len()];
-    for (piece, areas_m2) in areas_m2.iter().enumerate().skip(1) {
+    let parts = areas_m2.iter().enumerate().map(|(piece, areas_m2)| {
         let is_here = |owner: &u32| most_of.get(owner).is_some_and(|most| most.1 == piece);
         let divides = |owner: &u32| divide || is_corrected(*owner) && is_here(owner);
         let large = areas_m2.iter().filter(|(owner, area)| **area >= MIN_PART_M2 && divides(owner));
-        let mut parts: Vec<u32> = large.map(|(owner, _)| *owner).collect();
-        let most = areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(owner, _)| *owner);
-        if !parts.contains(&most) {
-            parts.push(most);
+        let mut rooms: Vec<u32> = large.map(|(owner, _)| *owner).collect();
+        let most = largest(areas_m2);
+        if !rooms.contains(&most) {
+            rooms.push(most);
         }
-        spread(cells, pieces, piece as u32, &parts, &mut key);
-    }
+        Parts { rooms, rest: (!divide).then_some(most) }
+    });
+    let mut key = spread(cells, pieces, &parts.collect::<Vec<Parts>>());
     // Another room may lie between the parts of a given one.
     let region = regions(cells, |at| key[at]);
     let region = joined(cells, pieces, &mut key, region);
     let area_m2 = areas(cells, &region);
-    let mut owner_of = vec![0; area_m2.len()];
-    region.iter().zip(&key).for_each(|(region, key)| owner_of[*region as usize] = key.map_or(0, |key| key.1));
     let mut order: Vec<usize> = (1..area_m2.len()).filter(|at| area_m2[*at] >= MIN_AREA_M2).collect();
     order.sort_by(|a, b| area_m2[*b].total_cmp(&area_m2[*a]).then(a.cmp(b)));
     let mut number = vec![0; area_m2.len()];
     (1..).zip(&order).for_each(|(next, region)| number[*region] = next);
     let of_cell = region.iter().map(|region| number[*region as usize]).collect();
-    let mut owned_m2 = vec![0.0; area_m2.len()];
-    for (at, region) in region.iter().enumerate() {
-        let own = cells.owners[at].iter().filter(|(owner, _)| *owner == owner_of[*region as usize]);
-        owned_m2[*region as usize] += own.map(|(_, area)| area).sum::<f64>();
+    (of_cell, owners(cells, &region, &key, &order))
+}
+
+/// Returns the area of each given room in each piece, by the piece's number.
+fn rooms_m2(cells: &Cells, pieces: &[u32]) -> Vec<BTreeMap<u32, f64>> {
+    let count = pieces.iter().max().map_or(0, |most| *most as usize) + 1;
+    let mut areas_m2: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); count];
+    for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| **piece != 0) {
+        for (owner, area) in cells.owners[at].iter().filter(|(owner, _)| *owner != 0) {
+            *areas_m2[*piece as usize].entry(*owner).or_default() += area;
+        }
+    }
+    areas_m2
+}
+
+/// Returns the room with the largest area; 0 for none.
+fn largest(areas_m2: &BTreeMap<u32, f64>) -> u32 {
+    areas_m2.iter().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(owner, _)| *owner)
+}
+
+/// Returns the given room of each region in an `order`, 0 for none. `key` has the room of each cell.
+fn owners(cells: &Cells, region: &[u32], key: &[Key], order: &[usize]) -> Vec<u32> {
+    let (areas_m2, area_m2) = (rooms_m2(cells, region), areas(cells, region));
+    let mut owner_of = vec![0; area_m2.len()];
+    region.iter().zip(key).for_each(|(region, key)| owner_of[*region as usize] = key.map_or(0, |key| key.1));
+    for (owner, areas_m2) in owner_of.iter_mut().zip(&areas_m2) {
+        // A room that only corrected ones connect with the largest room is not that one.
+        if !areas_m2.contains_key(owner) {
+            *owner = largest(areas_m2);
+        }
+    }
+    let owned_m2 = |region: usize| areas_m2[region].get(&owner_of[region]).copied().unwrap_or_default();
+    let mut most_m2: BTreeMap<u32, f64> = BTreeMap::new();
+    for region in order {
+        let most_m2 = most_m2.entry(owner_of[*region]).or_default();
+        *most_m2 = most_m2.max(owned_m2(*region));
     }
     // A piece into which a room reaches a little is not a part of it.
     let owner = |region: &usize| {
-        let parts = order.iter().filter(|part| owner_of[**part] == owner_of[*region]);
-        let most_m2 = parts.map(|part| owned_m2[*part]).fold(0.0, f64::max);
-        let is_part = owned_m2[*region] >= most_m2 || owned_m2[*region] >= OWNED * area_m2[*region];
-        if is_part { owner_of[*region] } else { 0 }
+        let owned_m2 = owned_m2(*region);
+        let is_most = most_m2.get(&owner_of[*region]).is_none_or(|most_m2| owned_m2 >= *most_m2);
+        if is_most || owned_m2 >= OWNED * area_m2[*region] { owner_of[*region] } else { 0 }
     };
-    (of_cell, order.iter().map(owner).collect())
+    order.iter().map(owner).collect()
 }
 
-/// Gives each cell of a piece to one of `parts`: its own largest, else that of the nearest cell.
-fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [Key]) {
-    let own: Vec<usize> = (0..pieces.len()).filter(|at| pieces[*at] == piece).collect();
+/// Gives each cell to one of the `parts` of its piece: its own largest room, or the one that has that, else that of the nearest
+/// cell.
+fn spread(cells: &Cells, pieces: &[u32], parts: &[Parts]) -> Vec<Key> {
+    let owner = |at: usize| {
+        let Parts { rooms, rest } = parts.get(pieces[at] as usize)?;
+        let own = cells.owners[at].iter().map(|(owner, _)| *owner).find(|owner| *owner != 0);
+        let only = || if let [only] = rooms.as_slice() { Some(*only) } else { None };
+        own.filter(|own| rooms.contains(own)).or(own.and(*rest)).or_else(only)
+    };
+    let mut key: Vec<Key> = vec![None; pieces.len()];
     let mut open = std::collections::VecDeque::new();
-    for at in &own {
-        let owner = cells.owners[*at].iter().map(|(owner, _)| *owner).find(|owner| *owner != 0);
-        if let Some(owner) =
-            owner.filter(|owner| parts.contains(owner)).or((parts.len() == 1).then(|| parts[0]))
-        {
-            key[*at] = Some((piece, owner));
-            open.push_back(*at);
-        }
+    for at in (0..pieces.len()).filter(|at| pieces[*at] != 0) {
+        key[at] = owner(at).map(|owner| (pieces[at], owner));
+        open.extend(key[at].map(|_| at));
     }
     while let Some(at) = open.pop_front() {
         for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
-            if pieces[next] == piece && key[next].is_none() {
+            if pieces[next] == pieces[at] && key[next].is_none() {
                 key[next] = key[at];
                 open.push_back(next);
             }
         }
     }
+    key
 }
 
 #[cfg(test)]
@@ -289,6 +321,12 @@ mod tests {
         ] {
             assert_eq!(divided_by(&cells, &[1; 3], false, &corrected), want, "{corrected:?}");
         }
+        // All of room 2, not only the half of it that is nearer.
+        let cells = [(5.0, 1), (6.0, 2), (7.0, 2), (8.0, 2), (9.0, 2), (12.0, 3)];
+        assert_eq!(divided_by(&cells, &[1; 6], false, &[3]), (vec![1, 1, 1, 1, 1, 2], vec![1, 3]));
+        // Room 2 is behind room 3.
+        let cells = [(5.0, 1), (8.0, 3), (12.0, 2)];
+        assert_eq!(divided_by(&cells, &[1; 3], false, &[3]), (vec![1, 3, 2], vec![1, 2, 3]));
         // Most of room 2 is behind a wall.
         let cells = [(5.0, 1), (7.0, 2), (12.0, 2)];
         assert_eq!(divided_by(&cells, &[1, 1, 2], false, &[2]), (vec![1, 1, 2], vec![1, 2]));
@@ -298,6 +336,15 @@ mod tests {
     fn a_part_joins_all_beside_it_that_are_one_room() {
         let (of_cell, owners) = divided(&[(3.0, 1), (3.4, 2), (6.4, 1), (9.0, 2)]);
         assert_eq!((of_cell, owners), (vec![1, 1, 1, 2], vec![1, 2]));
+    }
+
+    #[test]
+    fn a_map_of_very_many_pieces_ends_soon() {
+        let strips: Vec<(f64, u32)> = (1..=100_000).map(|at| (f64::from(at) * 1.1, 1)).collect();
+        let pieces: Vec<u32> = (1..=100_000).collect();
+        let (of_cell, owners) = divided_by(&strips, &pieces, true, &[]);
+        assert!(of_cell.iter().all(|room| *room != 0));
+        assert!(owners.len() == strips.len() && owners.iter().all(|owner| *owner == 1));
     }
 
     #[test]
