@@ -9,6 +9,7 @@ use super::segments::{Segment, segments};
 use super::titles::Titles;
 use serde::Serialize;
 use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 use viola_formats::lidar::RobotFrame;
 use viola_geometry::taxonomy::Class;
 
@@ -179,13 +180,15 @@ fn named(json: Option<&[u8]>, segments: &[SegmentName]) -> Result<Value, Absent>
     let is_segment = |layer: &&mut Value| layer.get("type").and_then(Value::as_str) == Some("segment");
     let layers: Vec<&mut Value> = layers.into_iter().flatten().filter(is_segment).collect();
     let ids: Vec<Option<String>> = layers.iter().map(|layer| segment_id(layer)).collect();
+    let with_id: BTreeSet<&str> = ids.iter().flatten().map(String::as_str).collect();
+    let by_id: BTreeMap<&str, &SegmentName> =
+        segments.iter().map(|segment| (segment.segment.as_str(), segment)).collect();
     // The reader numbers the segments without an id, and keeps their order.
-    let is_numbered = |segment: &&SegmentName| !ids.iter().flatten().any(|id| *id == segment.segment);
-    let mut numbered = segments.iter().filter(is_numbered);
+    let mut numbered = segments.iter().filter(|segment| !with_id.contains(segment.segment.as_str()));
     for (layer, id) in layers.into_iter().zip(&ids) {
         // Several layers may have one id: they are parts of one segment.
         let segment = match id {
-            Some(id) => segments.iter().find(|segment| segment.segment == *id),
+            Some(id) => by_id.get(id.as_str()).copied(),
             None => numbered.next(),
         };
         let Some(name) = segment.and_then(|segment| segment.name.as_ref()) else { continue };
@@ -236,4 +239,25 @@ fn of_rectangle(rectangle: &Rectangle, frame: &RobotFrame) -> Zone {
 fn at(frame: &RobotFrame, point_m: [f64; 2]) -> At {
     let [x, y] = frame.rounded(point_m);
     At { x, y }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// A segment without cells has about 60 bytes.
+    #[test]
+    fn a_map_of_very_many_segments_is_named_soon() {
+        const COUNT: usize = 100_000;
+        let layer = |id: usize| json!({"type": "segment", "metaData": {"segmentId": id.to_string()}});
+        let file = json!({"layers": (0..COUNT).map(layer).collect::<Vec<Value>>()}).to_string();
+        let name = |id: usize| Some(format!("Room {id}"));
+        let segment =
+            |id: usize| SegmentName { segment: id.to_string(), room: None, name: name(id), overlap: 1.0 };
+        let map = named(Some(file.as_bytes()), &(0..COUNT).map(segment).collect::<Vec<_>>()).unwrap();
+        for id in [0, COUNT / 2, COUNT - 1] {
+            assert_eq!(map["layers"][id]["metaData"]["name"].as_str(), name(id).as_deref());
+        }
+    }
 }
