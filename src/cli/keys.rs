@@ -3,10 +3,11 @@
 use super::args::StoreArguments;
 use super::output;
 use super::progress::to_standard_error;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
 use jiff::{SignedDuration, Timestamp};
 use serde_json::json;
+use std::io::Write;
 use uuid::Uuid;
 use viola_storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 
@@ -91,11 +92,16 @@ async fn create(arguments: &CreateArguments) -> Result<()> {
         expires_at: life.map(|life| now + life),
     };
     let (key, secret) = storage.create_key(new, now).await?;
-    storage.close().await;
     // The secret is alone on standard output, so that a script can read it.
     to_standard_error(&format!("key {} of tenant {}; it is not shown again:", key.id, key.tenant.name()));
-    println!("{}", secret.show());
-    Ok(())
+    let shown = writeln!(std::io::stdout(), "{}", secret.show());
+    // Nobody has it otherwise, and it would be valid.
+    let is_revoked = shown.is_err() && storage.revoke_key(key.id, storage.now()).await.is_ok();
+    storage.close().await;
+    shown.with_context(|| {
+        let state = if is_revoked { "it is revoked" } else { "revoke it with `viola keys revoke`" };
+        format!("key {} cannot be shown; {state}, and create another one", key.id)
+    })
 }
 
 async fn list(arguments: &ListArguments) -> Result<()> {

@@ -161,6 +161,21 @@ fn output_that_nobody_reads_ends_quietly() {
     }
 }
 
+/// Nobody would know its secret, and it would be valid.
+#[test]
+fn a_key_that_cannot_be_shown_is_revoked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let create = ["keys", "create", "--tenant", "acme", "--role", "admin"];
+    let output = viola(&create, folder.path()).stdout(writer).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && stderr.contains("cannot be shown"), "{stderr}");
+    let (_, keys, _) = run(&["keys", "list", "--json"], folder.path());
+    let keys: serde_json::Value = serde_json::from_str(&keys).unwrap();
+    assert_eq!((keys.as_array().map(Vec::len), &keys[0]["state"]), (Some(1), &"revoked".into()), "{keys}");
+}
+
 #[test]
 fn work_does_not_depend_on_readers_of_its_messages() {
     let folder = without_pose();
