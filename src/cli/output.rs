@@ -19,7 +19,7 @@ pub fn write_whole<T>(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> R
     }
     let (folder, name) = (target.parent().with_context(cannot)?, target.file_name().with_context(cannot)?);
     // Not tempfile's own files, which only their owner may read.
-    let new = |part: &Path| File::options().write(true).create_new(true).open(part);
+    let new = |part: &Path| File::options().read(true).write(true).create_new(true).open(part);
     let part = tempfile::Builder::new().prefix(name).suffix(".part").make_in(folder, new);
     // The temporary file is removed when `part` is dropped.
     let (file, part) = part.with_context(cannot)?.into_parts();

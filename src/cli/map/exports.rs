@@ -1,6 +1,7 @@
 //! The files of a level for other programs: points as E57 and LAZ, and the recording.
 
-use anyhow::{Context, Result};
+use crate::cli::output;
+use anyhow::Result;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -53,8 +54,38 @@ impl LevelExports<'_> {
     }
 }
 
+/// [`output::write_whole`] through a handle of its own.
 fn write_file(path: &Path, write: impl FnOnce(File) -> io::Result<()>) -> Result<()> {
-    // E57 reads back what it wrote.
-    let file = File::options().read(true).write(true).create(true).truncate(true).open(path);
-    file.and_then(write).with_context(|| format!("cannot write {}", path.display()))
+    output::write_whole(path, |to| Ok(write(to.get_ref().try_clone()?)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::io::{Read, Seek, Write};
+
+    #[test]
+    fn an_export_that_fails_replaces_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("points.e57");
+        fs::write(&path, "first").unwrap();
+        let error = write_file(&path, |mut file| {
+            file.write_all(b"half")?;
+            Err(io::Error::other("no more"))
+        });
+        assert!(format!("{:#}", error.unwrap_err()).ends_with("points.e57: no more"));
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        // E57 reads back what it wrote.
+        let whole = write_file(&path, |mut file| {
+            file.write_all(b"second")?;
+            file.rewind()?;
+            let mut text = String::new();
+            file.read_to_string(&mut text)?;
+            if text == "second" { Ok(()) } else { Err(io::Error::other(text)) }
+        });
+        whole.unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }
