@@ -44,7 +44,8 @@ use super::corrections::RoomDivision;
 use super::map_point::MapPoint;
 use super::objects::Object;
 use super::rooms::Room;
-use super::rooms::outline::Outline;
+use super::rooms::bands::Bands;
+use super::rooms::outline::{Outline, distance_m};
 use super::rooms::space::Space;
 use cells::Cells;
 use evidence::Evidence;
@@ -171,19 +172,18 @@ fn innermost(outline: &Outline, steps: usize) -> Option<[f64; 2]> {
     };
     let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
     let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+    let bands = Bands::new(&outline.ring_m, &outline.holes_m);
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..steps * steps {
         let at = [i % steps, i / steps];
         let p =
             [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / steps as f64 * (high[axis] - low[axis]));
         let point = Point2::from(p);
-        let contains = |ring: &Vec<[f64; 2]>| super::rooms::outline::contains(ring, &point);
-        if !contains(&outline.ring_m) || outline.holes_m.iter().any(contains) {
+        if !bands.contains(&point) {
             continue;
         }
         let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
-        let off_m =
-            rings.map(|ring| super::rooms::outline::distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
+        let off_m = rings.map(|ring| distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
         if best.is_none_or(|(most_m, _)| off_m > most_m + 1e-9) {
             best = Some((off_m, p));
         }
