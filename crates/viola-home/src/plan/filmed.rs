@@ -98,10 +98,15 @@ fn ends_of_parts(wall: &Wall, walls: &[Wall]) -> Vec<f64> {
         |wall: &Wall| (Point2::from(wall.to_m) - Point2::from(wall.from_m)) / wall.length_m().max(1e-9);
     let along = direction(wall);
     let reach_m = wall.thickness_m / 2.0 + AT_WALL_M;
-    let across = walls.iter().filter(|other| direction(other).dot(&along).abs() <= SAME_WAY);
-    let ends = across.flat_map(|other| [other.from_m, other.to_m]).map(|end| Point2::from(end) - from);
-    let at_wall = ends.filter(|end| end.perp(&along).abs() <= reach_m).map(|end| end.dot(&along));
-    let mut places: Vec<f64> = at_wall.filter(|at_m| *at_m <= length_m - MIN_PART_M).collect();
+    let ends = walls.iter().flat_map(|other| [(other, other.from_m), (other, other.to_m)]);
+    let at_wall = ends.filter_map(|(other, end)| {
+        let end = Point2::from(end) - from;
+        (end.perp(&along).abs() <= reach_m).then(|| (other, end.dot(&along)))
+    });
+    let within = at_wall.filter(|(_, at_m)| (MIN_PART_M..=length_m - MIN_PART_M).contains(at_m));
+    // Last, because a large map has very many walls, and few of them are near.
+    let across = within.filter(|(other, _)| direction(other).dot(&along).abs() <= SAME_WAY);
+    let mut places: Vec<f64> = across.map(|(_, at_m)| at_m).collect();
     places.sort_by(f64::total_cmp);
     let mut ends_m = vec![0.0];
     for at_m in places {

@@ -114,6 +114,9 @@ impl Step {
 pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
     let (piers, mut labelled): (Vec<Labelled>, Vec<Labelled>) =
         labelled(points, plan.map_from_plan.inverse()).partition(|point| point.class == Class::Wall);
+    if labelled.is_empty() {
+        return;
+    }
     // An open leaf is no closed door of the wall beside it.
     let leaves = add_leaves(plan, &labelled);
     labelled.retain(|point| point.class != Class::Door || !leaves.iter().any(|leaf| leaf.has(&point.at)));

@@ -40,24 +40,8 @@ fn inner(plan: &Plan, axis: usize) -> [f64; 2] {
 
 /// Returns the inner widths of the rooms that are outermost at the upper (axis 0) or the left side (axis 1).
 fn chain(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2]> {
-    let outermost = |along: f64| {
-        let reach = |room: usize| {
-            crossings(&plan.rooms[room].outline.ring_m, axis, along)
-                .into_iter()
-                .map(|across| if axis == 0 { across } else { -across })
-                .fold(f64::NEG_INFINITY, f64::max)
-        };
-        let reaches = (0..plan.rooms.len()).map(|room| (reach(room), room));
-        reaches
-            .filter(|(reach, _)| reach.is_finite())
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, room)| room)
-    };
-    let count = (((high[axis] - low[axis]) / STEP_M) as usize).min(20_000);
     let mut chain: Vec<(usize, [f64; 2])> = Vec::new();
-    for i in 0..count {
-        let along = low[axis] + (i as f64 + 0.5) * STEP_M;
-        let Some(room) = outermost(along) else { continue };
+    for (along, room) in outermost(plan, axis, low, high) {
         match chain.last_mut() {
             Some((last, span)) if *last == room && along - span[1] < 1.5 * STEP_M => span[1] = along,
             _ => chain.push((room, [along, along])),
@@ -76,15 +60,36 @@ fn chain(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2
         .collect()
 }
 
-/// Returns where a ring crosses a line at `along` of an axis.
-fn crossings(ring: &[[f64; 2]], axis: usize, along: f64) -> Vec<f64> {
-    let ends = ring.iter().zip(ring.iter().cycle().skip(1));
-    ends.filter(|(a, b)| (a[axis] > along) != (b[axis] > along))
-        .map(|(a, b)| {
-            let part = (along - a[axis]) / (b[axis] - a[axis]);
-            a[1 - axis] + part * (b[1 - axis] - a[1 - axis])
-        })
-        .collect()
+/// Returns the steps along a side at which there is a room, and the outermost one.
+fn outermost(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<(f64, usize)> {
+    let count = (((high[axis] - low[axis]) / STEP_M) as usize).min(20_000);
+    let along = |step: usize| low[axis] + (step as f64 + 0.5) * STEP_M;
+    // A step beside a coordinate.
+    let step = |metres: f64| ((metres - low[axis]) / STEP_M).max(0.0) as usize;
+    let mut found: Vec<Option<(f64, usize)>> = vec![None; count];
+    for (number, room) in plan.rooms.iter().enumerate() {
+        let ring = &room.outline.ring_m;
+        for (a, b) in ring.iter().zip(ring.iter().cycle().skip(1)) {
+            let [from, to] = [a[axis].min(b[axis]), a[axis].max(b[axis])].map(step);
+            for (at, found) in found.iter_mut().enumerate().take(to + 2).skip(from.saturating_sub(1)) {
+                let Some(across) = crossing(a, b, axis, along(at)) else { continue };
+                let reach = if axis == 0 { across } else { -across };
+                if found.is_none_or(|(most, _)| reach.total_cmp(&most).is_ge()) {
+                    *found = Some((reach, number));
+                }
+            }
+        }
+    }
+    let found = found.into_iter().enumerate();
+    found.filter_map(|(at, found)| Some((along(at), found?.1))).collect()
+}
+
+/// Returns where a side crosses a line at `along` of an axis.
+fn crossing(a: &[f64; 2], b: &[f64; 2], axis: usize, along: f64) -> Option<f64> {
+    ((a[axis] > along) != (b[axis] > along)).then(|| {
+        let part = (along - a[axis]) / (b[axis] - a[axis]);
+        a[1 - axis] + part * (b[1 - axis] - a[1 - axis])
+    })
 }
 
 /// Draws a dimension line above the drawing (axis 0) or left of it (axis 1).
@@ -146,4 +151,48 @@ fn text(out: &mut String, x: f64, y: f64, turn_deg: Option<f64>, words: &str) {
         out,
         "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{TEXT_MM}\" fill=\"{QUIET}\" stroke=\"none\"{turn}>{words}</text>"
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::model::PlanRoom;
+    use crate::rooms::outline::Outline;
+    use viola_geometry::{LevelName, Pose2};
+
+    /// A large map: each room has few steps along a side.
+    #[test]
+    fn the_outermost_of_very_many_rooms_are_found_soon() {
+        const SIDE: usize = 100;
+        let room = |at: usize| {
+            let [x, y] = [at % SIDE, at / SIDE].map(|place| place as f64 * 2.0);
+            let ring_m = vec![[x, y], [x + 1.5, y], [x + 1.5, y + 1.5], [x, y + 1.5]];
+            let outline = Outline { ring_m, holes_m: Vec::new() };
+            PlanRoom { id: None, name: None, area_m2: 2.25, label_at_m: [x + 0.75, y + 0.75], outline }
+        };
+        let plan = Plan {
+            level: LevelName::MAIN,
+            home_name: None,
+            map_from_plan: Pose2::IDENTITY,
+            walls: Vec::new(),
+            masonry: Vec::new(),
+            unfilmed_masonry: Vec::new(),
+            openings: Vec::new(),
+            rooms: (0..SIDE * SIDE).map(room).collect(),
+            furniture: Vec::new(),
+        };
+        let (low, high) = plan.bounds_m();
+        let spans: Vec<[f64; 2]> =
+            (0..SIDE).map(|place| [0.0, 1.5].map(|end| place as f64 * 2.0 + end)).collect();
+        // The upper row, and the left column.
+        let cases: [(usize, fn(usize) -> bool); 2] =
+            [(0, |room| room / SIDE == SIDE - 1), (1, |room| room % SIDE == 0)];
+        for (axis, is_outermost) in cases {
+            let found = outermost(&plan, axis, low, high);
+            assert!(found.iter().all(|(_, room)| is_outermost(*room)));
+            // The last step may be beyond the drawing.
+            assert!((75 * SIDE - 1..=75 * SIDE).contains(&found.len()), "{}", found.len());
+            assert_eq!(chain(&plan, axis, low, high), spans);
+        }
+    }
 }
