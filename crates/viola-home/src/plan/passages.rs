@@ -8,6 +8,7 @@ use super::evidence::Evidence;
 use super::gaps::{DOOR_M, Gap};
 use crate::rooms::outline::beside;
 use crate::rooms::partition::DOOR_HALF_M;
+use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use viola_geometry::{Point2, Vector2};
@@ -92,24 +93,46 @@ fn borders(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Vec<Meetin
             }
         }
     }
-    meetings.into_values().flat_map(apart).collect()
+    meetings.into_values().flat_map(|places| apart(&places)).collect()
 }
 
-/// Divides places into groups that are far from each other.
-fn apart(mut left: Vec<Meeting>) -> Vec<Vec<Meeting>> {
+/// Divides places into groups that are far from each other. A place is compared with those in the squares around it: two rooms
+/// may meet at very many.
+fn apart(all: &[Meeting]) -> Vec<Vec<Meeting>> {
+    // Larger than the distance, so that rounding loses none.
+    let square =
+        |meeting: &Meeting| [0, 1].map(|axis: usize| (meeting[0][axis] / (1.01 * TOGETHER_M)).floor() as i64);
+    let mut left: FxHashMap<[i64; 2], Vec<usize>> = FxHashMap::default();
+    for (at, meeting) in all.iter().enumerate() {
+        left.entry(square(meeting)).or_default().push(at);
+    }
+    let mut is_taken = vec![false; all.len()];
     let mut groups = Vec::new();
-    while let Some(first) = left.pop() {
+    for first in (0..all.len()).rev() {
+        if is_taken[first] {
+            continue;
+        }
+        is_taken[first] = true;
         let mut group = vec![first];
         let mut next = 0;
-        while next < group.len() {
-            let from = group[next][0];
-            let (near, far): (Vec<_>, Vec<_>) =
-                left.into_iter().partition(|meeting| (meeting[0] - from).norm() <= TOGETHER_M);
-            group.extend(near);
-            left = far;
+        while let Some(from) = group.get(next).map(|at| &all[*at]) {
+            let ([x, y], mut near) = (square(from), Vec::new());
+            for there in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
+                let Some(places) = left.get_mut(&there) else { continue };
+                places.retain(|at| {
+                    let is_near = (all[*at][0] - from[0]).norm() <= TOGETHER_M;
+                    if is_near && !is_taken[*at] {
+                        near.push(*at);
+                    }
+                    !is_near
+                });
+            }
+            near.sort_unstable();
+            near.iter().for_each(|at| is_taken[*at] = true);
+            group.append(&mut near);
             next += 1;
         }
-        groups.push(group);
+        groups.push(group.into_iter().map(|at| all[at]).collect());
     }
     groups
 }
@@ -226,5 +249,50 @@ impl Passage {
             stubs: [true; 2],
             is_passage: true,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn meeting([x, y]: [f64; 2]) -> Meeting {
+        [Point2::new(x, y), Point2::new(x + 1.0, y)]
+    }
+
+    /// Compares each place with all others.
+    fn apart_of_all(mut left: Vec<Meeting>) -> Vec<Vec<Meeting>> {
+        let mut groups = Vec::new();
+        while let Some(first) = left.pop() {
+            let mut group = vec![first];
+            let mut next = 0;
+            while next < group.len() {
+                let from: Point2 = group[next][0];
+                let is_near = |meeting: &Meeting| (meeting[0] - from).norm() <= TOGETHER_M;
+                let (near, far): (Vec<Meeting>, Vec<Meeting>) = left.into_iter().partition(is_near);
+                group.extend(near);
+                left = far;
+                next += 1;
+            }
+            groups.push(group);
+        }
+        groups
+    }
+
+    proptest! {
+        #[test]
+        fn groups_are_those_of_all_places(places in prop::collection::vec((-30i32..30, -9i32..9), 0..60)) {
+            let place = |(x, y): (i32, i32)| meeting([x, y].map(|step| f64::from(step) * STEP_M));
+            let all: Vec<Meeting> = places.into_iter().map(place).collect();
+            prop_assert_eq!(apart(&all), apart_of_all(all));
+        }
+    }
+
+    #[test]
+    fn very_many_places_are_divided_soon() {
+        const COUNT: usize = 100_000;
+        let all: Vec<Meeting> = (0..COUNT).map(|at| meeting([at as f64 * 0.4, 0.0])).collect();
+        assert_eq!(apart(&all).len(), COUNT);
     }
 }
