@@ -4,7 +4,7 @@ use super::args::numbers;
 use super::output;
 use super::progress::print_line;
 use anyhow::{Result, bail};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
     Catalogue, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv,
@@ -49,8 +49,7 @@ pub struct SimulateArguments {
 pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     output::folder(out)?;
-    let earlier = earlier_clips(out);
-    refuse_files_of_others(out, arguments.clips, earlier)?;
+    refuse_files_of_others(out, arguments.clips, earlier_clips(out))?;
     print_line("making a home and mapping it with its vacuum");
     let catalogue = arguments.furniture.as_deref().map(Catalogue::open).transpose()?.unwrap_or_default();
     let home = Home::furnished(&HomeParams::new(arguments.set, arguments.seed), &catalogue);
@@ -73,8 +72,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         },
         "clips": clips.iter().map(|clip| &clip.truth).collect::<Vec<_>>(),
     });
-    // First, because it tells the next run that the others are those of this one.
-    save(out, "truth.json", serde_json::to_string_pretty(&truth)?)?;
+    save_truth(out, &truth, arguments.clips)?;
     save(out, "valetudo.json", serde_json::to_string(&valetudo_json(&survey))?)?;
     save(out, "map.yaml", ros_yaml(&survey, "map.pgm"))?;
     save(out, "map.pgm", ros_pgm(&survey))?;
@@ -85,13 +83,21 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
         println!("{}", path.display());
     }
-    remove_further_clips(out, arguments.clips, earlier.unwrap_or_default())
+    Ok(())
+}
+
+/// Writes the truth: first, because it tells the next run that the other files are those of this one. Clips of an earlier run
+/// with more clips, which may be of another home, go before it: no later run would know them.
+fn save_truth(out: &Path, truth: &Value, clips: u64) -> Result<()> {
+    let earlier = earlier_clips(out).unwrap_or_default();
+    (clips..earlier).try_for_each(|index| output::remove(&out.join(clip_name(index))))?;
+    save(out, "truth.json", serde_json::to_string_pretty(truth)?)
 }
 
 /// Returns the number of clips that an earlier run wrote, by its truth; `None` without one.
 fn earlier_clips(out: &Path) -> Option<u64> {
     let truth = std::fs::read(out.join("truth.json")).ok()?;
-    let truth: serde_json::Value = serde_json::from_slice(&truth).ok()?;
+    let truth: Value = serde_json::from_slice(&truth).ok()?;
     Some((truth["clips"].as_array()?.len() as u64).min(MAX_CLIPS))
 }
 
@@ -107,11 +113,6 @@ fn refuse_files_of_others(out: &Path, clips: u64, earlier: Option<u64>) -> Resul
 
 fn clip_name(index: u64) -> String {
     format!("clip_{index}.zip")
-}
-
-/// Removes the clips of an earlier run with more clips, which may be of another home.
-fn remove_further_clips(out: &Path, clips: u64, earlier: u64) -> Result<()> {
-    (clips..earlier).try_for_each(|index| output::remove(&out.join(clip_name(index))))
 }
 
 fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
@@ -157,7 +158,9 @@ mod tests {
         }
         let left_after = |truth: &str| {
             fs::write(at("truth.json"), truth).unwrap();
-            remove_further_clips(folder.path(), 1, earlier_clips(folder.path()).unwrap_or_default()).unwrap();
+            // Nothing else of the run is written yet.
+            save_truth(folder.path(), &json!({"clips": [{}]}), 1).unwrap();
+            assert_eq!(earlier_clips(folder.path()), Some(1));
             fs::remove_file(at("truth.json")).unwrap();
             let entries = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
             let mut left: Vec<_> = entries.collect();
