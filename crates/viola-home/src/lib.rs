@@ -67,7 +67,7 @@ pub use points::{ClipNumbers, Glb, Ply, PointFilter, las_code, write_e57, write_
 pub use recording::{ClipPath, RecordedObject, Recording};
 pub use robot::{
     CalibrationFile, Ground, MatterFile, RobotLevel, RobotObject, ValetudoFile, calibration, matter,
-    nav2_files, nav2_zip, valetudo,
+    nav2_files, nav2_zip, robot_places, valetudo,
 };
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};

@@ -18,6 +18,7 @@ pub use calibration::{CalibrationFile, calibration};
 pub use ground::Ground;
 pub use matter::{MatterFile, matter};
 pub use nav2::{nav2_files, nav2_zip};
+pub use places::places as robot_places;
 pub use valetudo::{ValetudoFile, valetudo};
 
 use crate::objects::UprightBox;

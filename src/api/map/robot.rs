@@ -186,11 +186,16 @@ async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Res
 fn write(format: RobotFormat, sources: &[Source]) -> Result<Vec<u8>, Error> {
     let levels: Vec<RobotLevel> = sources.iter().map(Source::robot_level).collect();
     let (Some(level), Some(source)) = (levels.first(), sources.first()) else { return Err(Error::NoSuchMap) };
+    let places = || viola_home::robot_places(level);
     Ok(match (format, &source.ground, &source.image) {
-        (RobotFormat::Nav2, Some(ground), _) => viola_home::nav2_zip(&viola_home::nav2_files(level, ground)?),
-        (RobotFormat::Calibration, _, Some(image)) => json(&viola_home::calibration(level, image)),
+        (RobotFormat::Nav2, Some(ground), _) => {
+            viola_home::nav2_zip(&viola_home::nav2_files(level, &places(), ground)?)
+        }
+        (RobotFormat::Calibration, _, Some(image)) => json(&viola_home::calibration(level, &places(), image)),
         (RobotFormat::Matter, ..) => json(&viola_home::matter(&levels)),
-        (RobotFormat::Valetudo, ..) => json(&viola_home::valetudo(level, source.valetudo.as_deref())),
+        (RobotFormat::Valetudo, ..) => {
+            json(&viola_home::valetudo(level, &places(), source.valetudo.as_deref()))
+        }
         (RobotFormat::Nav2 | RobotFormat::Calibration, ..) => return Err(Error::NoSuchMap),
     })
 }

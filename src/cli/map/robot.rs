@@ -13,9 +13,10 @@ pub fn files(
     let mut ground = Ground::new(level.lidar);
     tiles.iter().for_each(|tile| ground.add(tile));
     let image = PlanImage::in_plan_json(plan_json).context("plan.json has no image")?;
+    let places = viola_home::robot_places(level);
     Ok(vec![
-        ("nav2.zip", viola_home::nav2_zip(&viola_home::nav2_files(level, &ground)?)),
-        ("calibration.json", serde_json::to_vec(&viola_home::calibration(level, &image))?),
-        ("valetudo.json", serde_json::to_vec(&viola_home::valetudo(level, valetudo))?),
+        ("nav2.zip", viola_home::nav2_zip(&viola_home::nav2_files(level, &places, &ground)?)),
+        ("calibration.json", serde_json::to_vec(&viola_home::calibration(level, &places, &image))?),
+        ("valetudo.json", serde_json::to_vec(&viola_home::valetudo(level, &places, valetudo))?),
     ])
 }

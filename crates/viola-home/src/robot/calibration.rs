@@ -3,7 +3,7 @@
 
 use super::area::Cover;
 use super::drive::GoalArea;
-use super::places::{Place, Places, places};
+use super::places::{Place, Places};
 use super::segments::{Segment, segments};
 use super::titles::Titles;
 use super::{RobotLevel, round};
@@ -96,9 +96,8 @@ pub struct Icon {
 }
 
 /// Returns the configuration for a level and the picture of its plan.
-pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
+pub fn calibration(level: &RobotLevel, places: &Places, image: &PlanImage) -> CalibrationFile {
     let frame = &level.lidar.frames.own;
-    let Places { all: places, goal_area } = places(level);
     // A robot cleans its own segments, whatever rooms people made of them.
     let own = rooms(level.lidar, &[]);
     let segments = segments(level);
@@ -106,7 +105,7 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
     let named =
         segments.iter().zip(&titles).filter_map(|(segment, title)| Some((segment, title.as_deref()?)));
     let rooms = named.filter_map(|(segment, title)| room(level, segment, title, &own)).collect();
-    let shown = || places.iter().filter(|place| !place.is_hung);
+    let shown = || places.all.iter().filter(|place| !place.is_hung);
     let zones = shown().filter_map(|place| zone(frame, place)).collect();
     let positions = shown().filter_map(|place| position(frame, place)).collect();
     let mode = |template, selection_type, max_selections, predefined_selections: Vec<Selection>| MapMode {
@@ -131,7 +130,7 @@ pub fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
         },
         image_px: image.size_px,
         calibration_points: points(level, image),
-        goal_area,
+        goal_area: places.goal_area,
         map_modes: modes.collect(),
     }
 }

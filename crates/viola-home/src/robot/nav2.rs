@@ -5,7 +5,7 @@ use super::area::for_cells;
 use super::ground::Ground;
 use super::labels::{Labels, Legend};
 use super::no_go::{NoGoZone, no_go_zones};
-use super::places::{Place, Places, places};
+use super::places::{Place, Places};
 use super::{RobotLevel, round};
 use serde_json::{Value, json};
 use std::io::{Cursor, Write as _};
@@ -23,7 +23,11 @@ enum Mode {
 }
 
 /// Returns the files of a level by name. `ground` has its rugs and stairs.
-pub fn nav2_files(level: &RobotLevel, ground: &Ground) -> Result<Vec<(&'static str, Vec<u8>)>, LidarError> {
+pub fn nav2_files(
+    level: &RobotLevel,
+    places: &Places,
+    ground: &Ground,
+) -> Result<Vec<(&'static str, Vec<u8>)>, LidarError> {
     let map = level.lidar.to_ros("map.pgm")?;
     let labels = Labels::new(level)?;
     let frame = labels.classes.frame;
@@ -40,7 +44,7 @@ pub fn nav2_files(level: &RobotLevel, ground: &Ground) -> Result<Vec<(&'static s
         ("room_mask.pgm", pgm(&labels.rooms, |value| value)),
         ("labels.json", text(&json!(Legend::of(level)))),
         ("no_go_zones.json", text(&json!({ "frame": level.lidar.info.frame, "zones": zones }))),
-        ("goals.json", text(&goals(level))),
+        ("goals.json", text(&goals(level, places))),
     ])
 }
 
@@ -96,8 +100,8 @@ fn keepout(frame: GridFrame, zones: &[NoGoZone]) -> Grid<u8> {
 }
 
 /// Returns the goal poses; a room's has no direction, so its yaw is 0.
-fn goals(level: &RobotLevel) -> Value {
-    let goal = |place: Place| {
+fn goals(level: &RobotLevel, places: &Places) -> Value {
+    let goal = |place: &Place| {
         let goal = place.goal?;
         Some(json!({
             "id": place.id,
@@ -109,9 +113,8 @@ fn goals(level: &RobotLevel) -> Value {
             "yaw_rad": goal.yaw_rad.map_or(0.0, round),
         }))
     };
-    let Places { all, goal_area } = places(level);
-    let goals: Vec<Value> = all.into_iter().filter_map(goal).collect();
-    json!({ "frame": level.lidar.info.frame, "goal_area": goal_area, "goals": goals })
+    let goals: Vec<Value> = places.all.iter().filter_map(goal).collect();
+    json!({ "frame": level.lidar.info.frame, "goal_area": places.goal_area, "goals": goals })
 }
 
 fn text(value: &Value) -> Vec<u8> {

@@ -50,7 +50,7 @@ pub struct Goal {
     pub yaw_rad: Option<f64>,
 }
 
-/// Returns the places of a level.
+/// Returns the places of a level. It takes most of the time of the files that have them.
 pub fn places(level: &RobotLevel) -> Places {
     let drive = Drive::new(level);
     let titles = Titles::of(level);

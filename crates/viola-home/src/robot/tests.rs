@@ -12,7 +12,7 @@ use super::places::{Place, places};
 use super::*;
 use crate::plan::{PlanImage, plan};
 use serde_json::{Value, json};
-use viola_formats::lidar::{Cell, valetudo_json};
+use viola_formats::lidar::{Cell, LidarError, valetudo_json};
 use viola_geometry::{DistanceField, Grid, Point2};
 
 /// Height of the sheet.
@@ -80,6 +80,18 @@ fn level(lidar: &LidarMap) -> RobotLevel<'_> {
         object("sofa-1", Class::Sofa, [6.6, 3.55], [2.0, 0.9, 0.8], "17"),
     ];
     RobotLevel { level: LevelName::MAIN, lidar, rooms, objects }
+}
+
+fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
+    super::valetudo(level, &places(level), json)
+}
+
+fn calibration(level: &RobotLevel, image: &PlanImage) -> CalibrationFile {
+    super::calibration(level, &places(level), image)
+}
+
+fn nav2_files(level: &RobotLevel, ground: &Ground) -> Result<Vec<(&'static str, Vec<u8>)>, LidarError> {
+    super::nav2_files(level, &places(level), ground)
 }
 
 fn json_of(value: &impl serde::Serialize) -> Value {

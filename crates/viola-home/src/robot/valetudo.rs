@@ -4,7 +4,7 @@
 use super::RobotLevel;
 use super::area::Rectangle;
 use super::drive::GoalArea;
-use super::places::{Goal, Place, Places, places};
+use super::places::{Goal, Place, Places};
 use super::segments::{Segment, segments};
 use super::titles::Titles;
 use serde::Serialize;
@@ -114,7 +114,7 @@ pub struct GoTo {
 }
 
 /// Returns the answer for a level. `json` is the uploaded Valetudo map, if it is one.
-pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
+pub fn valetudo(level: &RobotLevel, places: &Places, json: Option<&[u8]>) -> ValetudoFile {
     let segments = segment_names(level);
     let (map, map_absent) = match named(json, &segments) {
         Ok(map) => (Some(map), None),
@@ -122,8 +122,7 @@ pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
     };
     let frames = &level.lidar.frames;
     let frame = frames.valetudo.unwrap_or(RobotFrame::MAP);
-    let Places { all, goal_area } = places(level);
-    let (rooms, objects) = all.into_iter().map(|place| target(place, &frame)).partition(is_room);
+    let (rooms, objects) = places.all.iter().map(|place| target(place, &frame)).partition(is_room);
     ValetudoFile {
         coordinates: Coordinates {
             format: level.lidar.info.format.clone(),
@@ -134,7 +133,7 @@ pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
         map,
         map_absent,
         segments,
-        goal_area,
+        goal_area: places.goal_area,
         rooms,
         objects,
     }
@@ -208,8 +207,8 @@ fn segment_id(layer: &Value) -> Option<String> {
     id.as_str().map(str::to_owned).or_else(|| id.as_i64().map(|number| number.to_string()))
 }
 
-fn target(place: Place, frame: &RobotFrame) -> Target {
-    let Place { id, name, class, room, zone, goal, .. } = place;
+fn target(place: &Place, frame: &RobotFrame) -> Target {
+    let Place { id, name, class, room, zone, goal, .. } = place.clone();
     let zones: Vec<Zone> = zone.rectangles.iter().map(|rectangle| of_rectangle(rectangle, frame)).collect();
     Target {
         id,
