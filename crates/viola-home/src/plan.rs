@@ -100,7 +100,7 @@ pub(super) fn plan_of_corrected(
     let map_from_plan = *map_from_plan;
     let given = revised.rooms;
     let roots = divide::roots(given, revised.divisions);
-    let evidence = Evidence::new(map_from_plan, space, points, given, &roots, revised.objects);
+    let evidence = Evidence::new(map_from_plan, space, points, found, given, &roots, revised.objects);
     let mut faces = faces::faces(&evidence);
     thin::separate(&mut faces, &evidence);
     backs::add(&mut faces, &evidence, revised.objects);

@@ -1,6 +1,6 @@
 //! Main direction of a home's walls.
 
-use super::evidence::is_wall_surface;
+use super::raster::is_wall_surface;
 use crate::map_point::MapPoint;
 use rustc_hash::FxHashSet;
 use viola_formats::lidar::LidarMap;

@@ -3,7 +3,7 @@
 
 use super::columns::Columns;
 use super::glass;
-use super::raster::{glass_cells, is_level, level_cells, owners, upright_cells};
+use super::raster::{glass_cells, is_level, is_wall_surface, level_cells, owners, upright_cells};
 use super::standing::{Surface, standing_cells};
 use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
@@ -35,16 +35,6 @@ const ABOVE_DOORS: u32 = !0 << 13;
 const BACK_M: [f64; 2] = [0.04, 0.3];
 /// Cosine between a point's normal and the direction that it faces.
 const FACING: f64 = 0.8;
-
-/// Returns whether a fused point is on an upright surface of any class.
-pub(super) fn is_upright(point: &MapPoint) -> bool {
-    f64::from(point.point.normal[2]).abs() < 0.4
-}
-
-/// Returns whether a fused point is on a wall, or on something flat on it.
-pub(super) fn is_wall_surface(point: &MapPoint) -> bool {
-    is_upright(point) && matches!(point.point.label.class, Class::Wall | Class::Picture | Class::Mirror)
-}
 
 /// A direction that faces look into; their room is on this side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,16 +131,20 @@ pub(super) struct Evidence<'a> {
     directions: Vec<u8>,
     /// Index of the room of each cell of `space`, from 1; 0 for none.
     owner: Vec<u32>,
+    /// The same of the rooms before people merged or divided some; none if nobody did.
+    found: Option<Vec<u32>>,
     /// The room that stands for each room, by these indices.
     roots: Vec<u32>,
 }
 
 impl<'a> Evidence<'a> {
-    /// `roots` has the room that stands for each room, from index 1; see [`super::divide::roots`].
+    /// `found` are the rooms before people corrected them. `roots` has the room that stands for each room, from index 1; see
+    /// [`super::divide::roots`].
     pub fn new(
         map_from_plan: Pose2,
         space: &'a Space,
         points: &[MapPoint],
+        found: &[Room],
         rooms: &[Room],
         roots: &[u32],
         objects: &[Object],
@@ -159,6 +153,8 @@ impl<'a> Evidence<'a> {
         let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let (level, floor) = level_cells(space, points);
         let owner = owners(space, rooms);
+        let [before, after] = [found, rooms].map(|rooms| rooms.iter().map(|room| &room.polygon_m));
+        let found = (!before.eq(after)).then(|| owners(space, found));
         let beyond_glass = glass::beyond(space, glass_cells(space, points), &level, &owner);
         let (wall, directions) = upright_cells(space, points);
         let standing = standing_cells(&Surface { space, level: &level, wall: &wall }, objects);
@@ -188,6 +184,7 @@ impl<'a> Evidence<'a> {
             standing,
             directions,
             owner,
+            found,
             roots: roots.to_vec(),
         };
         evidence.add_lidar();
@@ -380,6 +377,12 @@ impl<'a> Evidence<'a> {
     /// Returns the room at a place: its index plus one; 0 for none. Rooms that lines of people divide are the first one of them.
     pub fn room(&self, in_plan: &Point2) -> u32 {
         self.roots[self.divided_room(in_plan) as usize]
+    }
+
+    /// Returns the room at a place before people merged or divided some: its index plus one; 0 for none. None if nobody did.
+    pub fn found_room(&self, in_plan: &Point2) -> Option<u32> {
+        let found = self.found.as_ref()?;
+        Some(self.cell(in_plan).map_or(0, |at| found[at]))
     }
 
     /// Returns the room at a place with the lines of people: its index plus one; 0 for none.

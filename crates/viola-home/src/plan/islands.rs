@@ -232,7 +232,10 @@ fn sides(cells: &Cells, evidence: &Evidence, at: usize) -> Vec<([f64; 3], u32)> 
         let span_m = [0, 1].map(|end| cells.lines[along][place[along] + end]);
         let upright = evidence.upright_fraction(*facing, line_m, span_m);
         let lidar = evidence.lidar_fraction(*facing, line_m, span_m);
-        let room = cells.owners[cells.index(beside)].first().map_or(0, |(room, _)| *room);
+        let beside = cells.index(beside);
+        // The wall between rooms that people merged stands.
+        let found = evidence.found_room(&Point2::from(cells.centre(beside)));
+        let room = found.or_else(|| cells.owners[beside].first().map(|(room, _)| *room)).unwrap_or_default();
         Some(([span_m[1] - span_m[0], upright, lidar], room))
     };
     Facing::ALL.iter().filter_map(side).collect()

@@ -1,6 +1,6 @@
 //! Surface and rooms in the cells of the LiDAR map's raster.
 
-use super::evidence::{LOWEST_M, height, is_tall, is_upright, is_wall_surface};
+use super::evidence::{LOWEST_M, height, is_tall};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
 use crate::rooms::bands::Bands;
@@ -24,6 +24,16 @@ const HALF_DIRECTION: f32 = std::f32::consts::SQRT_2 - 1.0;
 /// Cosine of the largest angle between a wall's normal and the middle of a direction of its surface: 50 degrees, so that
 /// noise of 27 degrees is allowed and the walls at its corners are excluded.
 const SAME_DIRECTION: f64 = 0.643;
+
+/// Returns whether a fused point is on an upright surface of any class.
+pub(super) fn is_upright(point: &MapPoint) -> bool {
+    f64::from(point.point.normal[2]).abs() < 0.4
+}
+
+/// Returns whether a fused point is on a wall, or on something flat on it.
+pub(super) fn is_wall_surface(point: &MapPoint) -> bool {
+    is_upright(point) && matches!(point.point.label.class, Class::Wall | Class::Picture | Class::Mirror)
+}
 
 /// Returns whether a point is on a surface that no wall crosses: floor, furniture from above, ceiling.
 pub(super) fn is_level(point: &MapPoint) -> bool {

@@ -106,7 +106,9 @@ fn divides_rooms(a: &Face, b: &Face, [from_m, to_m]: [f64; 2], evidence: &Eviden
             continue;
         }
         seen += 1;
-        let rooms = [-BESIDE_M, BESIDE_M].map(|off_m| evidence.room(&place(off_m)));
+        // The wall between rooms that people merged stands.
+        let room = |at: Point2| evidence.found_room(&at).unwrap_or_else(|| evidence.room(&at));
+        let rooms = [-BESIDE_M, BESIDE_M].map(|off_m| room(place(off_m)));
         dividing += usize::from(rooms[0] != rooms[1] && !rooms.contains(&0));
     }
     seen as f64 * STEP_M > LEAF_M && dividing as f64 >= DIVIDING * seen as f64

@@ -1,5 +1,6 @@
 //! Plans of rooms that people merged and divided, and of the robot's rooms with a doorway in them.
 
+use super::unfilmed::cells_of;
 use super::*;
 use crate::corrections::{RoomCorrection, RoomMerge, RoomSplit};
 use crate::describe::{Description, describe_revised};
@@ -67,6 +68,22 @@ fn the_doorway_of_rooms_that_people_merged_is_an_opening_of_one_room() {
     assert!(door.kind == OpeningKind::Door && (door.width_m() - 0.8).abs() < 0.16, "{door:?}");
     let between: Vec<&Wall> = plan.walls.iter().filter(|wall| wall.is_measured).collect();
     assert!(between.len() == 1 && (between[0].length_m() - 3.0).abs() < 0.15, "{between:?}");
+}
+
+/// Two rooms of 3 m by 5 m with a wall of one row of cells, or of two, and doors in it.
+#[test]
+fn a_thin_wall_between_rooms_that_people_merged_stays() {
+    let cases: [(f64, fn(f64) -> bool, usize); 2] =
+        [(0.05, |y| !(1.2..2.0).contains(&y), 1), (0.1, |y| (0.9..4.1).contains(&y), 2)];
+    for (thickness_m, is_wall, doors) in cases {
+        let inner = 3.0..3.0 + thickness_m;
+        let lidar = cells_of([6.0 + thickness_m, 5.0], |x, y| inner.contains(&x) && is_wall(y));
+        let Description { rooms, plan, .. } = merged(&lidar);
+        assert_eq!((rooms.len(), plan.rooms.len()), (1, 1), "{:?}", plan.rooms);
+        let kinds: Vec<OpeningKind> = plan.openings.iter().map(|opening| opening.kind).collect();
+        assert_eq!(kinds, vec![OpeningKind::Door; doors], "{:?}", plan.openings);
+        assert!(plan.walls.iter().any(|wall| wall.is_measured), "{:?}", plan.walls);
+    }
 }
 
 #[test]

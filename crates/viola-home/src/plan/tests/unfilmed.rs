@@ -131,7 +131,7 @@ fn furniture_away_from_walls_that_no_clip_saw_is_no_wall() {
 }
 
 /// Returns a map of cells of 5 cm around rooms from the origin to a corner; `is_wall` tells their inner walls.
-fn cells_of(size_m: [f64; 2], is_wall: impl Fn(f64, f64) -> bool) -> LidarMap {
+pub(super) fn cells_of(size_m: [f64; 2], is_wall: impl Fn(f64, f64) -> bool) -> LidarMap {
     let count = |axis: usize| (size_m[axis] / 0.05).round() as usize + 20;
     let frame = GridFrame { origin_m: [-0.5; 2], cell_m: 0.05, width: count(0), height: count(1) };
     let cell = |at: usize| {
