@@ -41,10 +41,14 @@ pub(super) struct Side {
 pub(super) fn straighten(outlines: &mut [Outline], faces: &[Oblique]) -> Vec<Side> {
     let mut sides = Vec::new();
     let before = outlines.to_vec();
+    // A large map has very many rooms, and few are at a side.
+    let boxes: Vec<[[f64; 2]; 2]> = before.iter().map(|outline| span(&outline.ring_m)).collect();
     for (room, outline) in outlines.iter_mut().enumerate() {
         let is_shared = |side: [[f64; 2]; 2]| {
-            let others = before.iter().enumerate().filter(|(other, _)| *other != room);
-            others.flat_map(|(_, other)| rings_of(other)).any(|ring| has_part_of(ring, side))
+            let others = before.iter().zip(&boxes).enumerate().filter(|(other, _)| *other != room);
+            let near =
+                others.filter(|(_, (_, own))| are_beside(own, &span(&side))).map(|(_, (other, _))| other);
+            near.flat_map(rings_of).any(|ring| has_part_of(ring, side))
         };
         let rings = std::iter::once(&mut outline.ring_m).chain(&mut outline.holes_m);
         for ring in rings {
@@ -56,6 +60,18 @@ pub(super) fn straighten(outlines: &mut [Outline], faces: &[Oblique]) -> Vec<Sid
     }
     restore_overlapping(outlines, &before, &mut sides);
     sides
+}
+
+/// Returns the span of corners along each axis.
+fn span(corners: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    [0, 1].map(|axis| {
+        let along = corners.iter().map(|corner| corner[axis]);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+    })
+}
+
+fn are_beside(a: &[[f64; 2]; 2], b: &[[f64; 2]; 2]) -> bool {
+    (0..2).all(|axis| a[axis][0] <= b[axis][1] && b[axis][0] <= a[axis][1])
 }
 
 fn rings_of(outline: &Outline) -> impl Iterator<Item = &Vec<[f64; 2]>> {
