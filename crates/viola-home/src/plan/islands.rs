@@ -62,11 +62,16 @@ pub(super) fn cut_spurs(cells: &mut Cells, evidence: &Evidence) {
     for axis in 0..2 {
         // Runs of thin pieces across the axis, by the rows that they reach over: first cell, end, first row, end.
         let mut spurs: Vec<[usize; 4]> = Vec::new();
+        // The last run of each piece.
+        let mut last: BTreeMap<[usize; 2], usize> = BTreeMap::new();
         for row in 0..cells.count(1 - axis) {
             for [from, to] in thin_pieces(cells, axis, row) {
-                match spurs.iter_mut().rev().find(|spur| spur[3] == row && spur[..2] == [from, to]) {
-                    Some(spur) => spur[3] = row + 1,
-                    None => spurs.push([from, to, row, row + 1]),
+                let open = last.get(&[from, to]).and_then(|at| spurs.get_mut(*at));
+                if let Some(spur) = open.filter(|spur| spur[3] == row) {
+                    spur[3] = row + 1;
+                } else {
+                    last.insert([from, to], spurs.len());
+                    spurs.push([from, to, row, row + 1]);
                 }
             }
         }
