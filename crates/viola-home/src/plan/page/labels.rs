@@ -1,9 +1,9 @@
 //! Names, areas and sizes of rooms, where they cover as little furniture and swings of doors as possible.
 
-use super::{INK, Page, QUIET, metres, point, shortened, text_width_mm};
+use super::{INK, Page, QUIET, metres, point, shortened};
 use crate::plan::model::{Plan, PlanRoom};
-use crate::rooms::outline::contains;
-use crate::svg::escape;
+use crate::rooms::bands::Bands;
+use crate::svg::{escape, text_width};
 use std::fmt::Write;
 
 /// Maximum letters of a drawn name.
@@ -65,10 +65,6 @@ fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {
     lines
 }
 
-fn width_mm(line: &Line) -> f64 {
-    text_width_mm(&line.words, line.size_mm, line.is_name)
-}
-
 fn height_mm(lines: &[Line]) -> f64 {
     lines.iter().map(|line| 1.3 * line.size_mm).sum()
 }
@@ -76,12 +72,16 @@ fn height_mm(lines: &[Line]) -> f64 {
 /// Returns the lines of a room and their middle: the largest letters that fit, where they cover least.
 fn placed(room: &PlanRoom, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
     let mut last = (lines(room, SHRINK[SHRINK.len() - 1]), room.label_at_m);
+    // As multiples of the letters' sizes: a text is laid out once for all of them.
+    let widths: Vec<f64> = last.0.iter().map(|line| text_width(&line.words, line.is_name)).collect();
+    let bands = Bands::new(&room.outline.ring_m, &room.outline.holes_m);
     for shrink in SHRINK {
         let mut lines = lines(room, shrink);
         while !lines.is_empty() {
-            let half_m = [lines.iter().map(width_mm).fold(0.0, f64::max) / 2.0, height_mm(&lines) / 2.0]
-                .map(|mm| page.metres(mm));
-            if let Some(at) = best_place(room, half_m, plan) {
+            let widths_mm = lines.iter().zip(&widths).map(|(line, width)| width * line.size_mm);
+            let half_m =
+                [widths_mm.fold(0.0, f64::max) / 2.0, height_mm(&lines) / 2.0].map(|mm| page.metres(mm));
+            if let Some(at) = best_place(room, &bands, half_m, plan) {
                 return (lines, at);
             }
             if shrink > SHRINK[SHRINK.len() - 1] || lines.len() == 1 {
@@ -106,7 +106,7 @@ fn drawn(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
 }
 
 /// Returns the place of a box within a room where it covers least furniture and swings of doors, near the room's middle.
-fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]> {
+fn best_place(room: &PlanRoom, bands: &Bands, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]> {
     let ring = &room.outline.ring_m;
     let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
         ring.iter().map(|corner| corner[axis]).fold(start, pick)
@@ -116,10 +116,9 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
     let is_inside = |p: [f64; 2]| {
         let steps = [-1.0, -0.5, 0.0, 0.5, 1.0];
         steps.iter().all(|i| {
-            [-1.0, 0.0, 1.0].iter().all(|j| {
-                let corner = point([p[0] + i * half_m[0], p[1] + j * half_m[1]]);
-                contains(ring, &corner) && !room.outline.holes_m.iter().any(|hole| contains(hole, &corner))
-            })
+            [-1.0, 0.0, 1.0]
+                .iter()
+                .all(|j| bands.contains(&point([p[0] + i * half_m[0], p[1] + j * half_m[1]])))
         })
     };
     let drawn = drawn(plan);
