@@ -81,8 +81,10 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
     for (index, clip) in (0..).zip(&clips) {
         let path = out.join(clip_name(index));
         output::write_whole(&path, |to| Ok(write_scannet_zip(clip, to)?))?;
-        println!("{}", path.display());
     }
+    // Last, because printing ends the program if nobody reads it.
+    let names = FILES.into_iter().map(str::to_owned).chain((0..arguments.clips).map(clip_name));
+    names.for_each(|name| println!("{}", out.join(name).display()));
     Ok(())
 }
 
@@ -121,10 +123,7 @@ fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipPar
 }
 
 fn save(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {
-    let path = folder.join(name);
-    output::write_bytes(&path, bytes)?;
-    println!("{}", path.display());
-    Ok(())
+    output::write_bytes(&folder.join(name), bytes)
 }
 
 #[cfg(test)]

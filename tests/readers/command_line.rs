@@ -134,6 +134,20 @@ fn a_simulation_replaces_no_files_of_others() {
     assert_eq!(std::fs::read(folder.path().join("map.yaml")).unwrap(), b"mine");
 }
 
+/// As with `| head -1`.
+#[test]
+fn a_simulation_is_whole_if_nobody_reads_its_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let simulate = ["simulate", "--clips", "0", "--out", "home"];
+    let output = viola(&simulate, folder.path()).stdout(writer).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    for name in ["truth.json", "valetudo.json", "map.yaml", "map.pgm", "points.csv", "plan.png"] {
+        assert!(folder.path().join("home").join(name).is_file(), "{name}");
+    }
+}
+
 #[test]
 fn the_picture_of_a_network_does_not_replace_its_input() {
     let folder = as_folder(&[("a.png".to_string(), b"mine".to_vec())]);
