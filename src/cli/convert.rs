@@ -67,11 +67,16 @@ fn tell(out: &Path, line: &str) {
     if out.is_file() || out.is_dir() { println!("{line}") } else { to_standard_error(line) }
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    if let Some(folder) = path.parent() {
-        output::folder(folder)?;
+/// Writes all files, and then prints their list, which may end the program.
+fn write(files: &[(&Path, &[u8])]) -> Result<()> {
+    for (path, bytes) in files {
+        if let Some(folder) = path.parent() {
+            output::folder(folder)?;
+        }
+        output::write_bytes(path, bytes)?;
     }
-    output::write_bytes(path, bytes)?;
-    tell(path, &format!("wrote:  {}, {} bytes", path.display(), bytes.len()));
+    for (path, bytes) in files {
+        tell(path, &format!("wrote:  {}, {} bytes", path.display(), bytes.len()));
+    }
     Ok(())
 }

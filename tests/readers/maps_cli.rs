@@ -125,6 +125,19 @@ fn convert_writes_what_is_read_back() {
 }
 
 #[test]
+fn a_ros_map_is_whole_if_nobody_reads_the_list_of_its_files() {
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut convert = Command::new(env!("CARGO_BIN_EXE_viola"));
+    convert.args(["convert", "map.rrmap", "--to", "ros", "--out", "map.yaml"]).current_dir(folder.path());
+    let output = convert.stdout(writer).output().unwrap();
+    assert!(output.status.success(), "{}", text_of(&output.stderr));
+    let read = LidarMap::open(&folder.path().join("map.yaml")).unwrap();
+    assert_eq!(read.info.occupied_points, hits().len());
+}
+
+#[test]
 fn inspect_overwrites_no_input() {
     let clip = scannet("clip/", &[0, 1, 2]);
     let yaml =

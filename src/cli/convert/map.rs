@@ -32,7 +32,7 @@ pub(super) fn valetudo(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
     keep_another_format(&map, "valetudo", file, out)?;
     let written = map.to_valetudo()?;
-    write(out, &written.bytes)?;
+    write(&[(out, written.bytes.as_slice())])?;
     Ok(all_notes(&map, written.notes))
 }
 
@@ -41,7 +41,7 @@ pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
     // Points have no rooms and no free space.
     output::refuse_to_overwrite(&levels::files_of(file), &[out.to_owned()], "--out")?;
     let written = map.to_ply();
-    write(out, &written.bytes)?;
+    write(&[(out, written.bytes.as_slice())])?;
     Ok(all_notes(&map, written.notes))
 }
 
@@ -55,7 +55,7 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
         sink.put("map.yaml", &files.yaml)?;
         sink.put("map.pgm", &files.pgm)?;
         let bytes = sink.finish().context("cannot make the archive")?.into_inner();
-        write(out, &bytes)?;
+        write(&[(out, bytes.as_slice())])?;
         return Ok(all_notes(&map, files.notes));
     }
     let image = out.with_extension("pgm");
@@ -79,7 +79,6 @@ pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
         )
     })?;
     let files = map.to_ros(name)?;
-    write(&image, &files.pgm)?;
-    write(out, &files.yaml)?;
+    write(&[(image.as_path(), files.pgm.as_slice()), (out, files.yaml.as_slice())])?;
     Ok(all_notes(&map, files.notes))
 }
