@@ -1,7 +1,7 @@
 //! Rooms that people divided: the plan is made with each of them in one, and is then cut along their lines, which need not
 //! be parallel to any wall.
 
-use super::masonry::{pieces, polygon};
+use super::masonry::{self, pieces, polygon, span};
 use super::model::{Plan, PlanRoom, Wall};
 use crate::corrections::RoomDivision;
 use crate::rooms::Room;
@@ -156,15 +156,9 @@ fn common_m2(piece: &Polygon, member: &Polygon) -> f64 {
 
 /// Returns whether the boxes around two polygons are apart.
 fn are_apart(a: &Polygon, b: &Polygon) -> bool {
-    let span = |polygon: &Polygon, of: fn(&Coord) -> f64| {
-        let along = polygon.exterior().0.iter().map(of);
-        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
-    };
-    let axes: [fn(&Coord) -> f64; 2] = [|corner| corner.x, |corner| corner.y];
-    axes.into_iter().any(|of| {
-        let ((a_low, a_high), (b_low, b_high)) = (span(a, of), span(b, of));
-        a_high <= b_low || b_high <= a_low
-    })
+    masonry::are_apart(
+        &[a, b].map(|polygon| span(polygon.exterior().0.iter().map(|corner| [corner.x, corner.y]))),
+    )
 }
 
 /// Returns the half of the plane on the left (1) or the right (-1) of a line, as far as a piece reaches; none if the line has

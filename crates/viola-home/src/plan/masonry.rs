@@ -98,15 +98,21 @@ fn beyond(wall: &Wall) -> Polygon {
 
 /// Returns the common area of two outlines.
 pub(super) fn common_m2(a: &Outline, b: &Outline) -> f64 {
-    let span = |outline: &Outline, axis: usize| {
-        let along = outline.ring_m.iter().map(|corner| corner[axis]);
-        along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
-    };
-    let is_apart = (0..2).any(|axis| {
-        let ((a_low, a_high), (b_low, b_high)) = (span(a, axis), span(b, axis));
-        a_high <= b_low || b_high <= a_low
-    });
-    if is_apart { 0.0 } else { polygon(a).intersection(&polygon(b)).unsigned_area() }
+    let spans = [a, b].map(|outline| span(outline.ring_m.iter().copied()));
+    if are_apart(&spans) { 0.0 } else { polygon(a).intersection(&polygon(b)).unsigned_area() }
+}
+
+/// Returns the lowest and the highest coordinate of corners along each axis.
+pub(super) fn span(corners: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
+    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    corners.fold(none, |span, corner| {
+        [0, 1].map(|axis| [span[axis][0].min(corner[axis]), span[axis][1].max(corner[axis])])
+    })
+}
+
+/// Returns whether two spans have no common area.
+pub(super) fn are_apart([a, b]: &[[[f64; 2]; 2]; 2]) -> bool {
+    (0..2).any(|axis| a[axis][1] <= b[axis][0] || b[axis][1] <= a[axis][0])
 }
 
 fn ring(corners: &[[f64; 2]]) -> Polygon {
