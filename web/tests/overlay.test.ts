@@ -15,10 +15,16 @@ test("the legend of the picture has the colours of the picture", () => {
 });
 
 test("the legend names what the picture has", () => {
-  const words = (places: number, hasCharger: boolean) => {
-    const clip = { alignment: { alternatives: Array.from({ length: places }) } } as unknown as Clip;
+  const words = (levels: string[] | null, hasCharger: boolean) => {
+    const clip = { alignment: levels && { alternatives: levels.map((level) => ({ level })) } } as unknown as Clip;
     return fake(overlayLegend(clip, hasCharger)).all("li").map((entry) => entry.textContent);
   };
-  assert.deepEqual([words(1, false).length, words(2, true).length], [4, 6]);
-  assert.ok(!words(1, true).includes("Another place of the clip") && words(1, true).includes("Charger of the robot"));
+  for (const [levels, hasCharger, wanted] of [
+    [null, false, []], [["main"], false, []], [["main"], true, ["Charger of the robot"]],
+    [["main", "main"], true, ["Another place of the clip", "Charger of the robot"]],
+    // The picture has one level.
+    [["main", "upper"], false, []], [["upper", "main", "upper"], false, ["Another place of the clip"]],
+  ] as const) {
+    assert.deepEqual(words(levels && [...levels], hasCharger).slice(4), wanted, String(levels));
+  }
 });

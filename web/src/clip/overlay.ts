@@ -18,9 +18,10 @@ const MEANINGS: [keyof typeof INKS, string][] = [
   ["CHARGER", "Charger of the robot"],
 ];
 
-/** The picture has other places only if the clip has some, and a charger only if the map has one. */
+/** The picture has other places only if the clip has some on the level of the first one, and a charger only if the map has one. */
 export function overlayLegend({ alignment }: Pick<Clip, "alignment">, hasCharger: boolean): HTMLElement {
-  const isThere = { ALTERNATIVE: (alignment?.alternatives.length ?? 0) > 1, CHARGER: hasCharger } as Record<string, boolean>;
+  const [best, ...others] = alignment?.alternatives ?? [];
+  const isThere = { ALTERNATIVE: others.some(({ level }) => level === best?.level), CHARGER: hasCharger } as Record<string, boolean>;
   const entries = MEANINGS.filter(([ink]) => isThere[ink] ?? true).map(([ink, word]) => {
     // In the dark the inks are turned over with the paper.
     const swatch = h("span", { class: "swatch paper" });
