@@ -143,22 +143,25 @@ test("walls of its own room do not hide a room's name from above", () => {
   assert.deepEqual(asked, [2, 0.8]);
 });
 
-test("the map is promised for the time when all clips have settled", () => {
-  const told = (states: string[], map: object | null = null) => {
-    const clips = states.map((state, i) => ({ id: String(i), state }));
+test("the map is promised for the time when all clips have settled, or when the service waits no longer", () => {
+  const told = (states: string[], map: object | null = null, placement: object | null = null) => {
+    const clips = states.map((state, i) => ({ id: String(i), state, placement }));
     const data = { home: { map_state: "due" }, level: "main", map, lidar: {}, coverage: null, clips, levelOf: () => "main" };
     const { empty, figures } = new Summary(data as unknown as HomeData, new Looks());
     return map ? (figures.textContent ?? "") : (empty.textContent ?? "");
   };
   for (const [states, text] of [
-    [["aligning"], "The clips are being placedThe map is made when all clips have settled."],
-    [["aligned", "queued", "aligning"], "The clips are being placedThe map is made when all clips have settled: 2 clips of 3 are left."],
+    [["aligning"], "The clips are being placedThe map is made when all clips have settled, or 10 minutes after the first one."],
+    [["aligned", "queued", "aligning"],
+      "The clips are being placedThe map is made when all clips have settled, or 10 minutes after the first one: 2 clips of 3 are left."],
     [["aligned", "failed"], "The map is being madeAll clips have settled. The map appears here by itself."],
   ] as const) {
     assert.equal(told([...states]), text);
   }
   const map = { revision: 2, state: "due", clips: [], levels: [], info: { points: 9 } };
-  assert.match(told(["aligned", "queued"], map), / · rebuilt when all clips have settled$/);
+  assert.match(told(["aligned", "queued"], map), / · rebuilt when all clips have settled, or after 10 minutes$/);
+  // After a new LiDAR map all clips of the map are placed again.
+  assert.match(told(["aligned", "queued"], map, { by: "clip" }), / · rebuilt when all clips have settled$/);
   assert.match(told(["aligned"], map), / · being rebuilt$/);
   assert.equal(told(["ambiguous"], { ...map, state: "current", info: { points: 0 } }), "Map 2 · no clip in it yet");
 });

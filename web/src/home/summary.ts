@@ -9,8 +9,6 @@ import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
 const STATE_WORDS = { current: "", due: " · being rebuilt", failing: " · could not be rebuilt, the service tries again" };
-/** The service makes one map of all clips, and waits until none of them is in the queue or being placed. */
-const WHEN = "The map is made when all clips have settled";
 
 export class Summary {
   readonly figures = h("p", { class: "stage-facts" });
@@ -31,7 +29,7 @@ export class Summary {
     const clips = map?.clips.filter(({ level }) => level === data.level).length ?? 0;
     const seen = data.coverage ? ` · shows ${percent(data.coverage.seen)} of the ${isOfPreviousLidar(data) ? "previous " : ""}LiDAR map` : "";
     const waits = data.clips.some(isUnderWay) && map?.state === "due";
-    const state = waits ? " · rebuilt when all clips have settled" : STATE_WORDS[map?.state ?? "current"];
+    const state = waits ? ` · rebuilt ${whenMade(data.clips, "after 10 minutes")}` : STATE_WORDS[map?.state ?? "current"];
     const hasPoints = (map?.info.points ?? 0) > 0;
     const later = hasPoints && isOfPreviousLidar(data) && !lidarBelow(data) ? " · the new LiDAR map appears when the map is rebuilt" : "";
     const none = data.hasLevels ? "no clip of this level in it yet" : "no clip in it yet";
@@ -42,6 +40,15 @@ export class Summary {
     this.empty.hidden = hasPoints || isPlanEnough;
     this.empty.className = lidar ? "stage-empty below-map" : "stage-empty";
   }
+}
+
+/**
+ * The service makes one map of all clips, and waits until none of them is in the queue or being placed. It waits ten minutes for new
+ * clips, since some homes never stop uploading, and most of a day for clips that the newest map has. `latest` tells the ten minutes.
+ */
+function whenMade(clips: readonly Clip[], latest: string): string {
+  const waitsLong = clips.some((clip) => isUnderWay(clip) && clip.placement);
+  return `when all clips have settled${waitsLong ? "" : `, or ${latest}`}`;
 }
 
 /** True if a clip of the shown level has its place, and no map has the clip yet. */
@@ -60,7 +67,7 @@ function nextStep(data: HomeData): HTMLElement[] {
   const underWay = clips.filter(isUnderWay).length;
   if (underWay > 0) {
     const settled = clips.length > underWay ? `: ${many(underWay, "clip")} of ${clips.length} ${underWay === 1 ? "is" : "are"} left` : "";
-    return said("The clips are being placed", `${WHEN}${settled}.`);
+    return said("The clips are being placed", `The map is made ${whenMade(clips, "10 minutes after the first one")}${settled}.`);
   }
   if (isBeingMade(data)) return said("The map is being made", "All clips have settled. The map appears here by itself.");
   if (!mayChange()) return said("No map of the clips yet", "It appears here when clips with a place are in this home. Your key can only look.");
