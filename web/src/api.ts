@@ -93,18 +93,19 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
     onAnswered();
     return answer;
   }
-  throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
+  // The status tells enough if the explanation is lost.
+  throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
-/** Reads a document with its headers. An answer that stalls counts as none. */
+/** Reads a document with its headers. An answer that stalls, breaks off or is no document counts as none. */
 async function read<T>(path: string, signal: AbortSignal): Promise<[T, Headers]> {
   const limit = AbortSignal.timeout(LONGEST_READ_MS);
   try {
     const answer = await ask(path, { signal: AbortSignal.any([signal, limit]) });
     return [(await answer.json()) as T, answer.headers];
   } catch (error) {
-    if (limit.aborted && !signal.aborted && !(error instanceof Refusal)) throw new Refusal(0, explanation(0, ""));
-    throw error;
+    if (signal.aborted || error instanceof Refusal) throw error;
+    throw new Refusal(0, explanation(0, ""));
   }
 }
 

@@ -52,7 +52,7 @@ async function pictureOf(path: string, signal: AbortSignal): Promise<Blob> {
   } catch (error) {
     throw signal.aborted ? error : new Refusal(0, explanation(0, ""));
   }
-  throw refusalOf(answer.status, await answer.text(), answer.headers.get("retry-after"));
+  throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
 /** An address of the canvas's picture; revoke it when it is no longer shown. */

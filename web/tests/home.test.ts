@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { afterEach, mock, test } from "node:test";
 import { home, makeHome, Refusal, renameHome } from "../src/api.ts";
+import { inkOf } from "../src/paper.ts";
 import { bytesOf } from "../src/pieces.ts";
 import { emptyPoints } from "../src/cloud/ply.ts";
 import { Cloud } from "../src/cloud/points.ts";
@@ -10,6 +11,7 @@ import { roomName, withoutLevel } from "../src/home/selection.ts";
 import { deselectMissing, type Framing, read, written } from "../src/home/share.ts";
 import { isBeingMade } from "../src/home/summary.ts";
 import type { HomeData } from "../src/home/data.ts";
+import { retryDelay_ms } from "../src/upload/retry.ts";
 
 const real = { fetch: globalThis.fetch, timeout: AbortSignal.timeout };
 afterEach(() => {
@@ -60,6 +62,23 @@ test("an answer that stalls counts as none", async () => {
   const read = home("h", new AbortController().signal);
   setTimeout(() => limit.abort());
   await assert.rejects(read, (error) => error instanceof Refusal && error.status === 0);
+});
+
+test("an answer that breaks off counts as none, so the page asks again by itself", async () => {
+  const broken = () => new ReadableStream({ pull: (stream) => stream.error(new TypeError("network error")) });
+  // A network that asks for a sign-in answers with a page of its own.
+  for (const answer of [() => new Response(broken()), () => new Response(broken(), { status: 503 }), () => new Response("<html>")]) {
+    globalThis.fetch = async () => answer();
+    await assert.rejects(home("h", new AbortController().signal), (error) => error instanceof Refusal && retryDelay_ms(error, 1) === 1000);
+  }
+  globalThis.fetch = async () => new Response(broken(), { status: 404 });
+  await assert.rejects(home("h", new AbortController().signal), (error) => error instanceof Refusal && error.isFinal);
+  Object.assign(globalThis, { createImageBitmap: () => {} });
+  globalThis.fetch = async () => new Response(broken(), { status: 503 });
+  await assert.rejects(inkOf("/image.png", false, new AbortController().signal), (error) => error instanceof Refusal && error.status === 503);
+  const left = new AbortController();
+  globalThis.fetch = async () => new Response(new ReadableStream({ pull: (stream) => (left.abort(), stream.error(new TypeError("left"))) }));
+  await assert.rejects(home("h", left.signal), TypeError, "a page that was left has lost nothing");
 });
 
 test("an action that stalls ends, and may have been done", async () => {
