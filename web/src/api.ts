@@ -133,7 +133,8 @@ async function send(method: string, path: string, body?: unknown, headers: Recor
   }
   try {
     const answer = await ask(path, options);
-    await answer.text();
+    // Its status says that it is done, also if the rest of the answer is lost. Reading it frees the connection.
+    await answer.text().catch(() => {});
     return answer;
   } catch (error) {
     if (limit.aborted && !(error instanceof Refusal)) throw new Refusal(0, UNANSWERED);

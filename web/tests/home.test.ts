@@ -90,6 +90,11 @@ test("an action that stalls ends, and may have been done", async () => {
   await assert.rejects(renamed, (error) => error instanceof Refusal && error.status === 0 && /may have done it/.test(error.message));
 });
 
+test("an action that is done is not told as failed if the rest of its answer is lost", async () => {
+  globalThis.fetch = async () => new Response(new ReadableStream({ pull: (stream) => stream.error(new TypeError("network error")) }));
+  await renameHome("h", "Flat");
+});
+
 test("a large answer may take its time, but not stall", async () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   let stream: ReadableStreamDefaultController | undefined;
