@@ -1,7 +1,9 @@
 import { body, fake, until } from "./dom.ts";
 import assert from "node:assert/strict";
+import { getEventListeners } from "node:events";
 import { afterEach, test } from "node:test";
 import { emptyPoints } from "../src/cloud/ply.ts";
+import { load } from "../src/cloud/points.ts";
 import { Compare } from "../src/home/compare.ts";
 import type { HomeData } from "../src/home/data.ts";
 import { otherFiles } from "../src/home/earlier.ts";
@@ -199,6 +201,20 @@ test("the earlier points stay until those of the new map are complete", async ()
   assert.equal(workers.length, 5, "the next change of the home does not try again");
   points.update(dataOf(3, "upper"));
   assert.equal(points.shown, null);
+});
+
+test("a failed attempt leaves none of its points in memory", () => {
+  const { told } = loadedPoints();
+  const { signal } = new AbortController();
+  const [nothing, ends] = [() => {}, [] as string[]];
+  const arrival = { begun: nothing, grown: nothing, ended: () => void ends.push("ended"), nothing, failed: () => void ends.push("failed") };
+  for (const end of [{ what: "failed", message: "lost", status: 0, retryAfter_s: null }, { what: "end" }]) {
+    load(["/points"], arrival, signal);
+    assert.equal(getEventListeners(signal, "abort").length, 1);
+    told(ends.length, begin, point(0), end);
+    assert.equal(getEventListeners(signal, "abort").length, 0, "the page keeps what the attempt loaded");
+  }
+  assert.deepEqual(ends, ["failed", "ended"]);
 });
 
 test("the figures of a level count its own clips, and say that the map is out of date", () => {

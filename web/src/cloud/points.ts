@@ -86,8 +86,12 @@ function isColoured({ tint }: Points): boolean {
 export function load(urls: string[], arrival: Arrival, signal: AbortSignal, known: string | null = null): void {
   if (signal.aborted) return;
   const worker = new Worker(POINTS_WORKER, { type: "module" });
-  const stop = () => worker.terminate();
-  signal.addEventListener("abort", stop, { once: true });
+  const stop = () => {
+    // The signal outlives failed attempts, and would keep the points of each of them.
+    signal.removeEventListener("abort", stop);
+    worker.terminate();
+  };
+  signal.addEventListener("abort", stop);
   let cloud: Cloud | null = null;
   worker.onmessage = ({ data }: MessageEvent<Told>) => {
     if (data.what === "begin") {
