@@ -2,6 +2,7 @@ import { body, fake, kept, until } from "./dom.ts";
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, test } from "node:test";
 import type { HomeData } from "../src/home/data.ts";
+import { clearNotices, noticeBoard } from "../src/parts/notices.ts";
 import { onSessionEnd } from "../src/session.ts";
 import { UploadPanel } from "../src/upload/panel.ts";
 import { Unfinished } from "../src/upload/unfinished.ts";
@@ -14,7 +15,8 @@ const ONLINE = "online";
 interface Upload {
   length: number;
   offset: number;
-  state: "arriving" | "arrived" | "finished";
+  state: "arriving" | "arrived" | "finished" | "refused";
+  problem?: object;
 }
 
 /** The uploads of a service. */
@@ -69,7 +71,7 @@ beforeEach(() => {
   answerRequests((asked) => service.answer(asked));
   globalThis.fetch = (path) => {
     const upload = service.uploads.get(String(path));
-    const body = JSON.stringify({ state: upload?.state, received_bytes: upload?.offset, problem: null });
+    const body = JSON.stringify({ state: upload?.state, received_bytes: upload?.offset, problem: upload?.problem ?? null });
     return Promise.resolve(new Response(body, { status: upload ? 200 : 404 }));
   };
   open();
@@ -227,6 +229,21 @@ test("an upload that is gone, complete or sent by another tab is not told as unf
   service.uploads.clear();
   await list.draw();
   assert.deepEqual([texts(), kept.size], [[], 0]);
+});
+
+test("a file that was refused after its tab was closed is told once", async () => {
+  await interrupted();
+  const [upload] = service.uploads.values();
+  const problem = { type: "urn:viola:problem:zip-truncated", status: 415, title: "The zip is cut off", detail: "its end is missing" };
+  Object.assign(upload ?? {}, { state: "refused", problem });
+  const board = fake(noticeBoard());
+  const { list, texts } = unfinished();
+  await list.draw();
+  assert.match(board.textContent, /kitchen\.zip is not stored: The file is incomplete/);
+  assert.deepEqual([texts(), kept.size], [[], 0]);
+  clearNotices();
+  await list.draw();
+  assert.ok(!board.textContent.includes("kitchen.zip"));
 });
 
 test("an unfinished upload of another tenant is not told", async () => {

@@ -50,6 +50,10 @@ export class Unfinished {
       const upload = await api.upload(begun.path, this.signal);
       if (upload?.state === "arriving") return { begun, received_bytes: upload.received_bytes };
       if (upload?.state !== "arrived") dropBegun(begun);
+      // The tab that sent it was closed before the service had read it, so nobody was told.
+      if (upload?.problem) {
+        alarm(`${named(begun.file.name)} is not stored: ${api.explanation(upload.problem.status, JSON.stringify(upload.problem))}`);
+      }
       return null;
     } catch {
       return { begun, received_bytes: null };
