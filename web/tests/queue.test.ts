@@ -231,6 +231,22 @@ test("an upload that is gone, complete or sent by another tab is not told as unf
   assert.deepEqual([texts(), kept.size], [[], 0]);
 });
 
+test("an upload of yesterday whose last bytes are of today is told as unfinished", async () => {
+  await interrupted();
+  const begun = JSON.parse(kept.get("viola.uploads") ?? "{}") as Record<string, { at_ms: number }>;
+  const age = (hours: number) => {
+    for (const one of Object.values(begun)) one.at_ms -= hours * 3600 * 1000;
+    kept.set("viola.uploads", JSON.stringify(begun));
+  };
+  const { list, texts } = unfinished();
+  age(30);
+  await list.draw();
+  assert.equal(texts().length, 1);
+  age(24 * 7);
+  await list.draw();
+  assert.deepEqual(texts(), []);
+});
+
 test("a file that was refused after its tab was closed is told once", async () => {
   await interrupted();
   const [upload] = service.uploads.values();

@@ -12,8 +12,8 @@ export interface Begun {
   path: string | null;
 }
 
-/** The service removes an upload that is not finished after a day. */
-const KEPT_MS = 24 * 3600 * 1000;
+/** The service keeps an upload for a day after its last byte, or as long as its operator set, and a slow line needs days for some. */
+const KEPT_MS = 7 * 24 * 3600 * 1000;
 
 interface Kept extends Begun {
   at_ms: number;
@@ -69,7 +69,7 @@ function partsOf(name: string): [tenant: string, home: string, file: Known | nul
   }
 }
 
-/** The uploads that the service still has. */
+/** The uploads that the service may still have. */
 function fresh(): Record<string, Kept> {
   return Object.fromEntries(Object.entries(read()).filter(([, kept]) => Date.now() - kept.at_ms < KEPT_MS));
 }
