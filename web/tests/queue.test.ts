@@ -201,6 +201,9 @@ test("an upload that a reload interrupted is told, and continues with the same f
   assert.equal(texts().length, 1);
   assert.match(texts()[0] ?? "", /kitchen\.zip.*interrupted\. 50 % of 16\.8 MB has arrived\. Choose the same file/);
   assert.equal(fake(list.said).textContent, "1 upload is not finished.");
+  // A person who speaks the word of the button means its field.
+  const [word, name] = [fake(list.element).all("label")[0]?.textContent, fake(list.element).all("input")[0]?.getAttribute("aria-label")];
+  assert.ok(word && name?.startsWith(word), `${name} is shown as ${word}`);
   choose(fileOf("kitchen.zip", PART_BYTES));
   assert.deepEqual(service.seen, [], "another file continues the upload");
   choose(file);

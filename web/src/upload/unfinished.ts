@@ -62,7 +62,8 @@ export class Unfinished {
 
   private row({ begun, received_bytes }: Interrupted): HTMLElement {
     const { file, key } = begun;
-    const input = h("input", { type: "file", class: "hidden-text", id: `continue-${key}`, "aria-label": `Choose ${file.name} again`, "data-key": key });
+    const name = `Choose the file ${file.name} again`;
+    const input = h("input", { type: "file", class: "hidden-text", id: `continue-${key}`, "aria-label": name, "data-key": key });
     input.addEventListener("change", () => {
       const [chosen] = input.files ?? [];
       input.value = "";
