@@ -38,13 +38,14 @@ export async function showClip(place: Place, home: string, id: string): Promise<
   const [first, all, of] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal), api.home(home, signal)]);
   const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
-  const page = new ClipPage(place, of, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null);
-  await page.show();
+  new ClipPage(place, of, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null).show();
 }
 
 class ClipPage {
   private ground: Ground = noGround();
   private readonly ofGround = new Backoff();
+  /** The reading of the ground: the next one waits for it, and the page for none. A picture may take long on its way. */
+  private reading = Promise.resolve();
   private drawn = "";
   /** Names the shown answer. */
   private answer = "";
@@ -90,7 +91,7 @@ class ClipPage {
     this.repeated = new Repeated(async () => {
       try {
         this.clip = await api.clip(clip.home, clip.id, signal);
-        await this.draw();
+        this.draw();
         this.lost.textContent = "";
         backoff.reset();
       } catch (error) {
@@ -120,7 +121,7 @@ class ClipPage {
     return withShownAnswer(this.clip);
   }
 
-  async show(): Promise<void> {
+  show(): void {
     const { place, clip } = this;
     put(place.main, h("div", { class: "page clip-page" },
       this.lost, this.said, this.head, this.verdict, this.places, this.pictures, this.cloud.element, this.rest));
@@ -128,13 +129,13 @@ class ClipPage {
       // A picture of the other theme may still come; it goes into the earlier ground.
       this.ground = { ...this.ground, pictures: new Map() };
       this.drawn = "";
-      void this.draw();
+      this.draw();
     }, place.signal);
-    await this.draw();
+    this.draw();
     onHomeChange(clip.home, () => this.repeated.again(), place.signal);
   }
 
-  private async draw(): Promise<void> {
+  private draw(): void {
     const { job, updated_at: _, ...lasting } = this.clip;
     if (job) {
       this.bar.value = job.progress;
@@ -165,15 +166,17 @@ class ClipPage {
     this.drawPictures();
     this.cloud.show(shown);
     this.drawLegend();
-    await this.drawGround();
+    this.drawGround();
   }
 
-  /** Draws the places on the LiDAR maps. */
-  private async drawGround(): Promise<void> {
-    await this.readGround();
-    if (this.place.signal.aborted) return;
-    this.drawLegend();
-    this.drawPlaces();
+  /** Draws the places on the LiDAR maps when these have been read. */
+  private drawGround(): void {
+    this.reading = this.reading.catch(() => {}).then(async () => {
+      await this.readGround();
+      if (this.place.signal.aborted) return;
+      this.drawLegend();
+      this.drawPlaces();
+    });
   }
 
   private drawLegend(): void {
@@ -263,7 +266,7 @@ class ClipPage {
       // Without the walls the figures remain; a lost request is made again.
       const wait_ms = this.ofGround.next_ms(error);
       if (wait_ms === null) console.warn(error);
-      else whenDue(wait_ms, () => void this.drawGround(), signal);
+      else whenDue(wait_ms, () => this.drawGround(), signal);
     }
   }
 
