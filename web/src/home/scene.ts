@@ -289,7 +289,7 @@ export class HomeScene {
     };
     if (rooms.length > 0) return rooms.map((room) => ({ text: named(roomName(room)) + note(room), at_m: room.label_at_m }));
     const below = lidarBelow(data);
-    return (below?.lidar.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: below ? place(below.at, room.centre_m) : room.centre_m }));
+    return below ? below.lidar.info.rooms.map((room) => ({ text: roomName(room), at_m: place(below.at, room.centre_m) })) : [];
   }
 
   /** The rooms that are worth filming next, if they shall be shown. */
