@@ -126,6 +126,14 @@ test("a file that is in the queue already is another clip, and so is one after a
   assert.equal(service.uploads.size, 3);
 });
 
+test("maps go before clips, and the map that a person added last replaces the earlier one", async () => {
+  for (const name of ["first.zip", "next.zip"]) queue.addClip(fileOf(name));
+  for (const name of ["old", "new"]) queue.addMap(fileOf(name), { level: "main", replaces: null });
+  await until(() => queue.unsent === 0);
+  const sent = service.seen.filter((name) => /^(POST|PUT)/.test(name));
+  assert.deepEqual(sent, ["POST uploads", "PUT main?filename=old", "PUT main?filename=new", "POST uploads"]);
+});
+
 test("files wait for the next session", async () => {
   service.hasSession = false;
   for (const name of ["first.zip", "next.zip"]) queue.addClip(fileOf(name));

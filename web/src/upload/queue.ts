@@ -173,9 +173,9 @@ export class UploadQueue {
   private enter(upload: Upload): void {
     this.failed.delete(upload);
     upload.row.wait("waits");
-    // Clips wait for a map anyway, so maps go first; a file that is being sent stays first.
-    const at = upload.target ? Number(this.isSending) : this.waiting.length;
-    this.waiting.splice(at, 0, upload);
+    // Clips wait for a map anyway, so maps go first, in their order; a file that is being sent stays first.
+    const firstClip = this.waiting.findIndex(({ target }, i) => !target && i >= Number(this.isSending));
+    this.waiting.splice(upload.target && firstClip >= 0 ? firstClip : this.waiting.length, 0, upload);
     void this.work();
   }
 
