@@ -25,7 +25,7 @@ import { Measure } from "./measure.ts";
 import { LevelPicture } from "./picture.ts";
 import { Pointing } from "./pointing.ts";
 import { HomePoints } from "./points.ts";
-import { hullOfSelected, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
+import { hullOfSelected, roomName, roomOf, type Selection, sureOf, thingName, thingOf } from "./selection.ts";
 import type { Framing } from "./share.ts";
 import { HomeSurface } from "./surface.ts";
 import { TopView } from "./top.ts";
@@ -341,11 +341,11 @@ export class HomeScene {
     plan.setLayer("coverage", ...others.map(({ room, walls }) => shapes.room(room, "room filmed", ramped(walls))));
     plan.setLayer("wanted", ...wanted.map((room, i) => shapes.room(room, i === 0 ? "room wanted next" : "room wanted")));
     const things = this.things();
-    plan.setLayer("things", ...things.map((thing) =>
-      shapes.thing(thing, this.colourOf(thing.class), thingName(thing))));
+    const shapeOf = (thing: Thing, colour: Rgb) => shapes.thing(thing, colour, `${thingName(thing)}, ${sureOf(thing)}`);
+    plan.setLayer("things", ...things.map((thing) => shapeOf(thing, this.colourOf(thing.class))));
     const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
     plan.setLayer("selected",
-      ...(thing ? [shapes.thing(thing, MARK, thingName(thing))] : []),
+      ...(thing ? [shapeOf(thing, MARK)] : []),
       ...(room ? [shapes.room(room, "room selected")] : []));
     plan.setLayer("paths", ...this.ways().flatMap(({ clip, places_m, colour }) => {
       const pose = data.poseOf(clip);

@@ -3,7 +3,7 @@
 import { hullOf, type Point3 } from "../cloud/pick.ts";
 import { corners, isInside, type Point2 } from "../frames.ts";
 import type { RobotRoom, Room, Thing } from "../types.ts";
-import { plain } from "../words.ts";
+import { percent, plain } from "../words.ts";
 import type { HomeData } from "./data.ts";
 
 /** A picture of a room shows it up to this height. */
@@ -28,6 +28,11 @@ export const SET = "set by a person";
 
 export function isClassSet({ corrected }: Thing): boolean {
   return corrected.includes("class");
+}
+
+/** How sure the class of an object is. */
+export function sureOf(thing: Thing): string {
+  return isClassSet(thing) ? SET : percent(thing.confidence);
 }
 
 /** An id without its level: `sofa-1` of `upper~sofa-1`. */

@@ -1,10 +1,10 @@
 // Lists the rooms and objects of a home. A person searches in it and selects.
 
 import { h, isByKey, put, putAgain } from "../dom.ts";
-import { area, percent } from "../words.ts";
+import { area } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
-import { isClassSet, isSame, roomName, type Selection, SET, thingName } from "./selection.ts";
+import { isSame, roomName, type Selection, sureOf, thingName } from "./selection.ts";
 import { synonymsOf } from "./synonyms.ts";
 
 /** Classes that belong to the walls; they come last. */
@@ -85,7 +85,7 @@ export class ThingsPanel {
     });
     const things = data.things.map((thing): Entry => {
       const [name, room] = [thingName(thing), thing.room ? (roomNames.get(thing.room) ?? "") : ""];
-      const note = [room, isClassSet(thing) ? SET : percent(thing.confidence)].filter(Boolean).join(" · ");
+      const note = [room, sureOf(thing)].filter(Boolean).join(" · ");
       const words = wordsOf(`${name} ${thing.class.replaceAll("_", " ")} ${synonymsOf(thing.class)} ${thing.id}`);
       const colour = data.classNamed(thing.class)?.color ?? "#9a9a9a";
       const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";

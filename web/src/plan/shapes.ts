@@ -46,11 +46,11 @@ export function room(room: Room, name = "room", colour: Rgb | null = null): SVGE
   return shape;
 }
 
-export function thing(thing: Thing, colour: Rgb, name: string): SVGElement {
+export function thing(thing: Thing, colour: Rgb, title: string): SVGElement {
   const outline = corners(thing.centre_m, thing.size_m, thing.yaw_rad);
   const shape = s("polygon", { class: "thing", points: outline.map(at).join(" ") });
   shape.style.stroke = css(colour);
   shape.style.fill = css(colour);
-  shape.append(s("title", {}, `${name}, ${Math.round(thing.confidence * 100)} %`));
+  shape.append(s("title", {}, title));
   return shape;
 }

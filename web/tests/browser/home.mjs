@@ -45,6 +45,9 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await page.getByRole("button", { name: "Change", exact: true }).click();
     await mapIs(next++);
     await details.getByText("Plant, ").waitFor();
+    await page.locator("label:has(#view-2d)").click();
+    await page.locator(".plan .things title", { hasText: "Grandma's, set by a person" }).waitFor({ state: "attached" });
+    await page.locator("label:has(#view-3d)").click();
     // The row goes before the service has another map.
     await page.route(/\/map$/, (route) => route.abort());
     await details.getByRole("button", { name: "Remove" }).click();
