@@ -85,6 +85,8 @@ class FakeElement extends EventTarget {
     return null;
   }
 
+  showModal(): void {}
+
   contains(other: unknown): boolean {
     return other === this || this.below().some((child) => child === other);
   }

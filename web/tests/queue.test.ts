@@ -4,6 +4,7 @@ import { afterEach, beforeEach, test } from "node:test";
 import type { HomeData } from "../src/home/data.ts";
 import { clearNotices, noticeBoard } from "../src/parts/notices.ts";
 import { onSessionEnd } from "../src/session.ts";
+import { askTarget } from "../src/upload/level.ts";
 import { UploadPanel } from "../src/upload/panel.ts";
 import { Unfinished } from "../src/upload/unfinished.ts";
 import { resumeUploads, stopUploads, unsentFiles, UploadQueue, queueOf } from "../src/upload/queue.ts";
@@ -132,6 +133,17 @@ test("maps go before clips, and the map that a person added last replaces the ea
   await until(() => queue.unsent === 0);
   const sent = service.seen.filter((name) => /^(POST|PUT)/.test(name));
   assert.deepEqual(sent, ["POST uploads", "PUT main?filename=old", "PUT main?filename=new", "POST uploads"]);
+});
+
+test("in a home with all levels a mere Enter replaces no map", () => {
+  const buttons = (levels: number) => {
+    const taken = Array.from({ length: levels }, (_, i) => `level-${i}`);
+    void askTarget(fileOf("map.json"), { level: "level-0", replaces: 1 }, taken);
+    return body.all("dialog").at(-1)?.all("button").map((button) => [button.textContent, button.getAttribute("autofocus")]);
+  };
+  assert.deepEqual(buttons(8), [["Cancel", ""], ["Replace map", null]]);
+  // The field of the name has the focus.
+  assert.deepEqual(buttons(7), [["Add level", null], ["Replace map", null], ["Cancel", null]]);
 });
 
 test("files wait for the next session", async () => {

@@ -33,19 +33,17 @@ export async function askTarget(file: File, now: Target, taken: string[]): Promi
     // The service keeps the id only, so the page shows the name that the id gives.
     shown.textContent = id ? `It will be shown as “${levelWord(id)}”.` : "";
   });
-  const options: Option<() => Target | null>[] = [
-    { word: "Replace map", value: () => now, kind: "danger" },
-    { word: "Cancel", value: () => null },
-  ];
+  const added = () => {
+    const level = levelIdOf(name.value, taken);
+    return level === null ? null : { level, replaces: null };
+  };
   const canAdd = taken.length < MOST_LEVELS;
-  // Enter in a text presses the first button, which must be the harmless one.
-  if (canAdd) {
-    const added = () => {
-      const level = levelIdOf(name.value, taken);
-      return level === null ? null : { level, replaces: null };
-    };
-    options.unshift({ word: "Add level", value: added, kind: "primary", needsFields: true });
-  }
+  const replace: Option<() => Target | null> = { word: "Replace map", value: () => now, kind: "danger" };
+  const cancel = { word: "Cancel", value: () => null };
+  // Enter presses the first button, which must be a harmless one.
+  const options: (typeof replace)[] = canAdd
+    ? [{ word: "Add level", value: added, kind: "primary", needsFields: true }, replace, cancel]
+    : [cancel, replace];
   const text = canAdd
     ? h("label", { class: "field" }, `Name of a new level for ${named(file.name)}, if it shows another storey:`, name, shown)
     : `${named(file.name)} would replace it. A home has at most ${MOST_LEVELS} levels.`;
