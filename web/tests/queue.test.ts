@@ -135,6 +135,22 @@ test("maps go before clips, and the map that a person added last replaces the ea
   assert.deepEqual(sent, ["POST uploads", "PUT main?filename=old", "PUT main?filename=new", "POST uploads"]);
 });
 
+test("a page that was left explains no refused files over the next one", async () => {
+  const page = new AbortController();
+  const panel = new UploadPanel({ home: { id: "asked" } } as unknown as HomeData, () => {}, page.signal);
+  const photo = new File([new Uint8Array([0xff, 0xd8, 0xff])], "kitchen.jpg");
+  const [clips] = fake(panel.element).all("input");
+  Object.assign(clips ?? {}, { files: [photo, fileOf("map.json")] });
+  clips?.dispatchEvent(new Event("change"));
+  await until(() => body.all("dialog").length === 1);
+  assert.match(body.all("dialog")[0]?.textContent ?? "", /^A LiDAR map\?/);
+  // The end of the page closes its question.
+  page.abort();
+  body.all("dialog")[0]?.dispatchEvent(new Event("close"));
+  await new Promise((resolve) => setTimeout(resolve, 5));
+  assert.deepEqual(body.all("dialog"), []);
+});
+
 test("in a home with all levels a mere Enter replaces no map", () => {
   const buttons = (levels: number) => {
     const taken = Array.from({ length: levels }, (_, i) => `level-${i}`);

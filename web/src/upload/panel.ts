@@ -88,7 +88,7 @@ export class UploadPanel {
       else refused.push({ name: file.name, kind: found });
     }
     // One question for all of them: a person may have chosen a whole album.
-    await explainRefused(refused, said);
+    if (!this.signal.aborted) await explainRefused(refused, said);
   }
 
   private async sort(file: File, said: Kind | undefined, found: Kind | null): Promise<void> {
