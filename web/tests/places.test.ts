@@ -62,6 +62,8 @@ test("advice is given once, and a pose is called a place", () => {
   assert.deepEqual(told(clip), ["3 other places explain the clip nearly as well, which leaves the best at 40 %"]);
   assert.equal(adviceOf(clip).length, 1);
   assert.deepEqual(told(clipWith(equal, { reasons: [several] })), told(clip));
+  const dark = { code: "track_dark", detail: "the picture is dark; switch on the light" };
+  assert.deepEqual(told(clipWith([0.4, 0.3], { reasons: [dark] })), ["the picture is dark"]);
   // Without advice of the page, the service's stays.
   const fault = { code: "storage_fault", detail: "the disk is full; the service tries again by itself" };
   assert.deepEqual(told(clipWith([0.4], { state: "queued", reasons: [fault] })), [fault.detail]);

@@ -43,7 +43,7 @@ export function reasonsOf(clip: Clip): Told[] {
 
 /** The service ends the detail of some reasons with advice; the page gives its own. */
 function withoutAdvice(detail: string): string {
-  return detail.replace(/; (film|include|record|align|choose|check|send|split|hold|move|is it) [^;]*$/, "");
+  return detail.replace(/; (film|include|record|align|choose|check|send|split|hold|move|switch|is it) [^;]*$/, "");
 }
 
 /** The page counts places from 1, the service counts them from 0. */
