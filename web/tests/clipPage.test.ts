@@ -20,38 +20,65 @@ Object.assign(document, { documentElement: { dataset: {} } });
 
 const ID = "01a1f766-7abd-71fb-b5b7-3d59df71839d";
 
-function clipOf(state: string): object {
+function clipOf(state: string, more: object = {}): object {
   const alternative = { level: "main", map_from_clip: { x_m: 0, y_m: 0, yaw_rad: 0 }, probability: 0.9, loss_m: 0.1, inliers: 0.8, free_space: null };
   const alignment = { ...alternative, alternatives: [alternative], hits: 9, seconds: {}, floor: null, labels: null, completion: null, coverage: null };
   const info = { frames: 1, frames_with_pose: 1, color_width: 0, layout: "polycam", notes: [] };
   return {
     home: "h", id: ID, state, reasons: [], job: null, choice: null, placement: null, last_answer: null, duplicate_of: null, title: null,
-    file_name: null, recorded_at: null, created_at: "", size_bytes: 9, info, alignment,
+    file_name: null, recorded_at: null, created_at: "", size_bytes: 9, info, alignment, ...more,
   };
 }
 
-test("a clip's page follows its home while the picture of the walls is on its way", async () => {
-  const { showClip } = await import("../src/pages/clip.ts");
-  const service = { state: "ambiguous", pictures: 0 };
+/** A service whose line is slow: no picture comes. `asked` has the paths of the requests. */
+function slowService(more: object = {}) {
+  const service = { state: "ambiguous", asked: [] as string[], clips: [] as object[] };
+  const clip = () => clipOf(service.state, more);
   const answers: Record<string, () => object> = {
-    "": () => ({ id: "h", name: null }), "/clips?limit=200": () => ({ items: [clipOf(service.state)], next: null }),
-    [`/clips/${ID}`]: () => clipOf(service.state), [`/clips/${ID}/scan`]: () => ({ hits_m: [], cameras: [] }),
+    "": () => ({ id: "h", name: null }), "/clips?limit=200": () => ({ items: [...service.clips, clip()], next: null }),
+    [`/clips/${ID}`]: clip, [`/clips/${ID}/scan`]: () => ({ hits_m: [], cameras: [] }),
     "/lidar-maps": () => ({ items: [{ level: "main", image: {}, info: { min_m: [0, 0], max_m: [1, 1], charger: null } }] }),
   };
   globalThis.fetch = (path) => {
-    const answer = answers[String(path).replace("/v1/homes/h", "")];
-    if (answer) return Promise.resolve(new Response(JSON.stringify(answer())));
-    // The line is slow: the picture does not come.
-    service.pictures++;
-    return new Promise(() => {});
+    const below = String(path).replace("/v1/homes/h", "");
+    service.asked.push(below);
+    const answer = answers[below];
+    return answer ? Promise.resolve(new Response(JSON.stringify(answer()))) : new Promise(() => {});
   };
+  return service;
+}
+
+async function shown() {
+  const { showClip } = await import("../src/pages/clip.ts");
   const [main, page] = [h("main"), new AbortController()];
-  void showClip({ main, crumbs: h("nav"), signal: page.signal, again: () => {} }, "h", ID);
-  await until(() => service.pictures === 1 && streams.length === 1);
+  await showClip({ main, crumbs: h("nav"), signal: page.signal, again: () => {} }, "h", ID);
+  return { page, text: () => fake(main).textContent };
+}
+
+test("a clip's page follows its home while the picture of the walls is on its way", async () => {
+  const service = slowService();
+  const pictures = () => service.asked.filter((path) => path.endsWith("image.png")).length;
+  const { page, text } = await shown();
+  await until(() => pictures() === 1 && streams.length === 1);
   assert.equal(streams[0]?.path, "/v1/homes/h/events");
   service.state = "queued";
   streams[0]?.dispatchEvent(new Event("change"));
-  await until(() => fake(main).textContent.includes("It waits for its turn."));
-  assert.equal(service.pictures, 1, "the same picture is asked for twice");
+  await until(() => text().includes("It waits for its turn."));
+  assert.equal(pictures(), 1, "the same picture is asked for twice");
   page.abort();
+});
+
+test("a clip's page waits for the list of all clips only if it needs a number or the name of a twin", async () => {
+  const twin = { id: "twin", title: "Kitchen", file_name: null };
+  for (const [more, name, needsAll] of [
+    [{ file_name: "hall.zip" }, /^hall\.zip/, false], [{ title: "Hall", file_name: "hall.zip" }, /^Hall/, false],
+    [{}, /^Clip 2/, true], [{ file_name: "hall.zip", duplicate_of: "twin" }, /^hall\.zip.*Same recording as Kitchen/, true],
+  ] as const) {
+    const service = slowService(more);
+    service.clips = [twin];
+    const { page, text } = await shown();
+    assert.match(text(), name);
+    assert.equal(service.asked.some((path) => path.startsWith("/clips?")), needsAll, String(name));
+    page.abort();
+  }
 });

@@ -35,7 +35,9 @@ export async function showClip(place: Place, home: string, id: string): Promise<
   const { signal } = place;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
   if (!ID.test(id)) throw new api.Refusal(404, wordsFor("urn:viola:problem:clip-not-found") ?? "");
-  const [first, all, of] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal), api.home(home, signal)]);
+  const [first, of] = await Promise.all([api.clip(home, id, signal), api.home(home, signal)]);
+  // Only a clip without a name of its own has a number, and a twin has a name. The list of a large home is long on a slow line.
+  const all = first.file_name === null || first.duplicate_of !== null ? await api.clips(home, signal) : [];
   const numberOf = (clip: Clip) => all.findIndex(({ id }) => id === clip.id) + 1;
   const twin = all.find(({ id }) => id === first.duplicate_of);
   new ClipPage(place, of, first, numberOf(first), twin ? clipName(twin, numberOf(twin)) : null).show();
@@ -72,7 +74,7 @@ class ClipPage {
     private readonly place: Place,
     private readonly home: Home,
     private clip: Clip,
-    /** The number of the clip in its home, from 1. */
+    /** The number of the clip in its home, from 1; 0 for a clip with a file name. */
     private readonly number: number,
     /** The name of the oldest clip with the same file; null if this is it. */
     private readonly twin: string | null,
