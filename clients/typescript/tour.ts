@@ -8,6 +8,8 @@ if (base === undefined || map === undefined || clip === undefined) throw new Err
 const api = viola(base, key);
 const home = "typescript";
 const octets = { headers: { "content-type": "application/octet-stream" } };
+/** A clip needs seconds to minutes; a service without a worker never aligns it. */
+const DEADLINE_MS = 600_000;
 
 accepted(await api.PUT("/v1/homes/{home}", { params: { path: { home } }, body: { name: "Elm Street" } }));
 const lidar = new Blob([await readFile(map)]);
@@ -28,7 +30,9 @@ const added = accepted(
 );
 assert.ok("id" in added);
 let now: Clip = added;
+const begun_ms = performance.now();
 while (now.state === "queued" || now.state === "aligning") {
+  if (performance.now() - begun_ms > DEADLINE_MS) throw new Error(`the clip is still ${now.state} after ${DEADLINE_MS / 1000} s`);
   await new Promise((resolve) => setTimeout(resolve, 100));
   const path = { home, clip: added.id };
   now = accepted(await api.GET("/v1/homes/{home}/clips/{clip}", { params: { path } }));
