@@ -16,6 +16,12 @@ export function inverse({ x_m, y_m, yaw_rad }: Pose2): Pose2 {
   return { x_m: -x, y_m: -y, yaw_rad: -yaw_rad };
 }
 
+/** One pose after another: of map from clip and clip from camera, that of map from camera. */
+export function composed(a: Pose2, b: Pose2): Pose2 {
+  const [x_m, y_m] = place(a, [b.x_m, b.y_m]);
+  return { x_m, y_m, yaw_rad: a.yaw_rad + b.yaw_rad };
+}
+
 /** The corners of a box on the floor, counter-clockwise. */
 export function corners(centre: readonly number[], size: readonly number[], yaw_rad: number): Point2[] {
   const [x_m = 0, y_m = 0] = centre;

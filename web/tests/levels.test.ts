@@ -198,6 +198,31 @@ test("a new LiDAR map is drawn where it lies in the frame of the home's map", ()
   assert.deepEqual(below(2, 5, 0), [0, false], "there are no points yet");
 });
 
+test("a clip that the map does not have yet is drawn where it lies in the frame of the map", async () => {
+  const at = (x_m: number) => ({ level: "main", map_from_clip: { x_m, y_m: 0, yaw_rad: 0 } });
+  const clips = [{ id: "old", state: "aligned", alignment: at(7) }, { id: "new", state: "aligned", alignment: at(8) }, { id: "chosen", choice: at(9) }];
+  const lidar = { level: "main", revision: 2, from_earlier: { revision: 1, map_from_earlier: { x_m: 5, y_m: 0, yaw_rad: 0 } } as object | null };
+  const level = { level: "main", lidar_map_revision: 1, info: { points: 9 } };
+  const answers: Record<string, () => object> = {
+    "": () => ({ id: "h" }), "/lidar-maps": () => ({ items: [lidar] }), "/clips": () => ({ items: clips, next: null }),
+    "/map": () => ({ revision: 1, created_at: "", clips: [{ clip: "old", ...at(2) }], info: {}, levels: [level] }),
+    "/map/rooms": () => ({ rooms: [] }), "/map/objects": () => ({ objects: [] }), "/map/coverage": () => ({}),
+  };
+  globalThis.fetch = async (path) => {
+    const [address = ""] = String(path).replace("/v1/homes/h", "").split("?");
+    return new Response(JSON.stringify(answers[address]?.() ?? { classes: [] }));
+  };
+  const data = await HomeData.load("h", "main", never);
+  const places = () => data.clips.map((clip) => data.poseOf(clip)?.x_m ?? null);
+  assert.deepEqual(places(), [2, 3, 4]);
+  lidar.from_earlier = null;
+  await data.refresh(never);
+  assert.deepEqual(places(), [2, null, null], "the frame is not known");
+  level.lidar_map_revision = 2;
+  await data.refresh(never);
+  assert.deepEqual(places(), [2, 8, 9]);
+});
+
 test("the walls of a turned LiDAR map enclose the home's map", () => {
   const at = inverse({ x_m: 3, y_m: 1, yaw_rad: Math.PI / 2 });
   const info = { min_m: [0, 0], max_m: [4, 2] };

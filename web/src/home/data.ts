@@ -2,9 +2,10 @@
 
 import * as api from "../api.ts";
 import { clipColour, type Rgb } from "../cloud/colours.ts";
-import { place } from "../frames.ts";
+import { composed, place } from "../frames.ts";
 import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, RobotRoom, Room, Scan, Thing } from "../types.ts";
 import { clipName } from "../words.ts";
+import { lidarBelow } from "./below.ts";
 
 /** The level that is shown first, as in the service. */
 const MAIN = "main";
@@ -189,21 +190,28 @@ export class HomeData {
     return clipColour(Math.max(0, this.indexOf(clip)));
   }
 
-  /** The place of a clip in the newest map, else by its own answer. */
-  private placeOf(clip: Clip) {
-    const own = clip.state === "aligned" ? clip.alignment : null;
-    return this.map?.clips.find((other) => other.clip === clip.id) ?? clip.choice ?? own;
+  /** The place of a clip in the newest map. */
+  private inMap(clip: Clip) {
+    return this.map?.clips.find((other) => other.clip === clip.id) ?? null;
+  }
+
+  /** The place of a clip by its choice or its own answer: in the frame of the newest LiDAR map. */
+  private ownPlaceOf(clip: Clip) {
+    return clip.choice ?? (clip.state === "aligned" ? clip.alignment : null);
   }
 
   /** The level that a clip was recorded on; null if that is not known. */
   levelOf(clip: Clip): string | null {
-    return this.placeOf(clip)?.level ?? null;
+    return (this.inMap(clip) ?? this.ownPlaceOf(clip))?.level ?? null;
   }
 
-  /** A clip's pose on the level that is shown; null on any other. */
+  /** A clip's pose on the level that is shown; null on any other, and if its frame is not known beside that of the map. */
   poseOf(clip: Clip): Pose2 | null {
-    const at = this.placeOf(clip);
-    return at?.level === this.level ? at.map_from_clip : null;
+    if (this.levelOf(clip) !== this.level) return null;
+    const inMap = this.inMap(clip);
+    if (inMap) return inMap.map_from_clip;
+    const [below, own] = [lidarBelow(this), this.ownPlaceOf(clip)?.map_from_clip];
+    return below && own ? composed(below.at, own) : null;
   }
 
   /** A clip's cameras in the map's frame; empty where they are not known. */
