@@ -136,9 +136,10 @@ test("no point is measured while points of the map are missing", () => {
 
 /** The points of a home, with workers that answer when a test says so. */
 function loadedPoints() {
-  const workers: { onmessage: (event: { data: unknown }) => void; known: string | null }[] = [];
+  const workers: { onmessage: (event: { data: unknown }) => void; onerror: () => void; known: string | null }[] = [];
   class FakeWorker {
     onmessage = () => {};
+    onerror = () => {};
     known: string | null = null;
     postMessage({ known }: { known: string | null }): void {
       this.known = known;
@@ -201,6 +202,13 @@ test("the earlier points stay until those of the new map are complete", async ()
   assert.equal(workers.length, 5, "the next change of the home does not try again");
   points.update(dataOf(3, "upper"));
   assert.equal(points.shown, null);
+});
+
+test("a tab of an earlier version, whose scripts the service has no longer, asks for a reload", () => {
+  const { workers, failures, points, dataOf } = loadedPoints();
+  points.update(dataOf(1));
+  workers[0]?.onerror();
+  assert.match(failures.join(), /Reload the page/);
 });
 
 test("a failed attempt leaves none of its points in memory", () => {

@@ -112,8 +112,9 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal, know
     }
     if (data.what !== "begin" && data.what !== "points") stop();
   };
+  // The script of the worker may be gone: a tab that was opened before an upgrade of the service is of the earlier version.
   worker.onerror = () => {
-    arrival.failed(new Error("The points could not be read in this browser."));
+    arrival.failed(new Error("The points could not be read in this browser. Reload the page: the service may have a newer one."));
     stop();
   };
   const ask: Ask = { urls, known };
