@@ -69,7 +69,7 @@ export function refusalOf(status: number, body: string, retryAfter: string | nul
 }
 
 /** The seconds of a header `Retry-After`; null if it is missing or a date. */
-export function delay_s(retryAfter: string | null): number | null {
+function delay_s(retryAfter: string | null): number | null {
   return /^\d+$/.test(retryAfter ?? "") ? Number(retryAfter) : null;
 }
 

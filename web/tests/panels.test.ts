@@ -217,7 +217,7 @@ test("a failed attempt leaves none of its points in memory", () => {
   const [nothing, ends] = [() => {}, [] as string[]];
   const arrival = { begun: nothing, grown: nothing, ended: () => void ends.push("ended"), nothing, failed: () => void ends.push("failed") };
   for (const end of [{ what: "failed", message: "lost", status: 0, retryAfter_s: null }, { what: "end" }]) {
-    load(["/points"], arrival, signal);
+    load("/points", arrival, signal);
     assert.equal(getEventListeners(signal, "abort").length, 1);
     told(ends.length, begin, point(0), end);
     assert.equal(getEventListeners(signal, "abort").length, 0, "the page keeps what the attempt loaded");

@@ -86,7 +86,7 @@ export class ClipCloud {
       h("div", { class: "stage small" }, h("div", { class: "views" }, view.element), toolbar, status.shown, status.said));
     view.element.querySelector("canvas")?.focus({ preventScroll: true });
     for (const { id, name, color } of known) view.setClass(id, color, name !== "ceiling");
-    load([clipPath(clip, "cloud.ply")], {
+    load(clipPath(clip, "cloud.ply"), {
       begun: (cloud) => view.setCloud(cloud, VOXEL_M),
       grown: (cloud) => {
         const isWhole = cloud.shown >= cloud.count;

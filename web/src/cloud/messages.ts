@@ -2,9 +2,9 @@
 
 import type { Points } from "./ply.ts";
 
-/** The page asks for the first address that is there. */
+/** The page asks for the points at an address. */
 export interface Ask {
-  urls: string[];
+  url: string;
   /** The `ETag` of points that the page has already; null without any. */
   known: string | null;
 }
@@ -15,7 +15,7 @@ export type Told =
   | { what: "end" }
   /** The points are those that the page has. */
   | { what: "same" }
-  /** Nothing at any of the addresses. */
+  /** Nothing at the address. */
   | { what: "nothing" }
   /** With the service's status and delay; the status is 0 if the connection was lost, and null if the points cannot be read. */
   | { what: "failed"; status: number | null; retryAfter_s: number | null; message: string };

@@ -82,8 +82,8 @@ function isColoured({ tint }: Points): boolean {
   return tint.some((value, i) => value > 0 && i % 4 < 3);
 }
 
-/** Loads the first of the addresses that has points, unless they are those with the `ETag` that is known. */
-export function load(urls: string[], arrival: Arrival, signal: AbortSignal, known: string | null = null): void {
+/** Loads the points at an address, unless they are those with the `ETag` that is known. */
+export function load(url: string, arrival: Arrival, signal: AbortSignal, known: string | null = null): void {
   if (signal.aborted) return;
   const worker = new Worker(POINTS_WORKER, { type: "module" });
   const stop = () => {
@@ -117,6 +117,6 @@ export function load(urls: string[], arrival: Arrival, signal: AbortSignal, know
     arrival.failed(new Error("The points could not be read in this browser. Reload the page: the service may have a newer one."));
     stop();
   };
-  const ask: Ask = { urls, known };
+  const ask: Ask = { url, known };
   worker.postMessage(ask);
 }

@@ -1,6 +1,6 @@
 // Fetches and reads points beside the page, so that it stays responsive.
 
-import { delay_s, explanation, Refusal } from "../api.ts";
+import { explanation, Refusal, refusalOf } from "../api.ts";
 import type { Ask, Told } from "./messages.ts";
 import { type Points, PlyStream } from "./ply.ts";
 import { resumed } from "./resume.ts";
@@ -23,15 +23,11 @@ function lost(): never {
   throw new Refusal(0, explanation(0, ""));
 }
 
-async function open({ urls, known }: Ask): Promise<Response | null> {
-  for (const url of urls) {
-    const answer = await fetch(url, known ? { headers: { "if-none-match": known } } : {}).catch(lost);
-    if (answer.ok || answer.status === 304) return answer;
-    if (answer.status === 404) continue;
-    const message = explanation(answer.status, await answer.text().catch(lost));
-    throw new Refusal(answer.status, message, delay_s(answer.headers.get("retry-after")));
-  }
-  return null;
+async function open({ url, known }: Ask): Promise<Response | null> {
+  const answer = await fetch(url, known ? { headers: { "if-none-match": known } } : {}).catch(lost);
+  if (answer.ok || answer.status === 304) return answer;
+  if (answer.status === 404) return null;
+  throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
 function joined(chunks: Uint8Array[], size: number): Uint8Array {

@@ -87,7 +87,7 @@ export class HomePoints {
       drawn_ms = performance.now();
       onGrown();
     };
-    load([homePath(home.id, "map", `points?format=ply&level=${encodeURIComponent(level)}`)], {
+    load(homePath(home.id, "map", `points?format=ply&level=${encodeURIComponent(level)}`), {
       begun: (cloud) => {
         // A complete cloud of the earlier map stays: a measurement goes through missing points.
         if (!this.shown || !isWhole(this.shown.cloud)) this.show({ ...of, cloud });
