@@ -44,7 +44,7 @@ fn boxes(cells: &Cells, spaces: &Spaces) -> Vec<[Range<usize>; 2]> {
         for room in [*of, *joins] {
             let room = (room as usize).checked_sub(1).and_then(|room| boxes.get_mut(room));
             for (range, at) in room.into_iter().flatten().zip(cells.place(at)) {
-                let from = if range.is_empty() { at } else { range.start.min(at) };
+                let from = if range.end == 0 { at } else { range.start.min(at) };
                 *range = from..range.end.max(at + 1);
             }
         }

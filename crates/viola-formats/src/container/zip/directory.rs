@@ -34,7 +34,7 @@ pub(super) fn read<R: Read + Seek>(
     };
     let Rest { parts, is_ended } = Rest::behind(last, open()?)?;
     let more: usize = parts.iter().map(|part| part.entries).sum();
-    if more > 0 && !is_ended || more % LOST != 0 {
+    if more > 0 && !is_ended || !more.is_multiple_of(LOST) {
         let all = counted.len() + more;
         let reason = format!("its directory has {all} entries, and its end counts {}", counted.len());
         return Err(ContainerError::ZipDamaged { reason });

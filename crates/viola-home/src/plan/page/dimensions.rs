@@ -185,10 +185,9 @@ mod tests {
         let spans: Vec<[f64; 2]> =
             (0..SIDE).map(|place| [0.0, 1.5].map(|end| place as f64 * 2.0 + end)).collect();
         // The upper row, and the left column.
-        let cases: [(usize, fn(usize) -> bool); 2] =
-            [(0, |room| room / SIDE == SIDE - 1), (1, |room| room % SIDE == 0)];
-        for (axis, is_outermost) in cases {
+        for axis in 0..2 {
             let found = outermost(&plan, axis, low, high);
+            let is_outermost = |room: usize| [room / SIDE == SIDE - 1, room.is_multiple_of(SIDE)][axis];
             assert!(found.iter().all(|(_, room)| is_outermost(*room)));
             // The last step may be beyond the drawing.
             assert!((75 * SIDE - 1..=75 * SIDE).contains(&found.len()), "{}", found.len());
