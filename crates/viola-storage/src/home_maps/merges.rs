@@ -23,7 +23,7 @@ use rows::insert;
 use std::time::Duration;
 use uuid::Uuid;
 use viola_geometry::LevelName;
-use viola_home::{Manifest, Member, PlacedClip, TileKey};
+use viola_home::{Manifest, Member, TileKey};
 
 /// Number of revisions of a home's map that are kept.
 pub const KEPT_REVISIONS: i64 = 5;
@@ -182,15 +182,7 @@ impl Storage {
 
     /// Returns the manifest of the revision that a claim starts from; empty before the first.
     pub async fn last_manifest(&self, claim: &MergeClaim) -> Result<Manifest, StorageError> {
-        self.manifest(&claim.home, claim.last_revision).await
-    }
-
-    /// Returns the clips of a revision; none if it was removed.
-    pub async fn placed_clips(&self, home: &HomeId, revision: i64) -> Result<Vec<PlacedClip>, StorageError> {
-        Ok(self.manifest(home, revision).await?.clips)
-    }
-
-    async fn manifest(&self, home: &HomeId, revision: i64) -> Result<Manifest, StorageError> {
+        let (home, revision) = (&claim.home, claim.last_revision);
         let files = self.home_map_files(home, revision, LevelName::MAIN, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
