@@ -281,7 +281,7 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
             .filter_map(move |field| Some((correction.order_of(field)?, key, field, correction)))
     });
     let mut all: Vec<_> = all.collect();
-    all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.cmp(b.1)));
+    all.sort_by_cached_key(|(order, key, ..)| ((*order).max(divided_at(key, corrections)), *key, *order));
     let mut corrected: BTreeMap<String, Corrected<RoomField>> = BTreeMap::new();
     let mut divisions: Vec<RoomDivision> = Vec::new();
     let mut parts: BTreeSet<String> = BTreeSet::new();
@@ -377,6 +377,14 @@ fn cut(
     rooms[index] = own;
     rooms.insert(index + 1, other);
     Some(division)
+}
+
+/// Returns when the room of a part was divided, which may be after the part was corrected; the lowest number for other rooms.
+fn divided_at(key: &str, corrections: &[(String, RoomCorrection)]) -> i64 {
+    let is_part = |rest: &str| !rest.is_empty() && rest.trim_start_matches("-b").is_empty();
+    let wholes =
+        corrections.iter().filter(|(whole, _)| key.strip_prefix(whole.as_str()).is_some_and(is_part));
+    wholes.filter_map(|(_, whole)| whole.order_of(RoomField::SplitBy)).max().unwrap_or(i64::MIN)
 }
 
 /// Returns the id of the part of a divided room that does not keep the room's id.

@@ -231,6 +231,19 @@ fn rooms_are_named_joined_and_divided() {
     }
 }
 
+/// The part was merged with the next room, and then the room was divided by another line.
+#[test]
+fn a_part_stays_merged_when_its_room_is_divided_anew() {
+    let split = Some(RoomSplit { from_m: [3.0, 0.0], to_m: [3.0, 1.0], order: 2 });
+    let merge = Some(RoomMerge { with_m: vec![[6.0, 1.5]], order: 1 });
+    let rooms = rooms_with(&[
+        ("1", RoomCorrection { split, ..at(1.0) }),
+        ("1-b", RoomCorrection { merge, ..at(3.5) }),
+    ]);
+    let merged = row("1-b", None, 15.0, &[RoomField::MergeWith]);
+    assert_eq!(rooms, [row("1", None, 9.0, &[RoomField::SplitBy]), merged, row("3", None, 12.0, &[])]);
+}
+
 #[test]
 fn a_correction_holds_while_furniture_stands_on_its_point() {
     let named = RoomCorrection { name: Some("Den".to_owned()), ..at(3.5) };
