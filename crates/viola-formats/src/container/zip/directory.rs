@@ -32,7 +32,8 @@ pub(super) fn read<R: Read + Seek>(
     let Some(last) = headers.map(|entry| entry.central_header_start()).max() else {
         return Ok(vec![counted]);
     };
-    let Rest { parts, is_ended } = Rest::behind(last, open()?)?;
+    let most = MAX_ENTRIES.saturating_sub(counted.len());
+    let Rest { parts, is_ended } = Rest::behind(last, most, open()?)?;
     let more: usize = parts.iter().map(|part| part.entries).sum();
     if more > 0 && !is_ended || !more.is_multiple_of(LOST) {
         let all = counted.len() + more;
@@ -93,13 +94,14 @@ struct Rest {
 }
 
 impl Rest {
-    fn behind(last: u64, archive: impl Read + Seek) -> Result<Rest, ContainerError> {
+    /// Returns the headers behind the one at `last`, or an error for more than `most`.
+    fn behind(last: u64, most: usize, archive: impl Read + Seek) -> Result<Rest, ContainerError> {
         let failed = |source: io::Error| ContainerError::damaged_zip("the archive", source);
         let mut reader = BufReader::new(archive);
         reader.seek(SeekFrom::Start(last)).map_err(failed)?;
         let mut parts: Vec<Part> = Vec::new();
         let (mut at, mut bytes) = (last, Vec::new());
-        for number in 0..=MAX_ENTRIES {
+        for number in 0..=most + 1 {
             bytes.clear();
             reader.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
             let header = bytes.first_chunk::<HEADER_BYTES>().filter(|header| header.starts_with(&HEADER));
@@ -162,7 +164,19 @@ impl<R> Seek for WithEnd<R> {
 
 #[cfg(test)]
 mod tests {
-    use super::Part;
+    use super::*;
+
+    #[test]
+    fn more_headers_than_an_archive_may_have_are_refused() {
+        let mut header = [0; HEADER_BYTES];
+        header[..4].copy_from_slice(&HEADER);
+        let archive = [header.repeat(4), END.to_vec()].concat();
+        for (most, expected) in [(4, Some(3)), (3, Some(3)), (2, None), (0, None)] {
+            let rest = Rest::behind(0, most, io::Cursor::new(&archive)).ok();
+            let entries = rest.map(|rest| rest.parts.iter().map(|part| part.entries).sum::<usize>());
+            assert_eq!(entries, expected, "{most}");
+        }
+    }
 
     #[test]
     fn no_number_asks_for_a_zip64_record() {
