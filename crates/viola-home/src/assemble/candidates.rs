@@ -6,6 +6,7 @@ use super::members::{Extent, Member, Mode, Verdict};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 use viola_align::MIN_ALIGNED_PROBABILITY;
+use viola_geometry::progress::Cancelled;
 use viola_geometry::{LevelName, Pose2};
 
 /// Maximum possible poses of a clip: as many as an alignment lists.
@@ -92,7 +93,7 @@ impl Candidate<'_> {
 }
 
 /// Returns the members with the poses of their own alignments, in their order. `known`: clips of the last merge.
-pub(super) fn candidates<'a, E>(
+pub(super) fn candidates<'a, E: From<Cancelled>>(
     known: &[KnownClip],
     members: &'a [Member],
     cache: &mut Cache<E>,

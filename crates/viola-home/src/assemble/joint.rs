@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use viola_geometry::progress::{Cancelled, Progress};
 
 /// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
 /// their probability.
@@ -105,7 +106,7 @@ fn largest(mut weighed: Vec<(f64, (usize, u8))>, most: usize) -> Vec<(usize, u8)
 
 /// Compares all pairs of clips at the poses where they may see each other, in canonical order. Comparisons
 /// of the last merge, `said` of the clips in `known`, are reused.
-pub(super) fn compare<E>(
+pub(super) fn compare<E: From<Cancelled>>(
     (known, said): (&[KnownClip], &[Comparison]),
     candidates: &[Candidate],
     cache: &mut Cache<E>,
@@ -194,7 +195,8 @@ pub(super) fn marginals(
     candidates: &[Candidate],
     comparisons: &[Comparison],
     forest: &Forest,
-) -> Vec<Option<Marginal>> {
+    progress: &dyn Progress,
+) -> Result<Vec<Option<Marginal>>, Cancelled> {
     let states = |candidate: &Candidate| -> Vec<f64> {
         let listed = candidate.modes.iter().map(|mode| mode.probability);
         // The last state: elsewhere. A state of probability 0 stays possible.
@@ -215,8 +217,8 @@ pub(super) fn marginals(
         model.pairs.push(Factor { a: branch.a, b: branch.b, weights });
     }
     model.pairs.retain(|pair| pair.weights.iter().any(|weight| *weight != 0.0));
-    let marginals = model.marginals();
-    candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect()
+    let marginals = model.marginals(progress)?;
+    Ok(candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect())
 }
 
 /// The evidence of the comparisons.

@@ -1,4 +1,5 @@
 mod features;
+mod stop;
 mod sums;
 
 use super::*;
@@ -6,8 +7,8 @@ use crate::MAP_VOXEL_M;
 use crate::contribution::ClipContribution;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
-use std::convert::Infallible;
 use uuid::Uuid;
+use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
@@ -106,25 +107,25 @@ fn timed_clips() -> Vec<Clip> {
 
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
         Ok(clips.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
-    assemble(last, members, &mut load).unwrap()
+    assemble(last, members, &mut load, &Silent).unwrap()
 }
 
 type Tiles = BTreeMap<TileKey, Tile>;
 
 fn applied(tiles: Tiles, assembly: &Assembly) -> Tiles {
-    assembly.clone().label(tiles, None).tiles
+    assembly.clone().label(tiles, None, &Silent).unwrap().tiles
 }
 
 /// Returns the map of `clips` after `last`, of which it reads the manifest and keeps the tiles.
 fn labelled(last: &LabelledMap, clips: &[&Clip]) -> LabelledMap {
-    made(&last.manifest, clips).label(last.tiles.clone(), None)
+    made(&last.manifest, clips).label(last.tiles.clone(), None, &Silent).unwrap()
 }
 
 fn nothing() -> LabelledMap {
-    made(&Manifest::default(), &[]).label(Tiles::new(), None)
+    made(&Manifest::default(), &[]).label(Tiles::new(), None, &Silent).unwrap()
 }
 
 proptest! {
@@ -175,7 +176,7 @@ fn the_whole_surface_of_an_object_votes() {
     };
     let [boxes, chairs] = labels(assembly.changed.values().flatten().collect());
     assert!(chairs > 300 && boxes > chairs, "{boxes} {chairs}");
-    let map = assembly.label(Tiles::new(), None);
+    let map = assembly.label(Tiles::new(), None, &Silent).unwrap();
     assert_eq!(labels(map.tiles.values().collect()), [boxes + chairs, 0]);
     // The summaries are those of the map's labels.
     let infos: Vec<TileInfo> = map.manifest.tiles.iter().map(|(_, info)| info.clone()).collect();
@@ -275,11 +276,11 @@ fn a_clip_elsewhere_is_not_read_again() {
     all.push(newest);
     let members = all.iter().map(|clip| clip.member.clone()).collect();
     let mut read = Vec::new();
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
         read.push(member.sha256.clone());
         Ok(all.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
-    assemble(&before.manifest, members, &mut load).unwrap();
+    assemble(&before.manifest, members, &mut load, &Silent).unwrap();
     read.sort();
     assert_eq!(read, ["a", "b", "c", "d"], "each clip of its room once, and none of the other");
 }
@@ -387,11 +388,11 @@ fn timed_clips_are_read_as_often_as_others() {
             })
             .collect();
         let mut read = 0;
-        let mut load = |_: &Member| -> Result<ClipContribution, Infallible> {
+        let mut load = |_: &Member| -> Result<ClipContribution, Cancelled> {
             read += 1;
             Ok(contribution.clone())
         };
-        assemble(&Manifest::default(), clips, &mut load).unwrap();
+        assemble(&Manifest::default(), clips, &mut load, &Silent).unwrap();
         read
     };
     assert_eq!(read(true), read(false));

@@ -3,6 +3,7 @@ use super::super::members::{Extent, Member, Verdict};
 use super::*;
 use nalgebra::Matrix3;
 use uuid::Uuid;
+use viola_geometry::progress::Silent;
 use viola_geometry::{LevelName, Pose2};
 
 const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
@@ -41,6 +42,14 @@ pub(in crate::assemble) fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> 
 pub(in crate::assemble) fn candidate(member: &Member) -> Candidate<'_> {
     let modes = super::super::candidates::modes(&member.verdict);
     Candidate { member, modes, extent: EXTENT, footprint: Footprint::default(), points: 1_000 }
+}
+
+pub(in crate::assemble) fn marginals(
+    candidates: &[Candidate],
+    comparisons: &[Comparison],
+    forest: &Forest,
+) -> Vec<Option<Marginal>> {
+    super::marginals(candidates, comparisons, forest, &Silent).unwrap()
 }
 
 fn said(a: u128, b: u128, said: &[(u8, u8, [u16; 3])]) -> Comparison {
