@@ -80,6 +80,11 @@ pub struct Pair {
     pub b: String,
     pub map_from_a: Pose2,
     pub map_from_b: Pose2,
+    /// Heights of the origins of their frames above the floor there.
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_of_a_m: f64,
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_of_b_m: f64,
     /// None if the clips do not overlap.
     pub overlap: Option<Overlap>,
 }

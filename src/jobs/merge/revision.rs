@@ -112,6 +112,7 @@ mod tests {
             level: LevelName::MAIN,
             probability: None,
             alone: Pose2::IDENTITY,
+            rise_m: 0.0,
             map_from_clip: Pose2::IDENTITY,
             floor_correction: viola_home::FloorCorrection::default(),
             with: Vec::new(),

@@ -10,7 +10,6 @@ use super::belief::{Factor, Model};
 use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::clip_matches::{Branch, Forest, is_likely};
-use super::floor_correction::{FloorCorrection, pose_in_space};
 use super::members::{Extent, Member, Mode};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -178,12 +177,8 @@ impl Comparison {
     fn filled(&self, clips: [(&Candidate, &Loaded); 2]) -> Comparison {
         let side = |which: usize, mode: u8| {
             let (candidate, loaded) = clips[which];
-            let pose = &candidate.modes[usize::from(mode)].map_from_clip;
-            Side::new(
-                loaded.surface(),
-                &loaded.contribution.views,
-                pose_in_space(pose, &FloorCorrection::default()),
-            )
+            let pose = candidate.modes[usize::from(mode)].in_space();
+            Side::new(loaded.surface(), &loaded.contribution.views, pose)
         };
         let agreement = |&(m, n, _): &(u8, u8, Agreement)| (m, n, Agreement::of(&side(0, m), &side(1, n)));
         Comparison { said: self.said.par_iter().map(agreement).collect(), ..self.clone() }

@@ -1,4 +1,5 @@
 mod features;
+mod floors;
 mod stop;
 mod sums;
 
@@ -184,7 +185,7 @@ fn the_whole_surface_of_an_object_votes() {
 }
 
 fn on_main(map_from_clip: Pose2, probability: f64) -> Mode {
-    Mode { level: LevelName::MAIN, map_from_clip, probability }
+    Mode { level: LevelName::MAIN, map_from_clip, rise_m: 0.0, probability }
 }
 
 /// Clip "c" is ambiguous: the room looks the same to the vacuum after half a turn about its centre. The
@@ -289,7 +290,7 @@ fn a_clip_elsewhere_is_not_read_again() {
 fn a_chosen_clip_stays_where_it_was_put() {
     let mut clips = clips();
     let chosen = Pose2::new(0.53, 0.5, 0.31);
-    clips[0].member.verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: chosen };
+    clips[0].member.verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: chosen, rise_m: 0.0 };
     let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
     let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Person).unwrap();
     assert_eq!((placed.map_from_clip, placed.probability), (chosen, None));
@@ -332,7 +333,7 @@ fn later_clips_win_where_the_world_changed() {
     let clip = |name: &str, at: Option<i64>, box_m: Option<[f64; 2]>, reach_m: f64| {
         let mut contribution = room(&pose, box_m);
         contribution.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
-        let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose };
+        let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose, rise_m: 0.0 };
         Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, contribution }
     };
     let crate_points = |clips: &[&Clip]| {
@@ -382,7 +383,7 @@ fn timed_clips_are_read_as_often_as_others() {
         let clips: Vec<Member> = (0..20)
             .map(|number| Member {
                 recorded_at_ms: timed.then_some(number),
-                verdict: Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose },
+                verdict: Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose, rise_m: 0.0 },
                 clip: Uuid::from_u128(number as u128),
                 ..member(&format!("{number:02}"), pose)
             })

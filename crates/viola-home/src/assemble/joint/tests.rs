@@ -36,7 +36,7 @@ fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
 }
 
 pub(in crate::assemble) fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> Mode {
-    Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), probability }
+    Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), rise_m: 0.0, probability }
 }
 
 pub(in crate::assemble) fn candidate(member: &Member) -> Candidate<'_> {
@@ -127,7 +127,8 @@ fn poses_close_together_are_one_explanation() {
 #[test]
 fn only_poses_that_may_meet_are_compared() {
     let chosen = |number, x_m| {
-        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, 0.0) })
+        let map_from_clip = Pose2::new(x_m, 0.0, 0.0);
+        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip, rise_m: 0.0 })
     };
     let members = [chosen(0, 0.0), chosen(1, 1.0), in_one_of(2, &[0.5, 0.3, 0.1])];
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();

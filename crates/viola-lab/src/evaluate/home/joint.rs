@@ -139,7 +139,7 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
     };
     match Verdict::of(&clip.answer.alignment) {
         Some(Verdict::Aligned { level, map_from_clip, probability, .. }) => {
-            vec![mode(Mode { level, map_from_clip, probability: probability.unwrap_or(0.0) })]
+            vec![mode(Mode { level, map_from_clip, rise_m: 0.0, probability: probability.unwrap_or(0.0) })]
         }
         Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
         Some(Verdict::Chosen { .. } | Verdict::Unplaced) | None => Vec::new(),
@@ -150,7 +150,12 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
 fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
     let wrong = modes(clip).into_iter().filter(|mode| !mode.is_right);
     let wrong = wrong.map(|mode| (mode.map_from_clip, 0.01));
-    let on_main = |(map_from_clip, probability)| Mode { level: LevelName::MAIN, map_from_clip, probability };
+    let on_main = |(map_from_clip, probability)| Mode {
+        level: LevelName::MAIN,
+        map_from_clip,
+        rise_m: 0.0,
+        probability,
+    };
     std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).map(on_main).collect()
 }
 
@@ -169,7 +174,7 @@ fn is_decidable(
         own if other == number => Some(own),
         _ => {
             let map_from_clip = clips[other].answer.map_from_clip;
-            Some(Verdict::Chosen { level: LevelName::MAIN, map_from_clip })
+            Some(Verdict::Chosen { level: LevelName::MAIN, map_from_clip, rise_m: 0.0 })
         }
     };
     let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
