@@ -91,9 +91,9 @@ fn first(place: &str, times: &str, count: usize, folder: &Path) -> Result<(), Fa
         (0..count.saturating_sub(1)).map(|at| recordings.member(at, times == "timed")).collect();
     let begun = Instant::now();
     let mut load = Load { of: &recordings, sums: BTreeMap::new(), read: 0 };
-    let map = assemble(&Manifest::default(), members, &mut load)?;
+    let map = assemble(&Manifest::default(), members, &mut load, &Silent)?;
     let seconds = begun.elapsed().as_secs_f64();
-    let map = map.label(BTreeMap::new(), Some(&network));
+    let map = map.label(BTreeMap::new(), Some(&network), &Silent)?;
     let kept = |name: &str, number: usize, bytes: &[u8]| {
         std::fs::write(folder.join(format!("{name}_{number}")), bytes)
     };
@@ -208,14 +208,14 @@ fn row(home: &Home, timed: bool, count: usize, folder: &Path) -> Result<String, 
     let _ = std::fs::write("/proc/self/clear_refs", "5");
     let (begun, cpu_before_s) = (Instant::now(), cpu_s());
     let last: Manifest = serde_json::from_slice(&std::fs::read(folder.join(MANIFEST))?)?;
-    let next = assemble(&last, members, &mut load)?;
+    let next = assemble(&last, members, &mut load, &Silent)?;
     let merged_s = begun.elapsed().as_secs_f64();
     let mut kept: BTreeMap<TileKey, Tile> = BTreeMap::new();
     for (key, number) in tiles.iter().filter(|(key, _)| !next.changed.contains_key(key)) {
         kept.insert(*key, Tile::read(&std::fs::read(folder.join(format!("tile_{number}")))?)?);
     }
     let labelling = Instant::now();
-    let next = next.label(kept, Some(&network));
+    let next = next.label(kept, Some(&network), &Silent)?;
     let labelled_s = labelling.elapsed().as_secs_f64();
     let (anew, all, windows) = (next.changed.len(), next.tiles.len(), next.windows);
     let changed = next.changed.iter().filter_map(|key| next.tiles.get(key));
@@ -225,7 +225,7 @@ fn row(home: &Home, timed: bool, count: usize, folder: &Path) -> Result<String, 
     let manifest = serde_json::to_vec(&next.manifest)?;
     let numbers = ClipNumbers::new(next.manifest.clips.iter().map(|clip| &clip.clip));
     let described = Instant::now();
-    describe(&lidar, &tiles, &numbers);
+    describe(&lidar, &tiles, &numbers, &Silent)?;
     let (described_s, one_s) = (described.elapsed().as_secs_f64(), begun.elapsed().as_secs_f64());
     let cpu_s = cpu_s() - cpu_before_s;
     let points: usize = tiles.iter().map(|tile| tile.points.len()).sum();

@@ -58,14 +58,15 @@ pub(super) async fn get_clip_cloud(
 ) -> Result<Response, Error> {
     let clip = app.storage.clip(&home, id).await?;
     let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
-    let pose = clip.map_from_clip();
-    let of_pose = pose.map(|pose| [pose.x_m, pose.y_m, pose.yaw_rad].map(f64::to_le_bytes).concat());
+    let pose = clip.pose();
+    let of_pose =
+        pose.map(|(pose, rise_m)| [pose.x_m, pose.y_m, pose.yaw_rad, rise_m].map(f64::to_le_bytes).concat());
     let tag = tag_of_made(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
     let missing = || Error::NoSuchResult(clip.state.name());
-    let Some(map_from_clip) = pose else {
+    let Some((map_from_clip, rise_m)) = pose else {
         let blob = app.storage.clip_result(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
         return Ok(tagged(send(blob, PLY), &tag));
     };
@@ -73,7 +74,8 @@ pub(super) async fn get_clip_cloud(
     let place = app.makers.unsent(home.tenant()).await?;
     let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
     let moved = app.readers.run(home.tenant(), move || {
-        let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
+        let mut cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
+        cloud.points.iter_mut().for_each(|point| point.position_m[2] += rise_m as f32);
         Ok::<_, UnknownFileFormat>(cloud_ply(&cloud, Some(&map_from_clip)))
     });
     let damaged =

@@ -34,6 +34,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align::AlignParams;
 use viola_geometry::LevelName;
+use viola_geometry::progress::Silent;
 use viola_home as home;
 use viola_home::{Manifest, Member};
 
@@ -123,8 +124,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     print_line(&format!("map: place and fuse the clips; {} of {} have a floor", members.len(), clips.len()));
-    let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
-    let map = map.label(BTreeMap::new(), params.align.label.surface.as_deref());
+    let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions, &Silent)?;
+    let map = map.label(BTreeMap::new(), params.align.label.surface.as_deref(), &Silent)?;
     print_line(&format!("map: {} of {} clips are in the map", map.manifest.clips.len(), clips.len()));
     print_line("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;

@@ -1,4 +1,4 @@
-//! Limits of one job: a base, and a share for each uploaded byte.
+//! Limits of one job: a base, and a share for each uploaded byte. The limit of a merge grows with its clips.
 
 use std::time::Duration;
 use viola_reconstruct::Reason;
@@ -9,6 +9,9 @@ const MIB: u64 = 1 << 20;
 const TIME_OF_A_MIB: Duration = Duration::from_secs(6);
 /// Additional memory for each uploaded byte.
 const MEMORY_OF_A_BYTE: u64 = 4;
+/// A merge of so many clips has twice the time of one without clips: 12 s for each clip by default. A merge that reads all clips
+/// of its home needs a fraction of a second for each, and maybe a hundred times as long on a slow machine with other work.
+const CLIPS_OF_TWICE_THE_TIME: u32 = 50;
 
 /// Limits of a job whose files are empty.
 #[derive(Debug, Clone)]
@@ -16,12 +19,24 @@ pub struct JobLimitParams {
     pub time: Duration,
     /// Memory of the job's process, in addition to its loaded networks.
     pub memory_bytes: u64,
+    /// Time of a merge without clips, until it writes its files.
+    pub merge_time: Duration,
 }
 
 impl Default for JobLimitParams {
     fn default() -> JobLimitParams {
-        JobLimitParams { time: Duration::from_mins(10), memory_bytes: 1 << 30 }
+        JobLimitParams {
+            time: Duration::from_mins(10),
+            memory_bytes: 1 << 30,
+            merge_time: Duration::from_mins(10),
+        }
     }
+}
+
+/// Returns the time limit of a merge.
+pub(super) fn merge_limit(params: &JobLimitParams, clips: usize) -> Duration {
+    let clips = u32::try_from(clips).unwrap_or(u32::MAX);
+    params.merge_time.saturating_add(params.merge_time.saturating_mul(clips) / CLIPS_OF_TWICE_THE_TIME)
 }
 
 /// Limits of one job.
@@ -74,5 +89,13 @@ mod tests {
         assert_eq!(JobLimits::new(&params, u64::MAX).memory_bytes, u64::MAX);
         assert!(small.took_too_long().detail.contains("600 s"));
         assert!(small.too_large().detail.contains("1024 MiB"));
+    }
+
+    #[test]
+    fn the_limit_of_a_merge_grows_with_the_clips() {
+        let params = JobLimitParams::default();
+        let limits = [0, 5, 50, 1000].map(|clips| merge_limit(&params, clips));
+        assert_eq!(limits, [10, 11, 20, 210].map(Duration::from_mins));
+        merge_limit(&params, usize::MAX);
     }
 }

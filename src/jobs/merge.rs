@@ -3,19 +3,21 @@
 mod assembling;
 mod describing;
 mod error;
-mod finishing;
+mod revision;
+mod running;
 
 pub use describing::{Described, Earlier, LeftMap, describe};
 
 use super::align_clip::LevelFile;
+use super::limits::{JobLimitParams, merge_limit};
 use super::{Queue, give_way, metrics};
 use assembling::assemble;
 use bytes::Bytes;
 use describing::{loses_objects, removed_levels};
 pub(super) use error::MergeError;
-use finishing::Finishing;
 use futures::stream::{self, StreamExt, TryStreamExt};
-use rayon::prelude::*;
+use revision::{Level, label, revision};
+use running::Running;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::thread;
@@ -23,16 +25,11 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tracing::{Span, error, info, warn};
-use viola_align::LevelMap;
-use viola_formats::lidar::LidarMap;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{
-    Assembly, Coverage, LabelledMap, LookedThrough, Manifest, PlacedClip, Tile, TileKey, UnknownFileFormat,
-};
+use viola_home::{Assembly, Manifest, TileKey};
 use viola_reconstruct::label::SurfaceNetwork;
 use viola_storage::{
-    HomeId, LevelCoverage, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage,
-    StorageError, map_file,
+    HomeId, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage, StorageError,
 };
 
 /// Files that are read at a time: a store far away waits more than it works.
@@ -41,23 +38,26 @@ const FILES_AT_A_TIME: usize = 8;
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
 
-/// Merges one home; gives it back after an error, and when `stop` comes first. A merge that writes its files then has the
-/// time `grace`.
+/// Merges one home; gives it back after an error, at its limit of time, and when `stop` comes first. A merge that ends early
+/// has the time `grace` for it.
 pub(super) async fn merge(
     queue: &Queue,
     claim: &MergeClaim,
     surface: SurfaceLabels,
+    limits: &JobLimitParams,
     (lease, grace): (Duration, Duration),
     stop: &CancellationToken,
 ) {
-    let (begun, finishing) = (Instant::now(), Finishing::default());
+    let (begun, running) = (Instant::now(), Arc::new(Running::default()));
+    let limit = merge_limit(limits, claim.members.len());
     let early = async {
         tokio::select! {
             () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
             () = stop.cancelled() => Ok(Merged::Stopped),
+            () = running.too_long(limit) => Err(MergeError::TookTooLong { limit }),
         }
     };
-    let merged = finishing.end(try_merge(&queue.storage, claim, surface, &finishing), early, grace).await;
+    let merged = running.end(try_merge(&queue.storage, claim, surface, &running), early, grace).await;
     let took = begun.elapsed();
     let outcome = match &merged {
         Ok(Merged::Revision { .. }) => "revision",
@@ -137,13 +137,13 @@ async fn try_merge(
     storage: &Arc<Storage>,
     claim: &MergeClaim,
     surface: SurfaceLabels,
-    finishing: &Finishing,
+    running: &Arc<Running>,
 ) -> Result<Merged, MergeError> {
     let last = readable(&claim.home, storage.last_manifest(claim).await)?;
-    match merge_from(&last, storage, claim, surface.clone(), finishing).await {
+    match merge_from(&last, storage, claim, surface.clone(), running).await {
         Err(damage @ MergeError::DamagedMap) => {
             error!(home = %claim.home, %damage, "the map is made again from its clips");
-            merge_from(&Manifest::default(), storage, claim, surface, finishing).await
+            merge_from(&Manifest::default(), storage, claim, surface, running).await
         }
         merged => merged,
     }
@@ -165,9 +165,9 @@ async fn merge_from(
     storage: &Arc<Storage>,
     claim: &MergeClaim,
     surface: SurfaceLabels,
-    finishing: &Finishing,
+    running: &Arc<Running>,
 ) -> Result<Merged, MergeError> {
-    let (claim, assembly) = assemble_readable(storage, claim, manifest).await?;
+    let (claim, assembly) = assemble_readable(storage, claim, manifest, running).await?;
     let claim = &claim;
     let scenes = storage.last_scenes(claim).await?;
     let described = (claim.corrections.version, claim.home_name.as_deref());
@@ -190,13 +190,16 @@ async fn merge_from(
         level.is_same = is_labelled && level.last.is_described() && !assembly.touches(level.file.level);
     }
     let kept = kept_tiles(storage, &last_tiles, &assembly, &levels).await?;
-    let label = move || label(assembly, kept, surface.as_deref());
-    let mut new =
-        on_own_thread(move || revision(label()?, &levels))?.await.unwrap_or(Err(MergeError::Panicked))?;
+    let progress = running.clone();
+    let make = move || {
+        let map = label(assembly, kept, surface.as_deref(), &*progress)?;
+        revision(map, &levels, &*progress)
+    };
+    let mut new = on_own_thread(make)?.await.unwrap_or(Err(MergeError::Panicked))?;
     new.has_object_changes |= loses_objects;
     remove_others(&mut new, &last_tiles);
     let tiles = new.tiles.len();
-    finishing.begin();
+    running.begin_to_write();
     let kept = storage.finish_merge(claim, Some(&new), storage.now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
@@ -207,11 +210,12 @@ async fn assemble_readable(
     storage: &Storage,
     claim: &MergeClaim,
     last: &Manifest,
+    running: &Arc<Running>,
 ) -> Result<(MergeClaim, Assembly), MergeError> {
     let mut claim = claim.clone();
     let min_clips = (claim.members.len() - claim.members.len().div_ceil(10)).max(1);
     loop {
-        match assemble(storage, &claim, last).await {
+        match assemble(storage, &claim, last, running.clone()).await {
             Err(damage @ MergeError::DamagedClip { clip }) if claim.members.len() > min_clips => {
                 warn!(home = %claim.home, %damage, "a clip is left out of the map");
                 claim.leave_out(clip);
@@ -248,14 +252,6 @@ fn remove_others(new: &mut NewRevision, last_tiles: &[MapFile]) {
     let others = last_tiles.iter().filter_map(|file| file.tile);
     let others = others.filter(|key| !there.contains(key) && !told.contains(key));
     new.tiles.extend(others.map(|key| (key, None)));
-}
-
-/// A level of the home, as the description needs it.
-struct Level {
-    file: LevelFile,
-    last: Earlier,
-    /// True if all of it stays as it was.
-    is_same: bool,
 }
 
 /// Returns the levels with a LiDAR map.
@@ -299,101 +295,4 @@ async fn left_map(
         map = storage.lidar_map_revision(&claim.home, now.level, step.revision).await?;
     }
     Ok(Some(LeftMap { revision, now_from_left: None }))
-}
-
-/// Adds the tiles that the next revision keeps, and labels the map where it changed.
-fn label(
-    assembly: Assembly,
-    kept: Vec<(TileKey, Bytes)>,
-    surface: Option<&SurfaceNetwork>,
-) -> Result<LabelledMap, MergeError> {
-    let read = |(key, bytes): (TileKey, Bytes)| Ok((key, assembly.read_kept(&key, &bytes)?));
-    let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>();
-    let kept = kept.map_err(|_| MergeError::DamagedMap)?;
-    let map = assembly.label(kept, surface);
-    if let Some(failure) = &map.failure {
-        warn!(%failure, "the surface network failed: parts of the map have the labels of the clips and of the shapes");
-    }
-    info!(windows = map.windows, "the map is labelled");
-    Ok(map)
-}
-
-/// Returns the next revision with all its files.
-fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeError> {
-    let LabelledMap { manifest, tiles, changed, sums, mut looked, .. } = map;
-    let mut new = NewRevision { manifest, ..NewRevision::default() };
-    new.sums.extend(sums);
-    new.tiles.extend(changed.iter().map(|key| (*key, tiles.get(key).map(Tile::to_bytes))));
-    let mut of_levels: BTreeMap<LevelName, Vec<Tile>> = BTreeMap::new();
-    for (key, tile) in tiles {
-        of_levels.entry(key.level).or_default().push(tile);
-    }
-    for Level { file: LevelFile { level, bytes }, last, is_same } in levels {
-        // Files that are not listed stay as they were.
-        if let Some(scene) = last.scene.as_ref().filter(|_| *is_same) {
-            new.coverage.push(coverage(*level, &scene.coverage));
-            new.objects.extend(scene.objects.iter().cloned());
-            continue;
-        }
-        let tiles = of_levels.remove(level).unwrap_or_default();
-        let looked = looked_through(&mut looked, *level, &new.manifest.clips);
-        let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
-        let Described { scene, plan, has_object_changes } =
-            describe(map, &tiles, &new.manifest.clips, &looked, last);
-        if last.scene.as_ref().is_some_and(|last| last.mesh_parts() == scene.mesh_parts()) {
-            new.same_mesh_parts.push(*level);
-        }
-        new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
-        new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
-        new.coverage.push(coverage(*level, &scene.coverage));
-        new.objects.extend(scene.objects);
-        new.has_object_changes |= has_object_changes;
-    }
-    Ok(new)
-}
-
-/// Removes and returns the observations of the changed tiles of a level. For a level without a changed tile it returns only
-/// the times of the clips: a correction must not erase them from the history of the objects.
-fn looked_through(
-    looked: &mut BTreeMap<LevelName, LookedThrough>,
-    level: LevelName,
-    clips: &[PlacedClip],
-) -> LookedThrough {
-    looked.remove(&level).unwrap_or_else(|| LookedThrough::of(level, clips))
-}
-
-fn coverage(level: LevelName, of_level: &Coverage) -> LevelCoverage {
-    LevelCoverage { level, seen: of_level.seen, floor_seen: of_level.floor_seen }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use uuid::Uuid;
-    use viola_home::{Extent, PlacedBy};
-
-    fn clip(recorded_at_ms: Option<i64>) -> PlacedClip {
-        PlacedClip {
-            clip: Uuid::nil(),
-            contribution: String::new(),
-            recorded_at_ms,
-            by: PlacedBy::Alignment,
-            level: LevelName::MAIN,
-            probability: None,
-            alone: Pose2::IDENTITY,
-            map_from_clip: Pose2::IDENTITY,
-            floor_correction: viola_home::FloorCorrection::default(),
-            with: Vec::new(),
-            extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
-            tiles: Vec::new(),
-            points: 1,
-        }
-    }
-
-    #[test]
-    fn a_level_without_a_changed_tile_has_the_times_of_its_clips() {
-        let clips = [clip(Some(7)), clip(None)];
-        let looked = looked_through(&mut BTreeMap::new(), LevelName::MAIN, &clips);
-        assert_eq!([0, 1, 2].map(|number| looked.time_ms(number)), [Some(7), None, None]);
-    }
 }

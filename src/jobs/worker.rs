@@ -142,8 +142,8 @@ impl Worker {
         };
         claim.home.tenant().clone_into(merged);
         let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
-        let surface = params.align.align.label.surface.clone();
-        merge(queue, &claim, surface, (params.lease, params.grace), stop).instrument(span).await;
+        let (surface, times) = (params.align.align.label.surface.clone(), (params.lease, params.grace));
+        merge(queue, &claim, surface, &params.limits, times, stop).instrument(span).await;
         self.begin_meshes(claim.home);
         true
     }

@@ -10,9 +10,10 @@ use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
 use viola_align::{AlignmentState, Alternative};
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
-use viola_testing::room;
+use viola_home::{MAP_VOXEL_M, read_cloud_ply};
+use viola_testing::{eventually, room};
 
-/// Runs the real method, then turns its answer into one of two poses.
+/// Runs the real method, then turns its answer into one of two poses. The second one is above a floor that lies 0.3 m lower.
 fn of_two_minds(
     clip: &Path,
     map: &[LevelFile],
@@ -23,6 +24,7 @@ fn of_two_minds(
     let alternative = |x_m: f64| Alternative {
         level: LevelName::MAIN,
         map_from_clip: Pose2 { x_m, y_m: 0.5, yaw_rad: 0.25 },
+        rise_m: 0.0,
         loss_m: 0.1,
         inliers: 0.9,
         free_space: None,
@@ -31,7 +33,7 @@ fn of_two_minds(
         evidence: None,
     };
     finished.alignment.state = AlignmentState::Ambiguous;
-    finished.alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
+    finished.alignment.alternatives = vec![alternative(1.0), Alternative { rise_m: 0.3, ..alternative(2.0) }];
     Ok(finished)
 }
 
@@ -102,6 +104,27 @@ async fn an_earlier_map_leaves_out_no_clip_that_it_has() {
     assert_eq!(merged(&server, home, &[]).await["left_out"][0]["clip"], id);
     let earlier = server.get(&format!("{home}/map?revision={}", with["revision"])).await.ok(200);
     assert_eq!((&earlier["clips"], &earlier["left_out"]), (&with["clips"], &json!([])));
+}
+
+#[tokio::test]
+async fn a_chosen_alternative_keeps_its_floor() {
+    let (server, path) = settled().await;
+    let listed = server.get(&path).await.ok(200)["alignment"]["alternatives"].clone();
+    assert_eq!((&listed[0]["rise_m"], &listed[1]["rise_m"]), (&json!(0.0), &json!(0.3)));
+    let mut lowest_m = Vec::new();
+    for (alternative, x_m, rise_m) in [(0, 1.0, 0.0), (1, 2.0, 0.3)] {
+        choose(&server, &path, json!({"alternative": alternative})).await.ok(200);
+        let placement = eventually("the clip is placed", || async {
+            let placement = server.get(&path).await.ok(200)["placement"].clone();
+            (placement["map_from_clip"]["x_m"] == x_m).then_some(placement)
+        })
+        .await;
+        assert!((placement["rise_m"].as_f64().unwrap() - rise_m).abs() < 1e-9, "{placement:#}");
+        let file = server.get(&format!("{path}/cloud.ply")).await.bytes;
+        let cloud = read_cloud_ply(&file, MAP_VOXEL_M).unwrap();
+        lowest_m.push(cloud.points.iter().map(|point| point.position_m[2]).fold(f32::INFINITY, f32::min));
+    }
+    assert!((lowest_m[1] - lowest_m[0] - 0.3).abs() < 1e-4, "{lowest_m:?}");
 }
 
 #[tokio::test]

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, align_clip};
+use viola::jobs::{AlignJobError, Finished, JobLimitParams, JobParams, LevelFile, Method, align_clip};
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
 use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
@@ -303,4 +303,21 @@ async fn an_early_pose_is_shown_while_the_job_runs() {
     LET_GO.store(true, Ordering::SeqCst);
     let clip = server.settled(&path).await;
     assert_eq!((&clip["state"], &clip["job"]["early_pose"]), (&"aligned".into(), &Value::Null));
+}
+
+/// A merge ends at its limit of time, and is repeated like one that failed.
+#[tokio::test]
+async fn a_map_whose_merges_take_too_long_is_failing() {
+    let limits = JobLimitParams { merge_time: Duration::ZERO, ..JobLimitParams::default() };
+    let server = Server::with(|params| params.worker.limits = limits).await;
+    let clip = upload(&server).await;
+    assert_eq!(server.settled(&clip).await["state"], "aligned");
+    let home = clip.split("/clips/").next().unwrap();
+    eventually("two merges have failed", || async {
+        // The pauses between them are short here.
+        server.execute("UPDATE homes SET map_due_at = 0").await;
+        (server.get(home).await.ok(200)["map_state"] == "failing").then_some(())
+    })
+    .await;
+    server.get(&format!("{home}/map")).await.problem(404, "map-not-found");
 }

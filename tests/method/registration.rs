@@ -3,7 +3,10 @@
 use proptest::prelude::*;
 use std::f64::consts::PI;
 use viola_align as align;
-use viola_align::{AlignParams, Alignment, AlignmentState, Hit, Landmark, Observation, Target, VirtualScan};
+use viola_align::{
+    AlignParams, Alignment, AlignmentState, Alternative, FloorHypothesis, Hit, Landmark, Observation, Target,
+    VirtualScan,
+};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
@@ -162,6 +165,36 @@ fn a_clip_without_a_pose_has_no_probability() {
     assert_eq!((answer.map_from_clip, answer.probability, answer.covariance), (None, None, None));
     assert!(!answer.alternatives.is_empty());
     assert!(answer.alternatives.iter().all(|one| one.probability.is_none()), "{:?}", answer.alternatives);
+}
+
+/// The clip shows the room as from one pose above the first floor, and as from another one above the second floor.
+#[test]
+fn an_alternative_above_another_floor_has_the_height_between_the_floors() {
+    let target = target(walls(&[OUTLINE, ANNEX]));
+    let poses = [Pose2::new(2.0, 1.5, 0.7), Pose2::new(3.5, 2.0, -1.2)];
+    for heights_m in [[1.0, 1.45], [1.45, 1.0]] {
+        let [mut clip, other] = poses.map(|pose| observation(&seen(), &pose));
+        let floors = heights_m.map(|camera_height_m| FloorReport {
+            assumed: true,
+            camera_height_m,
+            support_points: 0,
+            gravity_angle_deg: Some(0.0),
+        });
+        let [first, second] = floors;
+        clip.floor = Some(first);
+        clip.other_floors = vec![FloorHypothesis { scan: other.scan, floor: second }];
+        let answer = register(&clip, &target);
+        let answer_m = answer.floor.as_ref().unwrap().camera_height_m;
+        for (pose, camera_height_m) in poses.iter().zip(heights_m) {
+            let near = |one: &&Alternative| one.map_from_clip.distance_m(pose) < 0.05;
+            let one = answer.alternatives.iter().find(near).unwrap();
+            assert!((answer_m + one.rise_m - camera_height_m).abs() < 1e-9, "{heights_m:?}: {one:?}");
+        }
+        // Above the answer's own floor an alternative is written as in earlier versions.
+        let written = serde_json::to_value(&answer.alternatives[0]).unwrap();
+        assert_eq!((answer.alternatives[0].rise_m, written.get("rise_m")), (0.0, None));
+        assert_eq!(serde_json::from_value::<Alternative>(written).unwrap().rise_m, 0.0);
+    }
 }
 
 fn of_level(level: &str, points: Vec<Point2>) -> Target {

@@ -28,6 +28,10 @@ pub struct Alternative {
     #[serde(default)]
     pub level: LevelName,
     pub map_from_clip: Pose2,
+    /// Height of the clip frame's origin, which is on the floor of the answer, above the floor of this explanation, in metres: it
+    /// is added to heights in the clip frame. 0 if both are one floor, positive if that of the explanation lies lower.
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_m: f64,
     /// Loss in metres, which ranks the alternatives: mean robust distance of the hits to the map, plus
     /// penalties by free space and by the rooms' names.
     pub loss_m: f64,
@@ -131,7 +135,8 @@ pub struct Alignment {
 }
 
 impl Alternative {
-    /// Returns the explanation with its loss by this evidence. It has no probability, and no misplaced fraction.
+    /// Returns the explanation with its loss by this evidence, above the floor of the answer. It has no probability, and no
+    /// misplaced fraction.
     pub fn of(
         level: LevelName,
         map_from_clip: Pose2,
@@ -141,6 +146,7 @@ impl Alternative {
         Alternative {
             level,
             map_from_clip,
+            rise_m: 0.0,
             loss_m: weights.loss_m(evidence),
             inliers: evidence.inliers,
             free_space: Some(FreeSpace {

@@ -4,7 +4,7 @@
 //! Each assumed floor and each level is searched on its own; all poses are ranked together, so a pose above
 //! another floor or on another level is a rival like any other.
 
-use crate::answer::{Alignment, AlignmentState};
+use crate::answer::{Alignment, AlignmentState, Alternative};
 use crate::observe::{Observation, ScanView};
 use crate::refine::{self, Mean, Refined};
 use crate::scan::Hit;
@@ -239,7 +239,13 @@ impl<'a> Registration<'a> {
         answer.loss_m = Some(best.alternative.loss_m);
         answer.inliers = Some(best.alternative.inliers);
         answer.covariance = Some(best.covariance.into());
-        answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
+        let camera_height_m = |of: usize| self.hypotheses[of].view.floor.camera_height_m;
+        let answer_m = camera_height_m(best.hypothesis);
+        let listed = |one: Ranked| Alternative {
+            rise_m: camera_height_m(one.hypothesis) - answer_m,
+            ..one.alternative
+        };
+        answer.alternatives = ranked.into_iter().map(listed).collect();
         let mut uncapped = score::set_probabilities(&mut answer, caps);
         if let Some(target) = target.filter(|_| answer.scale.is_none() && score::is_sure(&answer)) {
             let on_level = answer.alternatives.iter().filter(|other| other.level == level);

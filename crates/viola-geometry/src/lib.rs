@@ -32,3 +32,8 @@ pub type Vector2 = nalgebra::Vector2<f64>;
 pub type Vector3 = nalgebra::Vector3<f64>;
 /// A rigid motion in space.
 pub type Pose3 = nalgebra::Isometry3<f64>;
+
+/// Returns whether a member of a file is 0, and may be left out.
+pub fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}

@@ -48,6 +48,7 @@ use cache::Cache;
 use poses::Placed;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{LevelName, Pose2};
 
 /// Summary of a map without its points; input of the next merge.
@@ -79,6 +80,11 @@ pub struct Pair {
     pub b: String,
     pub map_from_a: Pose2,
     pub map_from_b: Pose2,
+    /// Heights of the origins of their frames above the floor there.
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_of_a_m: f64,
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_of_b_m: f64,
     /// None if the clips do not overlap.
     pub overlap: Option<Overlap>,
 }
@@ -97,14 +103,16 @@ pub struct Assembly {
     last: BTreeMap<TileKey, TileInfo>,
 }
 
-/// Builds the map of `members` from the last manifest; `load` returns a clip's contribution.
-pub fn assemble<E>(
+/// Builds the map of `members` from the last manifest; `load` returns a clip's contribution. Ends soon after `progress` is
+/// cancelled.
+pub fn assemble<E: From<Cancelled>>(
     last: &Manifest,
     mut members: Vec<Member>,
     load: &mut dyn LoadClips<E>,
+    progress: &dyn Progress,
 ) -> Result<Assembly, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let mut cache = Cache::new(load);
+    let mut cache = Cache::new(load, progress);
     let mut placed = poses::place(last, &members, &mut cache)?;
     let tiles::Rebuilt { clips, changed, sums, looked } =
         tiles::rebuild(last, std::mem::take(&mut placed.clips), placed.resting, &mut cache)?;
@@ -137,23 +145,31 @@ fn changes(
 }
 
 /// Compares the clips of `members` at all their possible poses, as [`assemble`] does.
-pub fn compare<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<Comparison>, E> {
+pub fn compare<E: From<Cancelled>>(
+    mut members: Vec<Member>,
+    load: &mut dyn LoadClips<E>,
+    progress: &dyn Progress,
+) -> Result<Vec<Comparison>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let mut cache = Cache::new(load);
+    let mut cache = Cache::new(load, progress);
     let candidates = candidates::candidates(&[], &members, &mut cache)?;
     joint::compare((&[], &[]), &candidates, &mut cache)
 }
 
 /// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
-pub fn likeliest<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<KnownClip>, E> {
+pub fn likeliest<E: From<Cancelled>>(
+    mut members: Vec<Member>,
+    load: &mut dyn LoadClips<E>,
+    progress: &dyn Progress,
+) -> Result<Vec<KnownClip>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let mut cache = Cache::new(load);
+    let mut cache = Cache::new(load, progress);
     let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
     let clip_matches = clip_matches::clip_matches((&[], &[]), &candidates, &mut cache)?;
     let forest = clip_matches::forest(&candidates, &clip_matches);
     clip_matches::pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons, &forest);
+    let marginals = joint::marginals(&candidates, &comparisons, &forest, progress)?;
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }
 

@@ -4,12 +4,13 @@ use super::assemble::Tile;
 use super::corrections::RoomDivision;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
-use super::objects::{Object, ObjectsParams, objects, room_of};
+use super::objects::{Found, Object, ObjectsParams, find_objects_until, room_of};
 use super::plan::{Ground, Plan, PlanRoom, Revised, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Point2;
+use viola_geometry::progress::{self, Cancelled, Progress};
 
 /// Rooms, objects, their plan, and the coverage of the LiDAR map. The rooms have the outlines of the plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,38 +22,50 @@ pub struct Description {
 }
 
 /// Describes the map of `tiles`, which are in the order of their keys.
-pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
-    describe_revised(lidar, tiles, clips, |_, _| Vec::new())
+pub fn describe(
+    lidar: &LidarMap,
+    tiles: &[Tile],
+    clips: &ClipNumbers,
+    progress: &dyn Progress,
+) -> Result<Description, Cancelled> {
+    describe_revised(lidar, tiles, clips, |_, _| Vec::new(), progress)
 }
 
 /// Describes a map whose rooms and objects are revised before the plan is drawn: they get the ids that they
 /// had, and the corrections of people. Both are compared with rooms of earlier revisions by the outlines of the
-/// LiDAR map's cells. `revise` returns the lines by which people divided rooms. The objects get their rooms last.
+/// LiDAR map's cells. `revise` returns the lines by which people divided rooms. The objects get their rooms last. Ends
+/// after the step that is underway once `progress` is cancelled.
 pub fn describe_revised(
     lidar: &LidarMap,
     tiles: &[Tile],
     clips: &ClipNumbers,
     revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>) -> Vec<RoomDivision>,
-) -> Description {
+    progress: &dyn Progress,
+) -> Result<Description, Cancelled> {
+    progress::check(progress)?;
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
-    let rooms_and_objects = || {
+    let rooms_and_objects = || -> Result<(Vec<Room>, Vec<Found>), Cancelled> {
         let rooms = rooms(lidar, &points);
-        let objects = objects(&points, &rooms, &ObjectsParams::default());
-        (rooms, objects)
+        let objects = find_objects_until(&points, &rooms, &ObjectsParams::default(), progress)?;
+        Ok((rooms, objects))
     };
-    let ((found, mut objects), ground) = rayon::join(rooms_and_objects, || Ground::new(lidar, &points));
+    let (rooms_and_objects, ground) = rayon::join(rooms_and_objects, || Ground::new(lidar, &points));
+    let (found, objects) = rooms_and_objects?;
+    let mut objects: Vec<Object> = objects.into_iter().map(|found| found.object).collect();
     let mut rooms = found.clone();
     let divisions = revise(&mut rooms, &mut objects);
+    progress::check(progress)?;
     let revised = Revised { rooms: &rooms, objects: &objects, divisions: &divisions };
     let (coverage, plan) = rayon::join(
         || coverage(lidar, &points, &rooms),
         || plan_of_corrected(&ground, &points, &found, &revised),
     );
+    progress::check(progress)?;
     take_outlines(&mut rooms, &plan);
     for object in &mut objects {
         object.room = room_of(&rooms, &object.bounds()).map(|room| room.id.clone());
     }
-    Description { rooms, objects, coverage, plan }
+    Ok(Description { rooms, objects, coverage, plan })
 }
 
 /// Gives the rooms the outlines of the plan, in the map's frame. A room of which the plan lacks the most keeps its own one, and
@@ -95,10 +108,11 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
     use viola_geometry::Pose2;
+    use viola_geometry::progress::Silent;
     use viola_geometry::taxonomy::Class;
 
     fn described() -> Description {
-        describe(&flat(0.0), &[], &ClipNumbers::new(std::iter::empty()))
+        describe(&flat(0.0), &[], &ClipNumbers::new(std::iter::empty()), &Silent).unwrap()
     }
 
     #[test]
@@ -134,7 +148,8 @@ mod tests {
             Vec::new()
         };
         let numbers = ClipNumbers::new(std::iter::empty());
-        let Description { rooms, objects, .. } = describe_revised(&flat(0.0), &[], &numbers, revise);
+        let described = describe_revised(&flat(0.0), &[], &numbers, revise, &Silent);
+        let Description { rooms, objects, .. } = described.unwrap();
         let room = rooms.iter().find(|room| room.contains(&Point2::new(2.0, 1.5))).unwrap();
         assert_eq!(objects[0].room.as_ref(), Some(&room.id));
     }

@@ -30,6 +30,7 @@ use cells::Cells;
 use fragment::Fragment;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use viola_geometry::progress::{Cancelled, Progress, Silent};
 use viola_geometry::taxonomy::Class;
 
 /// Side of the cells; at least one and a half voxels.
@@ -122,6 +123,17 @@ pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> V
 
 /// Returns the objects of a home with their points, in the same order.
 pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
+    // It is never cancelled.
+    find_objects_until(points, rooms, params, &Silent).unwrap_or_default()
+}
+
+/// The same, unless `progress` is cancelled.
+pub(super) fn find_objects_until(
+    points: &[MapPoint],
+    rooms: &[Room],
+    params: &ObjectsParams,
+    progress: &dyn Progress,
+) -> Result<Vec<Found>, Cancelled> {
     let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
     let mut labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
@@ -131,7 +143,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
     let split = |fragment: Fragment| split::split(fragment, &cells, wall_yaw_rad);
     let apart = fragments.into_par_iter().flat_map_iter(split);
-    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
+    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad, progress)?;
     let things = joined.into_par_iter().flat_map_iter(split);
     let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
     let mut found: Vec<Found> =
@@ -139,7 +151,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
     found.extend(tray::showers(points, &found, wall_yaw_rad));
-    let mut found = conflict::resolve(found, points);
+    let mut found = conflict::resolve(found, points, progress)?;
     for Found { object, members } in &mut found {
         object.clips = clips(members, points);
         object.room = room_of(rooms, &object.bounds()).map(|room| room.id.clone());
@@ -162,7 +174,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
         let sample = |member| Sample { at_m: point(member).point.position_m, clip: point(member).clip };
         object.samples = members.iter().step_by(members.len().div_ceil(SAMPLES).max(1)).map(sample).collect();
     }
-    found
+    Ok(found)
 }
 
 /// Returns the minimum confidence of an object with these points.

@@ -295,6 +295,7 @@ mod tests {
         let alternative = |level: &str, x_m: f64| Alternative {
             level: level.parse().unwrap(),
             map_from_clip: Pose2::new(x_m, 0.0, 0.0),
+            rise_m: 0.0,
             loss_m: 0.1,
             inliers: 0.5,
             free_space: None,

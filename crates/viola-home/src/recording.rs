@@ -38,16 +38,24 @@ const LETTERS_M: f64 = 0.12;
 pub struct ClipPath {
     pub clip: Uuid,
     pub map_from_clip: Pose2,
+    /// Height of the clip frame's origin above the floor there.
+    pub rise_m: f64,
     /// At most [`MAX_PATH_POSES`].
     clip_from_cameras: Vec<Pose3>,
 }
 
 impl ClipPath {
     /// Keeps evenly spaced poses if there are too many.
-    pub fn new(clip: Uuid, map_from_clip: Pose2, clip_from_cameras: &[Pose3]) -> ClipPath {
+    pub fn new(clip: Uuid, map_from_clip: Pose2, rise_m: f64, clip_from_cameras: &[Pose3]) -> ClipPath {
         let every = clip_from_cameras.len().div_ceil(MAX_PATH_POSES).max(1);
         let clip_from_cameras = clip_from_cameras.iter().step_by(every).copied().collect();
-        ClipPath { clip, map_from_clip, clip_from_cameras }
+        ClipPath { clip, map_from_clip, rise_m, clip_from_cameras }
+    }
+
+    fn in_space(&self) -> Pose3 {
+        let mut pose = in_space(&self.map_from_clip);
+        pose.translation.z = self.rise_m;
+        pose
     }
 }
 
@@ -136,7 +144,7 @@ impl Recording<'_> {
 
     fn transforms(&self) -> FrameTransforms {
         let transform = |path: &ClipPath| {
-            let Pose { position, orientation } = Pose::from(&in_space(&path.map_from_clip));
+            let Pose { position, orientation } = Pose::from(&path.in_space());
             FrameTransform {
                 timestamp: Some(self.timestamp()),
                 parent_frame_id: MAP_FRAME.to_owned(),
@@ -149,7 +157,7 @@ impl Recording<'_> {
     }
 
     fn path(&self, path: &ClipPath) -> PosesInFrame {
-        let map_from_clip = in_space(&path.map_from_clip);
+        let map_from_clip = path.in_space();
         let pose = |clip_from_camera: &Pose3| Pose::from(&(map_from_clip * clip_from_camera));
         PosesInFrame {
             timestamp: Some(self.timestamp()),

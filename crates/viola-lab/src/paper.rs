@@ -172,6 +172,7 @@ fn decide(alignment: &mut Alignment, ranked: &[Descended], hits_m: &[Point2], ne
             Alternative {
                 level: LevelName::MAIN,
                 map_from_clip: pose.map_from_clip,
+                rise_m: 0.0,
                 loss_m: pose.loss_m,
                 inliers: near as f64 / hits_m.len() as f64,
                 free_space: None,

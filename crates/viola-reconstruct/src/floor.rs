@@ -29,7 +29,7 @@ const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.25..=2.6;
 /// Heights of most phones above the floor, as in `viola-align`'s search for the scale.
 const USUAL_HEIGHT_M: RangeInclusive<f64> = 1.0..=1.8;
 /// Floors within this height are one.
-const SAME_FLOOR_M: f64 = 0.08;
+pub const SAME_FLOOR_M: f64 = 0.08;
 /// Minimum area of another possible floor, and its minimum ratio to that of the best one.
 const RIVAL_AREA_M2: f64 = 0.5;
 const RIVAL_RATIO: usize = 3;

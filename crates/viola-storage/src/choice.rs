@@ -4,9 +4,11 @@ use super::ClipState;
 use super::lidar_maps::FromEarlier;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use viola_align::{Alignment, Alternative};
 use viola_geometry::{LevelName, Pose2};
 use viola_home as home;
 use viola_reconstruct::Reason;
+use viola_reconstruct::floor::SAME_FLOOR_M;
 
 const CHOSEN: &str = "chosen_by_person";
 const EARLIER: &str = "choice_of_earlier_lidar_map";
@@ -22,12 +24,23 @@ pub struct Choice {
     pub map_from_clip: Pose2,
     /// Index among the alternatives that the clip had then; null if the person gave a pose.
     pub alternative: Option<u32>,
+    /// Height of the first camera above the floor of that alternative, if the alternatives were above several floors: a new answer
+    /// may be above another one than the answer at that time. `None` in rows of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) camera_height_m: Option<f64>,
     /// Revision of the level's LiDAR map at the time of the choice, or a later one that it was carried over to.
     pub lidar_map_revision: i64,
     /// Revision at the time of the choice, if it was carried over.
     #[serde(default)]
     pub carried_from: Option<i64>,
     pub chosen_at: Timestamp,
+}
+
+/// Returns the height of the first camera above the floor of an alternative; `None` if all of them are above one floor.
+pub(super) fn camera_height_m(answer: &Alignment, alternative: &Alternative) -> Option<f64> {
+    let is_one = answer.alternatives.iter().all(|one| one.rise_m == 0.0);
+    let floor = answer.floor.as_ref().filter(|_| !is_one)?;
+    Some(floor.camera_height_m + alternative.rise_m)
 }
 
 /// State of a clip and its reasons.
@@ -73,9 +86,19 @@ impl Choice {
         Verdict { state: ClipState::Aligned, reasons }
     }
 
-    /// Returns the choice as a verdict for the home's map.
-    pub(super) fn verdict(&self) -> home::Verdict {
-        home::Verdict::Chosen { level: self.level, map_from_clip: self.map_from_clip }
+    /// Returns the choice as a verdict for the home's map, in which the clip is in the frame of `answer`.
+    pub(super) fn verdict(&self, answer: Option<&Alignment>) -> home::Verdict {
+        let rise_m = self.rise_m(answer);
+        home::Verdict::Chosen { level: self.level, map_from_clip: self.map_from_clip, rise_m }
+    }
+
+    /// Returns the height of the floor of `answer` above the floor of the choice, as `rise_m` of an alternative.
+    pub(super) fn rise_m(&self, answer: Option<&Alignment>) -> f64 {
+        let floor = answer.and_then(|answer| answer.floor.as_ref());
+        let rise_m =
+            self.camera_height_m.zip(floor).map(|(chosen_m, floor)| chosen_m - floor.camera_height_m);
+        // A new answer may find the same floor a little higher or lower.
+        rise_m.filter(|rise_m| rise_m.abs() >= SAME_FLOOR_M).unwrap_or(0.0)
     }
 
     /// Moves the choice into the frame of a new revision of its level's LiDAR map, if it is of the replaced one.

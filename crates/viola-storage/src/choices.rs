@@ -2,7 +2,7 @@
 //! until it is withdrawn, even after new answers.
 
 use super::changes::{self, Changed};
-use super::choice::{Choice, Verdict, WAITS};
+use super::choice::{Choice, Verdict, WAITS, camera_height_m};
 use super::columns::{Columns, stored, to_json};
 use super::database::{Transaction, query};
 use super::{
@@ -11,6 +11,7 @@ use super::{
 };
 use jiff::Timestamp;
 use uuid::Uuid;
+use viola_align::{Alignment, Alternative};
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::{LevelName, Pose2};
 
@@ -142,21 +143,36 @@ fn choice_of(
         return Err(StorageError::NoLidarMap.into());
     }
     let map_of = |level| maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level));
-    let (level, map_from_clip, alternative) = match chosen {
-        Chosen::Alternative(index) => alternative(clip, index)?,
-        Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),
+    let choice = |level, map_from_clip| -> Result<Choice, ChoiceError> {
+        Ok(Choice {
+            level,
+            map_from_clip,
+            alternative: None,
+            camera_height_m: None,
+            lidar_map_revision: map_of(level)?.revision,
+            carried_from: None,
+            chosen_at: stored(now),
+        })
     };
-    let lidar_map_revision = map_of(level)?.revision;
-    let (carried_from, chosen_at) = (None, stored(now));
-    Ok(Choice { level, map_from_clip, alternative, lidar_map_revision, carried_from, chosen_at })
+    match chosen {
+        Chosen::Alternative(index) => {
+            let (alignment, alternative) = alternative(clip, index)?;
+            Ok(Choice {
+                alternative: u32::try_from(index).ok(),
+                camera_height_m: camera_height_m(alignment, alternative),
+                ..choice(alternative.level, alternative.map_from_clip)?
+            })
+        }
+        Chosen::Pose(level, pose) => choice(level, reachable(pose, &map_of(level)?.info)?),
+    }
 }
 
-fn alternative(clip: &Clip, index: u64) -> Result<(LevelName, Pose2, Option<u32>), ChoiceError> {
+/// Returns an alternative and the answer that has it.
+fn alternative(clip: &Clip, index: u64) -> Result<(&Alignment, &Alternative), ChoiceError> {
     let alignment = clip.alignment.as_ref().ok_or(ChoiceError::NoAnswerYet(clip.state))?;
-    let index = u32::try_from(index).ok();
-    let found = index.and_then(|index| alignment.alternatives.get(index as usize));
+    let found = usize::try_from(index).ok().and_then(|index| alignment.alternatives.get(index));
     let found = found.ok_or(ChoiceError::NoSuchAlternative { count: alignment.alternatives.len() })?;
-    Ok((found.level, found.map_from_clip, index))
+    Ok((alignment, found))
 }
 
 /// Returns the pose, its yaw in (-pi, pi], if a clip of this home can be there.

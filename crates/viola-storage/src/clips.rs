@@ -67,12 +67,14 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Returns the clip's pose from the home's map, else from a person's choice, else from its newest answer.
-    pub fn map_from_clip(&self) -> Option<Pose2> {
-        let placed = self.placement.as_ref().map(|placement| placement.map_from_clip);
-        let chosen = self.choice.as_ref().map(|choice| choice.map_from_clip);
+    /// Returns the clip's pose from the home's map, else from a person's choice, else from its newest answer, and the height of
+    /// its frame's origin above the floor there.
+    pub fn pose(&self) -> Option<(Pose2, f64)> {
         let last = self.last_answer.as_ref().map(|last| &last.alignment);
-        placed.or(chosen).or_else(|| self.alignment.as_ref().or(last)?.map_from_clip)
+        let answer = self.alignment.as_ref().or(last);
+        let placed = self.placement.as_ref().map(|placement| (placement.map_from_clip, placement.rise_m));
+        let chosen = self.choice.as_ref().map(|choice| (choice.map_from_clip, choice.rise_m(answer)));
+        placed.or(chosen).or_else(|| Some((answer?.map_from_clip?, 0.0)))
     }
 
     /// Returns the key of the files of the clip's newest answer; every attempt at a job has its own. `None` without an

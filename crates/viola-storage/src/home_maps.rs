@@ -62,6 +62,9 @@ pub struct MapClip {
     pub level: LevelName,
     /// Refined together with the clips that it overlaps.
     pub map_from_clip: Pose2,
+    /// As that of its [`Placement`](super::Placement).
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_m: f64,
     pub by: PlacedBy,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
     pub probability: Option<f64>,
@@ -81,6 +84,7 @@ impl MapClip {
             clip: placed.clip,
             level: placed.level,
             map_from_clip: placed.map_from_clip,
+            rise_m: placed.rise_m,
             by: placed.by,
             probability: placed.probability,
             recorded_at: recorded_at

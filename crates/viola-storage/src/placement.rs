@@ -14,6 +14,10 @@ pub struct Placement {
     #[serde(default)]
     pub level: LevelName,
     pub map_from_clip: Pose2,
+    /// Height of the clip frame's origin, which is on the floor of the answer, above the floor at this pose: not 0 if an
+    /// alternative above another floor was chosen.
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_m: f64,
     pub by: PlacedBy,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
     pub probability: Option<f64>,

@@ -144,7 +144,7 @@ async fn paths(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Res
         };
         let damaged = |_| StorageError::Column { column: "views.bin", detail: "it is damaged".to_owned() };
         let poses = poses.map_err(damaged)?;
-        paths.push(ClipPath::new(clip.clip, clip.map_from_clip, &poses));
+        paths.push(ClipPath::new(clip.clip, clip.map_from_clip, clip.rise_m, &poses));
     }
     Ok(paths)
 }

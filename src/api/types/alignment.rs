@@ -25,6 +25,11 @@ answer! {
         #[schema(required = false)]
         level: LevelName,
         map_from_clip: Pose2,
+        /// Height of the clip frame's origin above the floor of this explanation, in metres: it is added to heights in the
+        /// clip frame. Not 0 if several floors were tried, and this explanation is above another one than the answer; positive
+        /// if that one lies lower.
+        #[schema(required = false)]
+        rise_m: f64,
         /// Loss by which alternatives are ranked, in metres: the mean robust distance of the hits to the map,
         /// plus the penalties from free space and the rooms' names.
         loss_m: f64,

@@ -192,6 +192,10 @@ answer! {
         /// The level in whose LiDAR map the pose is.
         level: LevelName,
         map_from_clip: Pose2,
+        /// Height of the clip frame's origin above the floor there, in metres, as `rise_m` of an alternative: not 0 if an
+        /// alternative above another floor than that of the answer was chosen.
+        #[schema(required = false)]
+        rise_m: f64,
         by: PlacedBy,
         /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
         #[schema(minimum = 0, maximum = 1, example = 0.97)]

@@ -154,6 +154,9 @@ answer! {
         level: LevelName,
         /// Refined together with the clips that it overlaps.
         map_from_clip: Pose2,
+        /// As `rise_m` of the clip's placement.
+        #[schema(required = false)]
+        rise_m: f64,
         by: PlacedBy,
         /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
         #[schema(minimum = 0, maximum = 1, example = 0.97)]

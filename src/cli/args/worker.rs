@@ -53,7 +53,8 @@ impl WorkerArguments {
     fn limits(&self) -> JobLimitParams {
         let default = if self.method.has_models_folder() { MEMORY_WITH_MODELS_MB } else { MEMORY_MB };
         let memory_mb = self.job_memory_mb.unwrap_or(default);
-        JobLimitParams { time: self.job_seconds, memory_bytes: memory_mb.saturating_mul(1 << 20) }
+        let memory_bytes = memory_mb.saturating_mul(1 << 20);
+        JobLimitParams { time: self.job_seconds, memory_bytes, ..JobLimitParams::default() }
     }
 
     /// Refuses values that exclude each other.

@@ -63,7 +63,7 @@ impl Contributions {
             } else {
                 Vec::new()
             };
-            paths.push((level, ClipPath::new(clip.clip, clip.map_from_clip, &poses)));
+            paths.push((level, ClipPath::new(clip.clip, clip.map_from_clip, clip.rise_m, &poses)));
         }
         Ok(paths)
     }

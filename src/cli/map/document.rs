@@ -132,6 +132,7 @@ mod tests {
             clip: Uuid::nil(),
             level: LevelName::MAIN,
             map_from_clip: Pose2::new(3.0, 4.0, 0.0),
+            rise_m: 0.0,
             by,
             probability: Some(0.9),
             recorded_at: None,

@@ -17,6 +17,7 @@ use std::path::Path;
 use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
+use viola_geometry::progress::Silent;
 use viola_home::{
     ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, LookedThrough, MESH_TRIANGLES, Manifest, MatterFile,
     Mesh, MeshObject, Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
@@ -70,7 +71,7 @@ impl<'a> HomeFiles<'a> {
             let unchanged = || LookedThrough::of(map.level, &manifest.clips);
             let looked = looked.get(&map.level).cloned().unwrap_or_else(unchanged);
             let Described { scene, plan, .. } =
-                describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());
+                describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default(), &Silent)?;
             let robot_level = robot_level(map, &scene);
             let plan_json = plan.iter().find(|(name, _)| *name == map_file::PLAN_JSON);
             let plan_json = plan_json.map_or(&[][..], |(_, json)| json);

@@ -2,13 +2,15 @@
 //!
 //! The thread waits for clips, and tokio's pool of blocking threads reads clips in a local folder. A thread
 //! of that pool must therefore not wait for a clip: if all of them wait, none is left to read. A worker has
-//! one such thread at a time; if the worker gives up the merge, the thread ends at its next request.
+//! one such thread at a time.
 
+use super::running::Running;
 use super::{FILES_AT_A_TIME, MergeError, on_own_thread};
 use bytes::Bytes;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use tokio::sync::mpsc;
 use tracing::warn;
 use viola_home as home;
@@ -66,11 +68,12 @@ impl LoadClips<MergeError> for Loader {
     }
 }
 
-/// Assembles the map of the claim's clips from the last one.
+/// Assembles the map of the claim's clips from the last one. The thread ends soon after the merge was asked to stop.
 pub(super) async fn assemble(
     storage: &Storage,
     claim: &MergeClaim,
     last: &Manifest,
+    running: Arc<Running>,
 ) -> Result<Assembly, MergeError> {
     let mut sums: BTreeMap<TileKey, MapFile> = BTreeMap::new();
     // A map that is made again from its clips does not take the sums of a damaged one.
@@ -82,7 +85,8 @@ pub(super) async fn assemble(
     let (asked, mut asks) = mpsc::unbounded_channel();
     let (answer, answers) = std::sync::mpsc::channel();
     let (last, members) = (last.clone(), claim.members.clone());
-    let end = on_own_thread(move || home::assemble(&last, members, &mut Loader { asked, answers }))?;
+    let work = move || home::assemble(&last, members, &mut Loader { asked, answers }, &*running);
+    let end = on_own_thread(work)?;
     // Ends when the thread does.
     while let Some(ask) = asks.recv().await {
         let files = match ask {

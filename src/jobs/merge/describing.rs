@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use viola_align::LevelMap;
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{LevelName, Pose2};
 use viola_home as home;
 use viola_home::{
@@ -75,7 +76,8 @@ pub fn describe(
     clips: &[PlacedClip],
     looked: &LookedThrough,
     last: &Earlier,
-) -> Described {
+    progress: &dyn Progress,
+) -> Result<Described, Cancelled> {
     let LevelMap { level, lidar } = map;
     let mut history = last.history(level);
     let now_from_last = now_from_last(level, clips, last);
@@ -101,7 +103,7 @@ pub fn describe(
         corrected.divisions
     };
     let Description { rooms, objects, coverage, mut plan } =
-        home::describe_revised(lidar, tiles, &numbers, revise);
+        home::describe_revised(lidar, tiles, &numbers, revise, progress)?;
     (plan.level, plan.home_name) = (level, last.home_name.clone());
     let before = last.scene.as_ref().map(|scene| scene.objects.as_slice()).unwrap_or_default();
     let map_object = |object: Object| {
@@ -128,7 +130,7 @@ pub fn describe(
         &RevisionObjects { objects: earlier, ids: &ids_before },
         &RevisionObjects { objects: later, ids: &history.ids },
     );
-    Described {
+    Ok(Described {
         scene: MapScene { rooms, objects, coverage, history: Some(history) },
         plan: [
             (map_file::PLAN_PNG, home::plan_png(&plan)),
@@ -139,7 +141,7 @@ pub fn describe(
             (map_file::PLAN_JSON, home::plan_json(&plan).to_string().into_bytes()),
         ],
         has_object_changes: !changes.is_empty(),
-    }
+    })
 }
 
 /// Returns the histories of levels that the scenes of the last revision know, and that were removed. Each scene has those of

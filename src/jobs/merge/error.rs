@@ -1,7 +1,9 @@
 //! Errors of merges.
 
+use std::time::Duration;
 use uuid::Uuid;
 use viola_formats::lidar::LidarError;
+use viola_geometry::progress::Cancelled;
 use viola_storage::StorageError;
 
 /// Reason why a map could not be merged.
@@ -21,6 +23,10 @@ pub(in crate::jobs) enum MergeError {
     Lidar(#[from] LidarError),
     #[error("nobody waits for the merge any more")]
     Abandoned,
+    #[error("the merge was asked to stop")]
+    Cancelled(#[from] Cancelled),
+    #[error("the merge took longer than {} s, the limit for its clips; it is repeated after a pause", .limit.as_secs())]
+    TookTooLong { limit: Duration },
 }
 
 impl MergeError {

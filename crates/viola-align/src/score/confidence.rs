@@ -154,6 +154,7 @@ mod tests {
         let best = Alternative {
             level: LevelName::MAIN,
             map_from_clip: Pose2::default(),
+            rise_m: 0.0,
             loss_m: 0.02,
             inliers: 1.0,
             free_space: Some(free_space),

@@ -97,6 +97,7 @@ mod tests {
         let alternative = |probability: &f64| Alternative {
             level: LevelName::MAIN,
             map_from_clip: Pose2::default(),
+            rise_m: 0.0,
             loss_m: 0.1,
             inliers: 0.9,
             free_space: None,

@@ -1,5 +1,7 @@
 //! Marginal probabilities of a pairwise model of discrete variables.
 
+use viola_geometry::progress::{self, Cancelled, Progress};
+
 /// Components with at most this many joint states are enumerated.
 const MAX_STATES: usize = 20_000;
 /// Iterations of belief propagation, the weight of the last message in the next one, and the change of all
@@ -28,18 +30,19 @@ pub(super) struct Factor {
 impl Model {
     /// Returns the probability of each state of each variable: exact for small components, by loopy belief
     /// propagation for large ones.
-    pub fn marginals(&self) -> Vec<Vec<f64>> {
+    pub fn marginals(&self, progress: &dyn Progress) -> Result<Vec<Vec<f64>>, Cancelled> {
         let mut marginals: Vec<Vec<f64>> = self.states.iter().map(|states| normalised(states)).collect();
         for component in self.components() {
             let part = self.part(&component);
             let joint = part.states.iter().map(Vec::len).try_fold(1usize, |all, n| all.checked_mul(n));
             let small = joint.is_some_and(|joint| joint <= MAX_STATES);
-            let found = if small { part.enumerated() } else { part.propagated() };
+            progress::check(progress)?;
+            let found = if small { part.enumerated() } else { part.propagated(progress)? };
             for (variable, probabilities) in component.into_iter().zip(found) {
                 marginals[variable] = probabilities;
             }
         }
-        marginals
+        Ok(marginals)
     }
 
     /// Returns the connected components with at least one pair.
@@ -102,7 +105,7 @@ impl Model {
     }
 
     /// Sum-product belief propagation, all messages at once.
-    fn propagated(&self) -> Vec<Vec<f64>> {
+    fn propagated(&self, progress: &dyn Progress) -> Result<Vec<Vec<f64>>, Cancelled> {
         // Two messages a pair: to `b`, then to `a`.
         let mut messages: Vec<[Vec<f64>; 2]> = self
             .pairs
@@ -110,6 +113,7 @@ impl Model {
             .map(|pair| [vec![0.0; self.states[pair.b].len()], vec![0.0; self.states[pair.a].len()]])
             .collect();
         for _ in 0..ITERATIONS {
+            progress::check(progress)?;
             let beliefs = self.beliefs(&messages);
             let mut change: f64 = 0.0;
             let mut next = messages.clone();
@@ -138,7 +142,7 @@ impl Model {
                 break;
             }
         }
-        self.beliefs(&messages).iter().map(|logs| normalised(logs)).collect()
+        Ok(self.beliefs(&messages).iter().map(|logs| normalised(logs)).collect())
     }
 
     fn beliefs(&self, messages: &[[Vec<f64>; 2]]) -> Vec<Vec<f64>> {
@@ -165,6 +169,7 @@ fn normalised(logs: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use viola_geometry::progress::Silent;
 
     fn close(a: &[Vec<f64>], b: &[Vec<f64>], within: f64) -> bool {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < within)
@@ -182,14 +187,14 @@ mod tests {
                 Factor { a, b: a + 1, weights: weights[9 * a..9 * a + count].to_vec() }
             };
             let model = Model { pairs: (0..3).map(pair).collect(), states: states.clone() };
-            prop_assert!(close(&model.enumerated(), &model.propagated(), 1e-6));
+            prop_assert!(close(&model.enumerated(), &model.propagated(&Silent).unwrap(), 1e-6));
         }
     }
 
     #[test]
     fn a_variable_without_pairs_keeps_its_weights() {
         let model = Model { states: vec![vec![0.25f64.ln(), 0.75f64.ln()], vec![0.0]], pairs: Vec::new() };
-        assert!(close(&model.marginals(), &[vec![0.25, 0.75], vec![1.0]], 1e-12));
+        assert!(close(&model.marginals(&Silent).unwrap(), &[vec![0.25, 0.75], vec![1.0]], 1e-12));
     }
 
     /// Two variables that agree with each other in two ways stay undecided; a third that knows decides both.
@@ -199,10 +204,10 @@ mod tests {
         let pair = |a: usize, b: usize| Factor { a, b, weights: alike.clone() };
         let open = vec![0.0, 0.0];
         let two = Model { states: vec![open.clone(), open.clone()], pairs: vec![pair(0, 1)] };
-        assert!(close(&two.marginals(), &[vec![0.5, 0.5], vec![0.5, 0.5]], 1e-9));
+        assert!(close(&two.marginals(&Silent).unwrap(), &[vec![0.5, 0.5], vec![0.5, 0.5]], 1e-9));
         let three =
             Model { states: vec![open.clone(), open, vec![0.0, -7.0]], pairs: vec![pair(0, 1), pair(1, 2)] };
-        let marginals = three.marginals();
+        let marginals = three.marginals(&Silent).unwrap();
         assert!(marginals.iter().all(|p| p[0] > 0.99), "{marginals:?}");
     }
 }

@@ -7,6 +7,7 @@ use super::tile::TileKey;
 use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_reconstruct::{CloudPoint, Feature, View};
 
 /// Maximum size of the cached contributions.
@@ -44,22 +45,27 @@ impl Loaded {
     }
 }
 
+/// Contributions in use. The long loops of a merge take their files from here, so each request checks the order to stop.
 pub(super) struct Cache<'a, E> {
     load: &'a mut dyn LoadClips<E>,
+    /// For the loops that need no file.
+    pub progress: &'a dyn Progress,
     /// Least recently used first.
     kept: VecDeque<(String, Arc<Loaded>)>,
 }
 
-impl<'a, E> Cache<'a, E> {
-    pub fn new(load: &'a mut dyn LoadClips<E>) -> Cache<'a, E> {
-        Cache { load, kept: VecDeque::new() }
+impl<'a, E: From<Cancelled>> Cache<'a, E> {
+    pub fn new(load: &'a mut dyn LoadClips<E>, progress: &'a dyn Progress) -> Cache<'a, E> {
+        Cache { load, progress, kept: VecDeque::new() }
     }
 
     pub fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, E> {
+        progress::check(self.progress)?;
         self.load.features(members)
     }
 
     pub fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, E> {
+        progress::check(self.progress)?;
         self.load.sums(tiles)
     }
 
@@ -69,6 +75,7 @@ impl<'a, E> Cache<'a, E> {
 
     /// Returns the contributions of different members, in their order.
     pub fn get_all(&mut self, members: &[&Member]) -> Result<Vec<Arc<Loaded>>, E> {
+        progress::check(self.progress)?;
         let take = |kept: &mut VecDeque<(String, Arc<Loaded>)>, member: &Member| {
             let place = kept.iter().position(|(name, _)| *name == member.contribution)?;
             kept.remove(place).map(|(_, loaded)| loaded)

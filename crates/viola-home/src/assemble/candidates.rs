@@ -6,6 +6,7 @@ use super::members::{Extent, Member, Mode, Verdict};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 use viola_align::MIN_ALIGNED_PROBABILITY;
+use viola_geometry::progress::Cancelled;
 use viola_geometry::{LevelName, Pose2};
 
 /// Maximum possible poses of a clip: as many as an alignment lists.
@@ -37,6 +38,9 @@ pub struct KnownClip {
     /// Levels of the modes; empty if all are on the level `main`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<LevelName>,
+    /// Heights of the clip frame's origin above the floor at the modes; empty if all are 0.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rises_m: Vec<f64>,
     /// The likeliest of the modes by all clips of the home; none if a person chose the pose.
     pub marginal: Option<Marginal>,
 }
@@ -75,6 +79,7 @@ impl Candidate<'_> {
             points: self.points,
             modes: self.modes.iter().map(|mode| mode.map_from_clip).collect(),
             levels: self.levels(),
+            rises_m: self.rises_m(),
             marginal,
         }
     }
@@ -85,14 +90,22 @@ impl Candidate<'_> {
         if levels.clone().all(|level| level.is_main()) { Vec::new() } else { levels.collect() }
     }
 
+    /// Returns the heights as a [`KnownClip`] has them.
+    fn rises_m(&self) -> Vec<f64> {
+        let rises_m = self.modes.iter().map(|mode| mode.rise_m);
+        if rises_m.clone().all(|rise_m| rise_m == 0.0) { Vec::new() } else { rises_m.collect() }
+    }
+
     /// Returns whether the clip had the same modes in the last merge.
     pub fn has_modes_of(&self, known: &KnownClip) -> bool {
-        self.modes.iter().map(|mode| &mode.map_from_clip).eq(&known.modes) && self.levels() == known.levels
+        self.modes.iter().map(|mode| &mode.map_from_clip).eq(&known.modes)
+            && self.levels() == known.levels
+            && self.rises_m() == known.rises_m
     }
 }
 
 /// Returns the members with the poses of their own alignments, in their order. `known`: clips of the last merge.
-pub(super) fn candidates<'a, E>(
+pub(super) fn candidates<'a, E: From<Cancelled>>(
     known: &[KnownClip],
     members: &'a [Member],
     cache: &mut Cache<E>,
@@ -125,10 +138,11 @@ pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
         Verdict::Aligned { level, map_from_clip, probability, .. } => {
             // An alignment without a probability has the minimum of its state.
             let probability = probability.unwrap_or(MIN_ALIGNED_PROBABILITY).clamp(0.0, 1.0);
-            vec![Mode { level: *level, map_from_clip: *map_from_clip, probability }]
+            vec![Mode { level: *level, map_from_clip: *map_from_clip, rise_m: 0.0, probability }]
         }
-        Verdict::Chosen { level, map_from_clip } => {
-            vec![Mode { level: *level, map_from_clip: *map_from_clip, probability: 1.0 }]
+        Verdict::Chosen { level, map_from_clip, rise_m } => {
+            let (level, map_from_clip, rise_m) = (*level, *map_from_clip, *rise_m);
+            vec![Mode { level, map_from_clip, rise_m, probability: 1.0 }]
         }
         Verdict::Unplaced => Vec::new(),
         Verdict::Ambiguous { alternatives } => {

@@ -21,6 +21,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use viola_geometry::progress::{self, Cancelled};
 use viola_geometry::{Pose2, Pose3};
 use viola_reconstruct::Feature;
 
@@ -53,7 +54,7 @@ pub struct Surfaces {
 type Found = BTreeMap<(usize, usize), ClipMatch>;
 
 /// Returns the matches between all clips, in canonical order. Two clips of the last merge keep what they had then.
-pub(super) fn clip_matches<E>(
+pub(super) fn clip_matches<E: From<Cancelled>>(
     (known, before): (&[KnownClip], &[ClipMatch]),
     candidates: &[Candidate],
     cache: &mut Cache<E>,
@@ -99,7 +100,7 @@ pub(super) fn clip_matches<E>(
 }
 
 /// Adds the matches of clips that the last merge did not know, or knew in the other order.
-fn find<E>(
+fn find<E: From<Cancelled>>(
     known: &[KnownClip],
     candidates: &[Candidate],
     cache: &mut Cache<E>,
@@ -120,12 +121,17 @@ fn find<E>(
     }
     let members: Vec<&Member> = candidates.iter().map(|candidate| candidate.member).collect();
     let features: Vec<Vec<Feature>> = cache.features(&members)?;
+    let progress = cache.progress;
     let clip_match = |&(a, b): &(usize, usize)| {
         let motion = motion::motion(&features[a], &features[b])?;
         let name = |clip: usize| candidates[clip].member.contribution.clone();
         Some(((a, b), ClipMatch { a: name(a), b: name(b), motion, surfaces: None }))
     };
-    found.extend(pairs.par_iter().filter_map(clip_match).collect::<Vec<_>>());
+    let until_stop = |pair: &(usize, usize)| match progress::check(progress) {
+        Ok(()) => clip_match(pair).map(Ok),
+        Err(stop) => Some(Err(stop)),
+    };
+    found.extend(pairs.par_iter().filter_map(until_stop).collect::<Result<Vec<_>, Cancelled>>()?);
     Ok(())
 }
 

@@ -4,13 +4,20 @@ use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{Pose2, Pose3, Vector3};
 
-/// Height and tilt of a clip's pose in space. Both are small: the clip's own floor is level and at z = 0,
-/// except for the errors of its floor plane.
+/// Height and tilt of a clip's pose in space. The tilt is small, as is the height without that of the clip's frame above the
+/// floor: the clip's own floor is level and at z = 0, except for the errors of its floor plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct FloorCorrection {
     pub z_m: f64,
     /// Rotation vector about the map's x and y axes, applied after the yaw.
     pub tilt_rad: [f64; 2],
+}
+
+impl FloorCorrection {
+    /// Returns that of a clip whose frame has its origin `rise_m` above the floor.
+    pub(super) fn of_rise(rise_m: f64) -> FloorCorrection {
+        FloorCorrection { z_m: rise_m, tilt_rad: [0.0; 2] }
+    }
 }
 
 /// Returns the pose in space.
@@ -19,6 +26,11 @@ pub(super) fn pose_in_space(pose: &Pose2, correction: &FloorCorrection) -> Pose3
     let tilt =
         UnitQuaternion::from_scaled_axis(Vector3::new(correction.tilt_rad[0], correction.tilt_rad[1], 0.0));
     Pose3::from_parts(Vector3::new(pose.x_m, pose.y_m, correction.z_m).into(), tilt * yaw)
+}
+
+/// Returns the pose in space of a clip whose frame has its origin `rise_m` above the floor.
+pub(super) fn raised_pose(pose: &Pose2, rise_m: f64) -> Pose3 {
+    pose_in_space(pose, &FloorCorrection::of_rise(rise_m))
 }
 
 /// Inverse of [`pose_in_space`]: the rotation without the tilt is the yaw.

@@ -45,14 +45,14 @@ impl Footprint {
         Footprint(cells.into_values().filter_map(patch).collect())
     }
 
-    /// Returns the patches in the map.
-    pub(super) fn placed(&self, map_from_clip: &Pose2) -> PlacedFootprint {
+    /// Returns the patches in the map. The origin of the clip's frame is `rise_m` above the floor.
+    pub(super) fn placed(&self, map_from_clip: &Pose2, rise_m: f64) -> PlacedFootprint {
         let mut placed = PlacedFootprint::default();
         for (number, [x, y, z, facing]) in (0u32..).zip(&self.0) {
             let [x, y, z] = [x, y, z].map(|steps| f64::from(*steps) / PER_M);
             let at = map_from_clip.apply(&Point2::new(x, y));
             let (sin, cos) = (f64::from(*facing) / PER_RAD + map_from_clip.yaw_rad).sin_cos();
-            let patch = Patch { at: Point3::new(at.x, at.y, z), facing: Vector2::new(cos, sin) };
+            let patch = Patch { at: Point3::new(at.x, at.y, z + rise_m), facing: Vector2::new(cos, sin) };
             placed.cells.entry(cell(&patch.at)).or_default().push(number);
             placed.patches.push(patch);
         }

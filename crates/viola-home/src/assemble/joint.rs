@@ -10,12 +10,12 @@ use super::belief::{Factor, Model};
 use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::clip_matches::{Branch, Forest, is_likely};
-use super::floor_correction::{FloorCorrection, pose_in_space};
 use super::members::{Extent, Member, Mode};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use viola_geometry::progress::{Cancelled, Progress};
 
 /// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
 /// their probability.
@@ -105,7 +105,7 @@ fn largest(mut weighed: Vec<(f64, (usize, u8))>, most: usize) -> Vec<(usize, u8)
 
 /// Compares all pairs of clips at the poses where they may see each other, in canonical order. Comparisons
 /// of the last merge, `said` of the clips in `known`, are reused.
-pub(super) fn compare<E>(
+pub(super) fn compare<E: From<Cancelled>>(
     (known, said): (&[KnownClip], &[Comparison]),
     candidates: &[Candidate],
     cache: &mut Cache<E>,
@@ -177,12 +177,8 @@ impl Comparison {
     fn filled(&self, clips: [(&Candidate, &Loaded); 2]) -> Comparison {
         let side = |which: usize, mode: u8| {
             let (candidate, loaded) = clips[which];
-            let pose = &candidate.modes[usize::from(mode)].map_from_clip;
-            Side::new(
-                loaded.surface(),
-                &loaded.contribution.views,
-                pose_in_space(pose, &FloorCorrection::default()),
-            )
+            let pose = candidate.modes[usize::from(mode)].in_space();
+            Side::new(loaded.surface(), &loaded.contribution.views, pose)
         };
         let agreement = |&(m, n, _): &(u8, u8, Agreement)| (m, n, Agreement::of(&side(0, m), &side(1, n)));
         Comparison { said: self.said.par_iter().map(agreement).collect(), ..self.clone() }
@@ -194,7 +190,8 @@ pub(super) fn marginals(
     candidates: &[Candidate],
     comparisons: &[Comparison],
     forest: &Forest,
-) -> Vec<Option<Marginal>> {
+    progress: &dyn Progress,
+) -> Result<Vec<Option<Marginal>>, Cancelled> {
     let states = |candidate: &Candidate| -> Vec<f64> {
         let listed = candidate.modes.iter().map(|mode| mode.probability);
         // The last state: elsewhere. A state of probability 0 stays possible.
@@ -215,8 +212,8 @@ pub(super) fn marginals(
         model.pairs.push(Factor { a: branch.a, b: branch.b, weights });
     }
     model.pairs.retain(|pair| pair.weights.iter().any(|weight| *weight != 0.0));
-    let marginals = model.marginals();
-    candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect()
+    let marginals = model.marginals(progress)?;
+    Ok(candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect())
 }
 
 /// The evidence of the comparisons.

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_geometry::LevelName;
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_reconstruct::Label;
 use viola_reconstruct::label::{SegmentError, SurfaceNetwork};
 
@@ -64,8 +65,14 @@ impl Assembly {
 
     /// Adds the other tiles of the last map, and labels the surface around the changes. A tile that the assembly kept
     /// changes if the new surface around it changes its labels. `kept` may lack the tiles of levels that the assembly does
-    /// not touch, if the map [is labelled by](Assembly::is_labelled_by) the network.
-    pub fn label(self, kept: BTreeMap<TileKey, Tile>, network: Option<&SurfaceNetwork>) -> LabelledMap {
+    /// not touch, if the map [is labelled by](Assembly::is_labelled_by) the network. Ends after the windows that are underway
+    /// once `progress` is cancelled.
+    pub fn label(
+        self,
+        kept: BTreeMap<TileKey, Tile>,
+        network: Option<&SurfaceNetwork>,
+        progress: &dyn Progress,
+    ) -> Result<LabelledMap, Cancelled> {
         let Assembly { mut manifest, changed, sums, looked, last } = self;
         let mut tiles = kept;
         let mut changed_keys: BTreeSet<TileKey> = BTreeSet::new();
@@ -87,7 +94,7 @@ impl Assembly {
         let windows: BTreeSet<Window> = blocks.iter().flat_map(Window::around).collect();
         let windows: Vec<Window> = windows.into_iter().collect();
         let mut failure = None;
-        for window in labelled(&windows, &tiles, network) {
+        for window in labelled(&windows, &tiles, network, progress)? {
             failure = failure.or(window.failure);
             for (key, labels) in window.labels {
                 let is_changed = tiles.get_mut(&key).is_some_and(|tile| set(tile, labels));
@@ -100,7 +107,8 @@ impl Assembly {
                 *info = tile.info(key);
             }
         }
-        LabelledMap { manifest, tiles, changed: changed_keys, sums, looked, windows: windows.len(), failure }
+        let windows = windows.len();
+        Ok(LabelledMap { manifest, tiles, changed: changed_keys, sums, looked, windows, failure })
     }
 }
 
@@ -109,14 +117,16 @@ fn labelled(
     windows: &[Window],
     tiles: &BTreeMap<TileKey, Tile>,
     network: Option<&SurfaceNetwork>,
-) -> Vec<WindowLabels> {
+    progress: &dyn Progress,
+) -> Result<Vec<WindowLabels>, Cancelled> {
     let next = AtomicUsize::new(0);
-    let take = || windows.get(next.fetch_add(1, Ordering::Relaxed));
+    let take = || windows.get(next.fetch_add(1, Ordering::Relaxed)).filter(|_| !progress.cancelled());
     let taker =
         |_: usize| std::iter::from_fn(take).map(|window| (*window, window.label(tiles, network))).collect();
     let labelled: Vec<Vec<(Window, WindowLabels)>> = (0..AT_A_TIME).into_par_iter().map(taker).collect();
+    progress::check(progress)?;
     let labelled: BTreeMap<Window, WindowLabels> = labelled.into_iter().flatten().collect();
-    labelled.into_values().collect()
+    Ok(labelled.into_values().collect())
 }
 
 /// Returns the version of the labels by a network.

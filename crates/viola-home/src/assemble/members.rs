@@ -1,6 +1,6 @@
 //! Clips of a home, as its map uses them.
 
-use super::floor_correction::{FloorCorrection, pose_in_space};
+use super::floor_correction::{FloorCorrection, pose_in_space, raised_pose};
 use super::tile::TileKey;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,8 @@ pub enum Verdict {
     Chosen {
         level: LevelName,
         map_from_clip: Pose2,
+        /// As that of a [`Mode`].
+        rise_m: f64,
     },
     Ambiguous {
         alternatives: Vec<Mode>,
@@ -48,6 +50,8 @@ pub struct Mode {
     /// The level in whose LiDAR map the pose is.
     pub level: LevelName,
     pub map_from_clip: Pose2,
+    /// Height of the clip frame's origin above the floor at this pose: 0 above the floor of the clip's answer.
+    pub rise_m: f64,
     /// By the clip's own alignment.
     pub probability: f64,
 }
@@ -79,6 +83,9 @@ pub struct PlacedClip {
     pub level: LevelName,
     /// Pose before joint refinement.
     pub alone: Pose2,
+    /// Height of the clip frame's origin above the floor at that pose; see [`Mode`].
+    #[serde(default, skip_serializing_if = "viola_geometry::is_zero")]
+    pub rise_m: f64,
     /// Pose refined jointly with the clips that it overlaps.
     pub map_from_clip: Pose2,
     /// Height and tilt of that pose.
@@ -106,6 +113,13 @@ impl Member {
     }
 }
 
+impl Mode {
+    /// Returns the pose in space.
+    pub(super) fn in_space(&self) -> Pose3 {
+        raised_pose(&self.map_from_clip, self.rise_m)
+    }
+}
+
 impl Verdict {
     /// Returns the verdict of an alignment; `None` for one without a floor.
     pub fn of(alignment: &Alignment) -> Option<Verdict> {
@@ -123,6 +137,7 @@ impl Verdict {
                     .map(|one| Mode {
                         level: one.level,
                         map_from_clip: one.map_from_clip,
+                        rise_m: one.rise_m,
                         probability: one.probability.unwrap_or(0.0),
                     })
                     .collect(),
@@ -135,7 +150,7 @@ impl Verdict {
 impl PlacedClip {
     /// Returns its pose in space before joint refinement.
     pub fn alone_in_space(&self) -> Pose3 {
-        pose_in_space(&self.alone, &FloorCorrection::default())
+        raised_pose(&self.alone, self.rise_m)
     }
 
     /// Returns its pose in space.

@@ -6,7 +6,7 @@
 use super::cache::Cache;
 use super::candidates::{Candidate, KnownClip, Marginal, candidates};
 use super::clip_matches::{ClipMatch, clip_matches, forest, pass_poses};
-use super::floor_correction::{FloorCorrection, pose_in_space, rounded, split_pose};
+use super::floor_correction::{FloorCorrection, pose_in_space, raised_pose, rounded, split_pose};
 use super::footprint::{Footprint, PlacedFootprint};
 use super::joint::{self, Comparison};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
@@ -18,6 +18,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::{LevelName, Pose2};
 
 /// Minimum probability to place a clip that is not aligned by itself. In 80 simulated homes 4 % of the clips from 0.95 on
@@ -39,6 +40,8 @@ struct Known<'a, 'c> {
     probability: Option<f64>,
     level: LevelName,
     alone: Pose2,
+    /// Height of the origin of its frame above the floor there.
+    rise_m: f64,
     /// None for a fixed pose.
     covariance: Option<Matrix3<f64>>,
     extent: Extent,
@@ -54,6 +57,8 @@ impl Known<'_, '_> {
             b: b.member.contribution.clone(),
             map_from_a: self.alone,
             map_from_b: b.alone,
+            rise_of_a_m: self.rise_m,
+            rise_of_b_m: b.rise_m,
             overlap: None,
         }
     }
@@ -75,7 +80,7 @@ pub(super) struct Placed<'a> {
     pub clip_matches: Vec<ClipMatch>,
 }
 
-pub(super) fn place<'a, E>(
+pub(super) fn place<'a, E: From<Cancelled>>(
     last: &Manifest,
     members: &'a [Member],
     cache: &mut Cache<E>,
@@ -85,12 +90,12 @@ pub(super) fn place<'a, E>(
     let forest = forest(&candidates, &clip_matches);
     pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons, &forest);
+    let marginals = joint::marginals(&candidates, &comparisons, &forest, cache.progress)?;
     let each = || candidates.iter().zip(&marginals);
     let placed = each().enumerate().filter_map(|(place, (clip, marginal))| known(place, clip, *marginal));
     let placed: Vec<Known> = placed.collect();
     let pairs = overlaps(last, &placed, cache)?;
-    let clips = together(&placed, &pairs, &clip_matches);
+    let clips = together(&placed, &pairs, &clip_matches, cache.progress)?;
     let full = block(members.len());
     let resting = placed.partition_point(|clip| block(clip.place) < full);
     let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
@@ -107,34 +112,55 @@ fn known<'a, 'c>(
     /// Typical standard deviations (x_m, y_m, yaw_rad): alternatives carry no covariance.
     const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
     let probability = marginal.map(|marginal| marginal.probability);
-    let (by, level, alone, covariance) = match &candidate.member.verdict {
+    let (by, level, alone, rise_m, covariance) = match &candidate.member.verdict {
         Verdict::Aligned { level, map_from_clip, covariance, .. } => {
-            (PlacedBy::Alignment, *level, *map_from_clip, Some(*covariance))
+            (PlacedBy::Alignment, *level, *map_from_clip, 0.0, Some(*covariance))
         }
-        Verdict::Chosen { level, map_from_clip } => (PlacedBy::Person, *level, *map_from_clip, None),
+        Verdict::Chosen { level, map_from_clip, rise_m } => {
+            (PlacedBy::Person, *level, *map_from_clip, *rise_m, None)
+        }
         Verdict::Ambiguous { .. } | Verdict::Unplaced => {
             let sure = marginal.filter(|marginal| marginal.probability >= MIN_PLACED_PROBABILITY)?;
             let spread = Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into());
             let mode = &candidate.modes[sure.mode];
-            (PlacedBy::Neighbours, mode.level, mode.map_from_clip, Some(spread))
+            (PlacedBy::Neighbours, mode.level, mode.map_from_clip, mode.rise_m, Some(spread))
         }
     };
     let Candidate { member, extent, ref footprint, points, .. } = *candidate;
-    Some(Known { member, place, by, probability, level, alone, covariance, extent, footprint, points })
+    Some(Known {
+        member,
+        place,
+        by,
+        probability,
+        level,
+        alone,
+        rise_m,
+        covariance,
+        extent,
+        footprint,
+        points,
+    })
 }
 
 /// Returns the pairs of clips with the neighbours that they choose, in canonical order.
-fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
+fn overlaps<E: From<Cancelled>>(
+    last: &Manifest,
+    known: &[Known],
+    cache: &mut Cache<E>,
+) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs: Vec<Pair> = Vec::new();
-    for (i, chosen) in chosen(last, known).into_iter().enumerate() {
+    for (i, chosen) in chosen(last, known, cache.progress)?.into_iter().enumerate() {
         let b = &known[i];
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
         for a in chosen.into_iter().map(|a| &known[a]) {
             let same = before.get(&(&*a.member.contribution, &*b.member.contribution));
-            let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);
+            let same = same.filter(|pair| {
+                (pair.map_from_a, pair.rise_of_a_m) == (a.alone, a.rise_m)
+                    && (pair.map_from_b, pair.rise_of_b_m) == (b.alone, b.rise_m)
+            });
             if same.is_none() {
                 fresh.push((pairs.len(), a));
             }
@@ -148,11 +174,10 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
             let others: Vec<&Member> = part.iter().map(|(_, a)| a.member).collect();
             let loaded = cache.get_all(&others)?;
             let registered = part.par_iter().zip(loaded).map(|((at, _), a)| {
-                let uncorrected = FloorCorrection::default();
-                let [from_a, from_b] = [pairs[*at].map_from_a, pairs[*at].map_from_b];
-                let start =
-                    pose_in_space(&from_b, &uncorrected).inverse() * pose_in_space(&from_a, &uncorrected);
-                overlap(a.surface(), b.surface(), &start)
+                let pair = &pairs[*at];
+                let map_from_a = raised_pose(&pair.map_from_a, pair.rise_of_a_m);
+                let map_from_b = raised_pose(&pair.map_from_b, pair.rise_of_b_m);
+                overlap(a.surface(), b.surface(), &(map_from_b.inverse() * map_from_a))
             });
             let registered: Vec<Option<Overlap>> = registered.collect();
             for ((at, _), overlap) in part.iter().zip(registered) {
@@ -165,10 +190,11 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
 
 /// Returns the clips that each clip is registered to. Clips with the same clips before them as in the last map keep
 /// theirs.
-fn chosen(last: &Manifest, known: &[Known]) -> Vec<Vec<usize>> {
+fn chosen(last: &Manifest, known: &[Known], progress: &dyn Progress) -> Result<Vec<Vec<usize>>, Cancelled> {
     let is_old = last.known.iter().any(|known| known.footprint.is_none());
     let is_same = |(clip, last): &(&Known, &PlacedClip)| {
-        clip.member.contribution == last.contribution && clip.alone == last.alone && clip.level == last.level
+        clip.member.contribution == last.contribution
+            && (clip.level, clip.alone, clip.rise_m) == (last.level, last.alone, last.rise_m)
     };
     let same = if is_old { 0 } else { known.iter().zip(&last.clips).take_while(is_same).count() };
     let place: FxHashMap<&str, usize> =
@@ -182,19 +208,20 @@ fn chosen(last: &Manifest, known: &[Known]) -> Vec<Vec<usize>> {
         }
     }
     if same == known.len() {
-        return chosen;
+        return Ok(chosen);
     }
-    let placed = |clip: &Known| clip.footprint.placed(&clip.alone);
+    let placed = |clip: &Known| clip.footprint.placed(&clip.alone, clip.rise_m);
     let placed: Vec<PlacedFootprint> = known.par_iter().map(placed).collect();
-    let fresh = (same..known.len()).into_par_iter().map(|i| {
+    let fresh = (same..known.len()).into_par_iter().map(|i| -> Result<Vec<usize>, Cancelled> {
+        progress::check(progress)?;
         let b = &known[i];
         let meets = |a: &Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
         let before: Vec<(usize, &PlacedFootprint)> =
             (0..i).filter(|a| meets(&known[*a])).map(|a| (a, &placed[a])).collect();
-        neighbours(&placed[i], &before)
+        Ok(neighbours(&placed[i], &before))
     });
-    chosen.splice(same.., fresh.collect::<Vec<_>>());
-    chosen
+    chosen.splice(same.., fresh.collect::<Result<Vec<_>, Cancelled>>()?);
+    Ok(chosen)
 }
 
 /// Refines the clips jointly, block by block.
@@ -202,12 +229,13 @@ fn together<'a>(
     known: &[Known<'a, '_>],
     pairs: &[Pair],
     clip_matches: &[ClipMatch],
-) -> Vec<(&'a Member, PlacedClip)> {
+    progress: &dyn Progress,
+) -> Result<Vec<(&'a Member, PlacedClip)>, Cancelled> {
     let edges = edges(known, pairs, clip_matches);
     let mut priors: Vec<Prior> = known
         .iter()
         .map(|clip| Prior {
-            map_from_clip: pose_in_space(&clip.alone, &FloorCorrection::default()),
+            map_from_clip: raised_pose(&clip.alone, clip.rise_m),
             covariance: clip.covariance,
             is_fixed: true,
         })
@@ -219,6 +247,7 @@ fn together<'a>(
     }
     let mut poses: Vec<(Pose2, FloorCorrection)> = Vec::new();
     for block in known.chunk_by(|a, b| block(a.place) == block(b.place)) {
+        progress::check(progress)?;
         let range = poses.len()..poses.len() + block.len();
         priors[range.clone()].iter_mut().for_each(|prior| prior.is_fixed = false);
         let of_block = edges.iter().filter(|edge| range.contains(&edge.b));
@@ -226,9 +255,11 @@ fn together<'a>(
             of_block.map(|Joined { a, b, overlap }| Edge { a: *a, b: *b, overlap }).collect();
         let refined = refine_poses(&priors, &of_block, &KERNELS);
         for i in range {
-            let is_alone = with[i].is_empty();
-            let (pose, correction) =
-                if is_alone { (known[i].alone, FloorCorrection::default()) } else { split_pose(&refined[i]) };
+            let (pose, correction) = if with[i].is_empty() {
+                (known[i].alone, FloorCorrection::of_rise(known[i].rise_m))
+            } else {
+                split_pose(&refined[i])
+            };
             let (pose, correction) = rounded(&pose, &correction);
             // A person's choice stays bit-identical in the plane.
             let pose = if known[i].covariance.is_none() { known[i].alone } else { pose };
@@ -246,6 +277,7 @@ fn together<'a>(
             probability: clip.probability,
             level: clip.level,
             alone: clip.alone,
+            rise_m: clip.rise_m,
             map_from_clip: pose,
             floor_correction,
             with: with.into_iter().map(|at| known[at].member.contribution.clone()).collect(),
@@ -255,7 +287,7 @@ fn together<'a>(
         };
         (clip.member, placed)
     };
-    known.iter().zip(poses).zip(with).map(placed).collect()
+    Ok(known.iter().zip(poses).zip(with).map(placed).collect())
 }
 
 /// An overlap of two clips, by their indices; `a` is before `b`.

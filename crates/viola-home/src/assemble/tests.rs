@@ -1,4 +1,6 @@
 mod features;
+mod floors;
+mod stop;
 mod sums;
 
 use super::*;
@@ -6,8 +8,8 @@ use crate::MAP_VOXEL_M;
 use crate::contribution::ClipContribution;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
-use std::convert::Infallible;
 use uuid::Uuid;
+use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
@@ -106,25 +108,25 @@ fn timed_clips() -> Vec<Clip> {
 
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
         Ok(clips.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
-    assemble(last, members, &mut load).unwrap()
+    assemble(last, members, &mut load, &Silent).unwrap()
 }
 
 type Tiles = BTreeMap<TileKey, Tile>;
 
 fn applied(tiles: Tiles, assembly: &Assembly) -> Tiles {
-    assembly.clone().label(tiles, None).tiles
+    assembly.clone().label(tiles, None, &Silent).unwrap().tiles
 }
 
 /// Returns the map of `clips` after `last`, of which it reads the manifest and keeps the tiles.
 fn labelled(last: &LabelledMap, clips: &[&Clip]) -> LabelledMap {
-    made(&last.manifest, clips).label(last.tiles.clone(), None)
+    made(&last.manifest, clips).label(last.tiles.clone(), None, &Silent).unwrap()
 }
 
 fn nothing() -> LabelledMap {
-    made(&Manifest::default(), &[]).label(Tiles::new(), None)
+    made(&Manifest::default(), &[]).label(Tiles::new(), None, &Silent).unwrap()
 }
 
 proptest! {
@@ -175,7 +177,7 @@ fn the_whole_surface_of_an_object_votes() {
     };
     let [boxes, chairs] = labels(assembly.changed.values().flatten().collect());
     assert!(chairs > 300 && boxes > chairs, "{boxes} {chairs}");
-    let map = assembly.label(Tiles::new(), None);
+    let map = assembly.label(Tiles::new(), None, &Silent).unwrap();
     assert_eq!(labels(map.tiles.values().collect()), [boxes + chairs, 0]);
     // The summaries are those of the map's labels.
     let infos: Vec<TileInfo> = map.manifest.tiles.iter().map(|(_, info)| info.clone()).collect();
@@ -183,7 +185,7 @@ fn the_whole_surface_of_an_object_votes() {
 }
 
 fn on_main(map_from_clip: Pose2, probability: f64) -> Mode {
-    Mode { level: LevelName::MAIN, map_from_clip, probability }
+    Mode { level: LevelName::MAIN, map_from_clip, rise_m: 0.0, probability }
 }
 
 /// Clip "c" is ambiguous: the room looks the same to the vacuum after half a turn about its centre. The
@@ -275,11 +277,11 @@ fn a_clip_elsewhere_is_not_read_again() {
     all.push(newest);
     let members = all.iter().map(|clip| clip.member.clone()).collect();
     let mut read = Vec::new();
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
         read.push(member.sha256.clone());
         Ok(all.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
     };
-    assemble(&before.manifest, members, &mut load).unwrap();
+    assemble(&before.manifest, members, &mut load, &Silent).unwrap();
     read.sort();
     assert_eq!(read, ["a", "b", "c", "d"], "each clip of its room once, and none of the other");
 }
@@ -288,7 +290,7 @@ fn a_clip_elsewhere_is_not_read_again() {
 fn a_chosen_clip_stays_where_it_was_put() {
     let mut clips = clips();
     let chosen = Pose2::new(0.53, 0.5, 0.31);
-    clips[0].member.verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: chosen };
+    clips[0].member.verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: chosen, rise_m: 0.0 };
     let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
     let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Person).unwrap();
     assert_eq!((placed.map_from_clip, placed.probability), (chosen, None));
@@ -331,7 +333,7 @@ fn later_clips_win_where_the_world_changed() {
     let clip = |name: &str, at: Option<i64>, box_m: Option<[f64; 2]>, reach_m: f64| {
         let mut contribution = room(&pose, box_m);
         contribution.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
-        let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose };
+        let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose, rise_m: 0.0 };
         Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, contribution }
     };
     let crate_points = |clips: &[&Clip]| {
@@ -381,17 +383,17 @@ fn timed_clips_are_read_as_often_as_others() {
         let clips: Vec<Member> = (0..20)
             .map(|number| Member {
                 recorded_at_ms: timed.then_some(number),
-                verdict: Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose },
+                verdict: Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose, rise_m: 0.0 },
                 clip: Uuid::from_u128(number as u128),
                 ..member(&format!("{number:02}"), pose)
             })
             .collect();
         let mut read = 0;
-        let mut load = |_: &Member| -> Result<ClipContribution, Infallible> {
+        let mut load = |_: &Member| -> Result<ClipContribution, Cancelled> {
             read += 1;
             Ok(contribution.clone())
         };
-        assemble(&Manifest::default(), clips, &mut load).unwrap();
+        assemble(&Manifest::default(), clips, &mut load, &Silent).unwrap();
         read
     };
     assert_eq!(read(true), read(false));

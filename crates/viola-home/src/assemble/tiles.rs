@@ -11,6 +11,7 @@ use crate::carved::{BLOCK_CELLS, CELL_VOXELS};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::progress::Cancelled;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::CloudPoint;
@@ -84,7 +85,7 @@ impl<'a> Underway<'a> {
 }
 
 /// Rebuilds the tiles that `clips` change. The poses of the first `resting` clips do not depend on later clips.
-pub(super) fn rebuild<E>(
+pub(super) fn rebuild<E: From<Cancelled>>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
     resting: usize,
@@ -143,7 +144,7 @@ pub(super) fn rebuild<E>(
 }
 
 /// Sets the tiles of the clips, and returns those that change.
-fn dirty<E>(
+fn dirty<E: From<Cancelled>>(
     last: &Manifest,
     clips: &mut [(&Member, PlacedClip)],
     cache: &mut Cache<E>,

@@ -123,6 +123,7 @@ fn placed(clip: u128, map_from_clip: Pose2) -> PlacedClip {
         level: LevelName::MAIN,
         probability: None,
         alone: map_from_clip,
+        rise_m: 0.0,
         map_from_clip,
         floor_correction: FloorCorrection::default(),
         with: Vec::new(),

@@ -5,6 +5,7 @@ use super::fit::UprightBox;
 use super::kind::confusable;
 use super::nesting::{MAX_SHARED_FRACTION, Nesting, nesting, surrounds};
 use crate::map_point::MapPoint;
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::taxonomy::Class;
 
 /// The resolved overlap: less than the largest one, so that rounding does not matter.
@@ -79,7 +80,11 @@ impl Candidate {
 /// Keeps the most confident objects. A less confident one that overlaps them is trimmed if that costs few of its
 /// points. Otherwise it is left out, or those that are small beside it are: a large object is more than a label that is
 /// taken for another. If the one that is left out is a part of the same object, it gives its points to that object.
-pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
+pub fn resolve(
+    found: Vec<Found>,
+    points: &[MapPoint],
+    progress: &dyn Progress,
+) -> Result<Vec<Found>, Cancelled> {
     let candidate = |found: Found| {
         let place = |member: &u32| points[*member as usize].point.position_m.map(f64::from);
         let places = found.members.iter().map(place).collect();
@@ -93,6 +98,7 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
     });
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in candidates {
+        progress::check(progress)?;
         // The small ones that were removed, with their places.
         let mut small: Vec<(usize, Candidate)> = Vec::new();
         let result = loop {
@@ -119,7 +125,7 @@ pub fn resolve(found: Vec<Found>, points: &[MapPoint]) -> Vec<Found> {
         found.object.set_bounds(bounds);
         found
     };
-    kept.into_iter().map(finished).collect()
+    Ok(kept.into_iter().map(finished).collect())
 }
 
 /// Returns the boxes of the kept objects and of the candidate, trimmed so that none conflict; the number of the kept

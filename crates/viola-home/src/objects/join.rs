@@ -5,6 +5,7 @@ use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
 use super::hidden::{APPLIANCE_M, WORKTOP_M, is_front};
 use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
+use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::taxonomy::Class;
 
 /// Minimum cells of a fragment; smaller ones are noise.
@@ -36,7 +37,8 @@ pub fn join(
     cells: &Cells,
     labels: &[Option<(Class, f32)>],
     wall_yaw_rad: Option<f64>,
-) -> Vec<Fragment> {
+    progress: &dyn Progress,
+) -> Result<Vec<Fragment>, Cancelled> {
     let is_wall = |at: &[f64; 3]| {
         cells.at(at).and_then(|cell| labels[cell]).is_some_and(|(class, _)| class == Class::Wall)
     };
@@ -57,6 +59,7 @@ pub fn join(
             size.then(a.fragment.cells[0].cmp(&b.fragment.cells[0]))
         });
         for small in parts {
+            progress::check(progress)?;
             // The same class first: a stool's leg belongs to the stool, however large the sofa beside it.
             let same = |large: &Part| large.fragment.class == small.fragment.class;
             let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad);
@@ -83,7 +86,7 @@ pub fn join(
         if is_first {
             is_first = false;
         } else {
-            return parts.into_iter().map(|part| part.fragment).collect();
+            return Ok(parts.into_iter().map(|part| part.fragment).collect());
         }
     }
 }

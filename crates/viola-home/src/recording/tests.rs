@@ -7,11 +7,11 @@ fn bounds() -> UprightBox {
     UprightBox { centre_m: [1.0, 2.0, 0.4], size_m: [2.0, 0.9, 0.8], yaw_rad: std::f64::consts::FRAC_PI_2 }
 }
 
-/// A clip that is turned by a quarter in the map, with cameras along its x axis.
+/// A clip that is turned by a quarter in the map, with cameras along its x axis. Its frame is on a bed.
 fn path(cameras: usize) -> ClipPath {
     let camera = |i: usize| Pose3::translation(i as f64, 0.0, 1.5);
     let cameras: Vec<Pose3> = (0..cameras).map(camera).collect();
-    ClipPath::new(Uuid::from_u128(7), Pose2::new(10.0, 20.0, std::f64::consts::FRAC_PI_2), &cameras)
+    ClipPath::new(Uuid::from_u128(7), Pose2::new(10.0, 20.0, std::f64::consts::FRAC_PI_2), 0.5, &cameras)
 }
 
 fn written(paths: &[ClipPath], lidar: Option<&LidarMap>, points: &[MapPoint]) -> Vec<u8> {
@@ -91,13 +91,14 @@ fn paths_are_in_the_map_s_frame() {
     let poses: PosesInFrame = message(&file, "/clips/00000000-0000-0000-0000-000000000007/path");
     let at = poses.poses[2].position.clone().unwrap();
     // Two metres along the clip's x axis, which is the map's y axis.
-    assert!((Vector::new(at.x, at.y, at.z) - Vector::new(10.0, 22.0, 1.5)).norm() < 1e-9);
+    assert!((Vector::new(at.x, at.y, at.z) - Vector::new(10.0, 22.0, 2.0)).norm() < 1e-9);
     let transforms: FrameTransforms = message(&file, "/tf");
     let [transform] = transforms.transforms.as_slice() else { panic!("one clip") };
     assert_eq!(
         (transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()),
         ("map", "clip/00000000-0000-0000-0000-000000000007")
     );
+    assert_eq!(transform.translation, Some(Vector3 { x: 10.0, y: 20.0, z: 0.5 }));
     let turn = transform.rotation.clone().unwrap();
     assert!((turn.z - 0.5_f64.sqrt()).abs() < 1e-9 && (turn.w - 0.5_f64.sqrt()).abs() < 1e-9);
 }

@@ -5,12 +5,14 @@ use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
 use viola_home::{PlacedBy, Verdict};
+use viola_reconstruct::FloorReport;
 
 on_every_back_end!(
     an_alternative_is_chosen_and_withdrawn,
     a_pose_may_be_chosen_before_there_is_an_answer,
     a_choice_stands_through_new_answers,
     a_choice_moves_with_a_registered_lidar_map,
+    a_chosen_alternative_keeps_its_floor,
     without_a_result_a_choice_waits,
     choices_that_cannot_be,
     a_choice_makes_the_map_due,
@@ -29,6 +31,7 @@ fn two_modes(state: AlignmentState) -> AttemptEnd {
     let alternative = |x_m| Alternative {
         level: LevelName::MAIN,
         map_from_clip: pose(x_m),
+        rise_m: 0.0,
         loss_m: 0.1,
         inliers: 0.9,
         free_space: None,
@@ -37,6 +40,15 @@ fn two_modes(state: AlignmentState) -> AttemptEnd {
         evidence: None,
     };
     alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
+    AttemptEnd::Answered(alignment)
+}
+
+/// Returns an answer above the upper one of two floors, which lie 0.5 m apart. Its second alternative is above the other one.
+fn two_floors(camera_height_m: f64) -> AttemptEnd {
+    let AttemptEnd::Answered(mut alignment) = two_modes(AlignmentState::Ambiguous) else { unreachable!() };
+    alignment.floor =
+        Some(FloorReport { assumed: false, camera_height_m, support_points: 9, gravity_angle_deg: None });
+    alignment.alternatives[1].rise_m = 0.5;
     AttemptEnd::Answered(alignment)
 }
 
@@ -153,6 +165,26 @@ async fn a_choice_moves_with_a_registered_lidar_map(storage: Storage) {
         standing(&end(&storage, two_modes(AlignmentState::Ambiguous)).await),
         Some((11.0, Some(0), 2))
     );
+}
+
+/// A new answer may be above another floor, or find the same one a little higher.
+async fn a_chosen_alternative_keeps_its_floor(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    end(&storage, two_floors(1.0)).await;
+    let cases = [(0, 1.0, 0.0), (0, 1.5, -0.5), (1, 1.0, 0.5), (1, 1.5, 0.0), (1, 1.45, 0.0)];
+    for (seconds, (index, next_m, expected_m)) in (902..).zip(cases) {
+        storage.align_clip(&home, clip.id, at(201)).await.unwrap();
+        let clip = end(&storage, two_floors(1.0)).await;
+        choose(&storage, &clip, Chosen::Alternative(index), 202).await;
+        storage.align_clip(&home, clip.id, at(203)).await.unwrap();
+        end(&storage, two_floors(next_m)).await;
+        let claim = due(&storage, seconds).await.expect("the home is due");
+        let Verdict::Chosen { rise_m, .. } = claim.members[0].verdict else { panic!("{:?}", claim.members) };
+        assert!((rise_m - expected_m).abs() < 1e-9, "{index} {next_m}: {rise_m}");
+        let new = revision(&claim, PlacedBy::Person, b"tile");
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+        assert!(storage.clip(&home, clip.id).await.unwrap().placement.is_some());
+    }
 }
 
 async fn without_a_result_a_choice_waits(storage: Storage) {

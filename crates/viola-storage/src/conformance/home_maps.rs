@@ -40,6 +40,7 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
     alignment.alternatives = vec![Alternative {
         level: LevelName::MAIN,
         map_from_clip: Pose2::new(1.0, 2.0, 0.5),
+        rise_m: 0.0,
         loss_m: 0.25,
         inliers: 0.9,
         free_space: None,
@@ -77,6 +78,7 @@ pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevi
         probability: Some(0.5),
         level: LevelName::MAIN,
         alone: Pose2::new(1.0, 2.0, 0.5),
+        rise_m: 0.0,
         map_from_clip: Pose2::new(1.03, 2.04, 0.5),
         floor_correction: FloorCorrection::default(),
         with: Vec::new(),

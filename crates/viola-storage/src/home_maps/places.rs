@@ -32,6 +32,7 @@ pub(super) async fn update_placements(
         let placement = placed.map(|placed| Placement {
             level: placed.level,
             map_from_clip: placed.map_from_clip,
+            rise_m: placed.rise_m,
             by: placed.by,
             probability: placed.probability,
             map_revision: revision,
@@ -119,7 +120,11 @@ async fn update_placement(
     .await?;
     let Some(row) = row else { return Ok(()) };
     // A person chose or withdrew meanwhile, and the home is due again.
-    if row.maybe_json::<Choice>("choice")?.map(|choice| choice.verdict()) != chosen(&member.verdict) {
+    let choice = match row.maybe_json::<Choice>("choice")? {
+        Some(choice) => Some(choice.verdict(row.maybe_json::<Alignment>("alignment")?.as_ref())),
+        None => None,
+    };
+    if choice != chosen(&member.verdict) {
         return Ok(());
     }
     let same = |old: &Placement| {

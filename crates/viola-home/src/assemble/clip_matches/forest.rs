@@ -158,7 +158,8 @@ pub(in crate::assemble) fn pass_poses(candidates: &mut [Candidate], forest: &[Br
                     candidates[from].modes.iter().filter(|mode| mode.probability >= MIN_PASSED_PROBABILITY)
                 {
                     let map_from_clip = mode.map_from_clip.compose(&to_from_from.inverse());
-                    passed.push((to, Mode { map_from_clip, ..*mode }));
+                    // Above the floor of its own answer.
+                    passed.push((to, Mode { map_from_clip, rise_m: 0.0, ..*mode }));
                 }
             }
         }

@@ -70,7 +70,7 @@ fn last(members: &[Member], clip_matches: &[ClipMatch]) -> Option<(Pose2, f64)> 
     let mut candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     let forest = forest(&candidates, clip_matches);
     pass_poses(&mut candidates, &forest.branches);
-    let marginals = crate::assemble::joint::marginals(&candidates, &[], &forest);
+    let marginals = crate::assemble::joint::tests::marginals(&candidates, &[], &forest);
     let (candidate, marginal) = (candidates.last()?, marginals.last().copied().flatten()?);
     Some((candidate.modes[marginal.mode].map_from_clip, marginal.probability))
 }

@@ -16,6 +16,7 @@ fn clip(number: usize, recorded_at_ms: Option<i64>) -> PlacedClip {
         probability: None,
         level: LevelName::MAIN,
         alone: Pose2::IDENTITY,
+        rise_m: 0.0,
         map_from_clip: Pose2::new(0.125 * number as f64, 0.0, 0.0),
         floor_correction: FloorCorrection::default(),
         with: Vec::new(),

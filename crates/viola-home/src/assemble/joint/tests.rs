@@ -3,6 +3,7 @@ use super::super::members::{Extent, Member, Verdict};
 use super::*;
 use nalgebra::Matrix3;
 use uuid::Uuid;
+use viola_geometry::progress::Silent;
 use viola_geometry::{LevelName, Pose2};
 
 const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
@@ -35,12 +36,20 @@ fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
 }
 
 pub(in crate::assemble) fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> Mode {
-    Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), probability }
+    Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), rise_m: 0.0, probability }
 }
 
 pub(in crate::assemble) fn candidate(member: &Member) -> Candidate<'_> {
     let modes = super::super::candidates::modes(&member.verdict);
     Candidate { member, modes, extent: EXTENT, footprint: Footprint::default(), points: 1_000 }
+}
+
+pub(in crate::assemble) fn marginals(
+    candidates: &[Candidate],
+    comparisons: &[Comparison],
+    forest: &Forest,
+) -> Vec<Option<Marginal>> {
+    super::marginals(candidates, comparisons, forest, &Silent).unwrap()
 }
 
 fn said(a: u128, b: u128, said: &[(u8, u8, [u16; 3])]) -> Comparison {
@@ -118,7 +127,8 @@ fn poses_close_together_are_one_explanation() {
 #[test]
 fn only_poses_that_may_meet_are_compared() {
     let chosen = |number, x_m| {
-        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, 0.0) })
+        let map_from_clip = Pose2::new(x_m, 0.0, 0.0);
+        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip, rise_m: 0.0 })
     };
     let members = [chosen(0, 0.0), chosen(1, 1.0), in_one_of(2, &[0.5, 0.3, 0.1])];
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();

@@ -4,13 +4,13 @@ use crate::assemble::clip_matches;
 /// The clips of [`clips`], of which "c" has no pose of its own, and their features on the walls.
 struct WithFeatures(Vec<Clip>);
 
-impl LoadClips<Infallible> for WithFeatures {
-    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+impl LoadClips<Cancelled> for WithFeatures {
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Cancelled> {
         let of = |member: &&Member| self.0.iter().find(|clip| clip.member == **member).unwrap();
         Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
     }
 
-    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Infallible> {
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Cancelled> {
         let truth = |member: &Member| match &*member.sha256 {
             "d" | "e" => Pose2::new(0.5, 0.5, 0.3),
             "a" | "f" => Pose2::new(3.0, 1.0, 2.0),
@@ -33,8 +33,9 @@ fn a_clip_without_a_pose_is_placed_by_its_features() {
         all.0.push(Clip { member: member(name, map_from_clip), contribution });
     }
     let members: Vec<Member> = all.0.iter().map(|clip| clip.member.clone()).collect();
-    let mut made =
-        |last: &Manifest, members: &[Member]| assemble(last, members.to_vec(), &mut all).unwrap().manifest;
+    let mut made = |last: &Manifest, members: &[Member]| {
+        assemble(last, members.to_vec(), &mut all, &Silent).unwrap().manifest
+    };
     let at_once = made(&Manifest::default(), &members);
     let placed = at_once.clips.iter().find(|placed| placed.by == PlacedBy::Neighbours).unwrap();
     assert!(placed.map_from_clip.distance_m(&Pose2::new(2.0, 2.0, 0.0)) < 0.03, "{placed:?}");
@@ -56,7 +57,7 @@ fn a_clip_without_a_pose_is_placed_by_its_features() {
 fn a_corrected_time_gives_the_map_of_the_new_order() {
     let remade = |all: &mut WithFeatures, last: &Manifest| {
         let members = all.0.iter().map(|clip| clip.member.clone()).collect();
-        assemble(last, members, all).unwrap().manifest
+        assemble(last, members, all, &Silent).unwrap().manifest
     };
     let mut all = WithFeatures(clips());
     let before = remade(&mut all, &Manifest::default());

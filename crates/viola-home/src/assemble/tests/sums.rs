@@ -56,18 +56,18 @@ struct WithSums<'a> {
     read: BTreeSet<String>,
 }
 
-impl LoadClips<Infallible> for WithSums<'_> {
-    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+impl LoadClips<Cancelled> for WithSums<'_> {
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Cancelled> {
         self.read.extend(members.iter().map(|member| member.sha256.clone()));
         let of = |member: &&Member| self.clips.iter().find(|clip| clip.member == **member).unwrap();
         Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
     }
 
-    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Infallible> {
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Cancelled> {
         Ok(vec![Vec::new(); members.len()])
     }
 
-    fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, Infallible> {
+    fn sums(&mut self, tiles: &[TileKey]) -> Result<Vec<Option<Vec<u8>>>, Cancelled> {
         Ok(tiles.iter().map(|tile| self.sums.get(tile).cloned()).collect())
     }
 }
@@ -82,8 +82,8 @@ struct Kept {
 fn merged(last: &Kept, clips: &[&Clip]) -> Kept {
     let mut load = WithSums { clips, sums: last.sums.clone(), read: BTreeSet::new() };
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
-    let Ok(assembly) = assemble(&last.map.manifest, members, &mut load);
-    let map = assembly.label(last.map.tiles.clone(), None);
+    let assembly = assemble(&last.map.manifest, members, &mut load, &Silent).unwrap();
+    let map = assembly.label(last.map.tiles.clone(), None, &Silent).unwrap();
     let mut sums = load.sums;
     for (key, bytes) in &map.sums {
         match bytes {

@@ -1,5 +1,6 @@
 use super::super::Object;
 use super::*;
+use viola_geometry::progress::Silent;
 use viola_reconstruct::{CloudPoint, Label};
 
 /// An object filled with points 10 cm apart.
@@ -35,7 +36,7 @@ fn both_resolved(a: (Found, Vec<MapPoint>), b: (Found, Vec<MapPoint>)) -> Vec<Fo
     let (mut points, mut second) = (a.1, b.0);
     second.members.iter_mut().for_each(|member| *member += points.len() as u32);
     points.extend(b.1);
-    resolve(vec![second, a.0], &points)
+    resolve(vec![second, a.0], &points, &Silent).unwrap()
 }
 
 #[test]

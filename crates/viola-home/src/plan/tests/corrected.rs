@@ -6,13 +6,15 @@ use crate::corrections::{RoomCorrection, RoomMerge, RoomSplit};
 use crate::describe::{Description, describe_revised};
 use crate::points::ClipNumbers;
 use viola_formats::lidar::Room as RobotRoom;
+use viola_geometry::progress::Silent;
 
 /// Returns the description of a map with a correction of its first room, and with an object.
 fn corrected(lidar: &LidarMap, correction: RoomCorrection, thing: Option<Object>) -> Description {
-    describe_revised(lidar, &[], &ClipNumbers::new(std::iter::empty()), |rooms, objects| {
+    let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
         objects.extend(thing);
         crate::correct_rooms(rooms, &[("1".to_owned(), correction)]).divisions
-    })
+    };
+    describe_revised(lidar, &[], &ClipNumbers::new(std::iter::empty()), revise, &Silent).unwrap()
 }
 
 fn merged(lidar: &LidarMap) -> Description {
@@ -120,7 +122,8 @@ fn a_gap_in_a_room_of_the_robot_divides_nothing() {
     let is_floor = |p: &[f64; 2]| !(3.9..4.2).contains(&p[0]) || (1.1..1.7).contains(&p[1]);
     let cells_m = cells.filter(is_floor).map(Point2::from).collect();
     lidar.rooms = vec![RobotRoom { id: "5".to_owned(), name: None, cells_m, material: None }];
-    let Description { rooms, plan, .. } = crate::describe(&lidar, &[], &ClipNumbers::new(std::iter::empty()));
+    let numbers = ClipNumbers::new(std::iter::empty());
+    let Description { rooms, plan, .. } = crate::describe(&lidar, &[], &numbers, &Silent).unwrap();
     assert_eq!((rooms.len(), plan.rooms.len()), (1, 1), "{:?}", plan.rooms);
     assert_eq!(plan.rooms[0].id.as_deref(), Some("5"));
     assert!((rooms[0].area_m2 - 21.1).abs() < 0.8, "{}", rooms[0].area_m2);

@@ -23,7 +23,7 @@ use truth::{TrueChanges, shown_things, true_changes};
 use viola_align::AlignParams;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
-use viola_geometry::progress::Progress;
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_home as home;
 use viola_home::{
     ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object, ObjectsParams,
@@ -103,7 +103,7 @@ pub fn changes(
     let mut ids = Ids::new(still);
     let (mut map, mut scores, mut last) = (Map::default(), Scores::default(), None);
     for there in &revisions {
-        let now = map.merge(&lidar, &clips[..*there], first, params.label.surface.as_deref());
+        let now = map.merge(&lidar, &clips[..*there], first, params.label.surface.as_deref(), progress)?;
         if let Some(last) = &last {
             scores.add(&score(&truth, &told(last, &now)));
         }
@@ -131,20 +131,21 @@ impl Map {
         clips: &[AlignedClip],
         first: usize,
         surface: Option<&SurfaceNetwork>,
-    ) -> Revision {
+        progress: &dyn Progress,
+    ) -> Result<Revision, Cancelled> {
         let members = clips.iter().enumerate().filter_map(|(number, clip)| {
             let visit_ms = if number < first { 0 } else { VISIT_MS };
             let recorded_at_ms = Some(visit_ms + CLIP_MS * number as i64);
             Some(Member { recorded_at_ms, ..member(number, Verdict::of(&clip.answer.alignment)?) })
         });
         let mut load = FilesOfClips(clips.iter().map(|clip| &clip.files).collect());
-        let Ok(assembly) = assemble(&self.manifest, members.collect(), &mut load);
+        let assembly = assemble(&self.manifest, members.collect(), &mut load, progress)?;
         let kept = std::mem::take(&mut self.tiles);
-        let map = assembly.label(kept, surface);
+        let map = assembly.label(kept, surface, progress)?;
         (self.manifest, self.tiles) = (map.manifest, map.tiles);
         let looked = map.looked.get(&LevelName::MAIN).cloned();
         let looked = looked.unwrap_or_else(|| LookedThrough::of(LevelName::MAIN, &self.manifest.clips));
-        self.describe(lidar, &looked)
+        Ok(self.describe(lidar, &looked))
     }
 
     fn describe(&mut self, lidar: &LidarMap, looked: &LookedThrough) -> Revision {

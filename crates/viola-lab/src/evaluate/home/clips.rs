@@ -11,7 +11,7 @@ use std::sync::Arc;
 use viola_align::{AlignError, AlignParams, Alignment, align};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::Pose2;
-use viola_geometry::progress::Progress;
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_home::{ClipContribution, cloud_ply, features_bytes, read_features, views_bytes};
 use viola_reconstruct::LabelParams;
 
@@ -25,6 +25,8 @@ pub enum ClipsError {
     File { path: PathBuf, source: std::io::Error },
     #[error("{path} is not a clip of this evaluation; delete the folder to start again")]
     Damaged { path: PathBuf },
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// A clip aligned by itself, with the truth.

@@ -44,8 +44,8 @@ pub fn film(
         .filter_map(|(number, clip)| Some(member(number, Verdict::of(&clip.answer.alignment)?)))
         .collect();
     let mut load = FilesOfClips(clips.iter().map(|clip| &clip.files).collect());
-    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
-    let map = assembly.label(Default::default(), params.label.surface.as_deref());
+    let assembly = assemble(&Manifest::default(), members, &mut load, progress)?;
+    let map = assembly.label(Default::default(), params.label.surface.as_deref(), progress)?;
     let clip_numbers = ClipNumbers::new(map.manifest.clips.iter().map(|clip| &clip.clip));
     let points = map.tiles.values().flat_map(|tile| clip_numbers.in_map(tile)).collect();
     let map_from_home = survey.valetudo_from_home();

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, AlignmentState};
-use viola_geometry::progress::Progress;
+use viola_geometry::progress::{Progress, Silent};
 use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
     ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Tile, Verdict, assemble,
@@ -105,9 +105,9 @@ pub fn fuse(
         files.push(ClipFiles { contribution, features: aligned.features });
     }
     let mut load = FilesOfClips(files.iter().collect());
-    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
+    let assembly = assemble(&Manifest::default(), members, &mut load, &Silent)?;
     let contribution_of = |name: &str| load.of(name).map(|files| &files.contribution);
-    let map = assembly.label(BTreeMap::new(), params.label.surface.as_deref());
+    let map = assembly.label(BTreeMap::new(), params.label.surface.as_deref(), &Silent)?;
     let placed = &map.manifest.clips;
     for clip in placed {
         let number = clip.clip.as_u128() as usize;

@@ -10,7 +10,7 @@ use crate::simulate::{Home, HomeParams, Set};
 use serde::Serialize;
 use std::path::Path;
 use viola_align::{AlignParams, AlignmentState};
-use viola_geometry::progress::Progress;
+use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
     ClipMatch, Comparison, Manifest, Member, Mode, PlacedBy, Verdict, assemble, compare, likeliest,
@@ -98,17 +98,18 @@ pub fn joint(
     let own =
         |(number, clip): (usize, &AlignedClip)| Some(member(number, Verdict::of(&clip.answer.alignment)?));
     let members: Vec<Member> = clips.iter().enumerate().filter_map(own).collect();
-    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
+    let assembly = assemble(&Manifest::default(), members, &mut load, progress)?;
     let with_truth = |(number, clip): (usize, &AlignedClip)| {
         Verdict::of(&clip.answer.alignment)?;
         Some(member(number, Verdict::Ambiguous { alternatives: true_then_wrong(clip) }))
     };
-    let Ok(at_truth) = compare(clips.iter().enumerate().filter_map(with_truth).collect(), &mut load);
+    let members = clips.iter().enumerate().filter_map(with_truth).collect();
+    let at_truth = compare(members, &mut load, progress)?;
     let Manifest { clips: placed, known, comparisons, clip_matches, .. } = assembly.manifest;
     let clip_matches =
         clip_matches.into_iter().map(|clip_match| JointMatch::new(clip_match, &clips)).collect();
-    let decidable: Vec<bool> =
-        (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load)).collect();
+    let decidable = (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load, progress));
+    let decidable = decidable.collect::<Result<Vec<bool>, Cancelled>>()?;
     let result = |(number, clip): (usize, &AlignedClip)| {
         let contribution = number.to_string();
         let known = known.iter().find(|known| known.contribution == contribution);
@@ -138,7 +139,7 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
     };
     match Verdict::of(&clip.answer.alignment) {
         Some(Verdict::Aligned { level, map_from_clip, probability, .. }) => {
-            vec![mode(Mode { level, map_from_clip, probability: probability.unwrap_or(0.0) })]
+            vec![mode(Mode { level, map_from_clip, rise_m: 0.0, probability: probability.unwrap_or(0.0) })]
         }
         Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
         Some(Verdict::Chosen { .. } | Verdict::Unplaced) | None => Vec::new(),
@@ -149,27 +150,37 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
 fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
     let wrong = modes(clip).into_iter().filter(|mode| !mode.is_right);
     let wrong = wrong.map(|mode| (mode.map_from_clip, 0.01));
-    let on_main = |(map_from_clip, probability)| Mode { level: LevelName::MAIN, map_from_clip, probability };
+    let on_main = |(map_from_clip, probability)| Mode {
+        level: LevelName::MAIN,
+        map_from_clip,
+        rise_m: 0.0,
+        probability,
+    };
     std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).map(on_main).collect()
 }
 
 /// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
-fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut FilesOfClips) -> bool {
+fn is_decidable(
+    number: usize,
+    clips: &[AlignedClip],
+    load: &mut FilesOfClips,
+    progress: &dyn Progress,
+) -> Result<bool, Cancelled> {
     let clip = &clips[number];
     if clip.answer.alignment.state != AlignmentState::Ambiguous {
-        return false;
+        return Ok(false);
     }
     let verdict = |other: usize| match Verdict::of(&clips[other].answer.alignment)? {
         own if other == number => Some(own),
         _ => {
             let map_from_clip = clips[other].answer.map_from_clip;
-            Some(Verdict::Chosen { level: LevelName::MAIN, map_from_clip })
+            Some(Verdict::Chosen { level: LevelName::MAIN, map_from_clip, rise_m: 0.0 })
         }
     };
     let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
-    let Ok(known) = likeliest(members, load);
+    let known = likeliest(members, load, progress)?;
     let known = known.iter().find(|known| known.contribution == number.to_string());
-    known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
+    Ok(known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
         marginal.probability >= DECIDED && clip.is_right(&known.modes[marginal.mode])
-    })
+    }))
 }

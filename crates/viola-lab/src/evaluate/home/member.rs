@@ -1,7 +1,7 @@
 //! Clips as members of a home's map, as the service passes them on.
 
-use std::convert::Infallible;
 use uuid::Uuid;
+use viola_geometry::progress::Cancelled;
 use viola_home::{ClipContribution, LoadClips, Member, Verdict};
 use viola_reconstruct::Feature;
 
@@ -31,14 +31,14 @@ impl FilesOfClips<'_> {
     }
 }
 
-impl LoadClips<Infallible> for FilesOfClips<'_> {
-    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Infallible> {
+impl LoadClips<Cancelled> for FilesOfClips<'_> {
+    fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Cancelled> {
         let files = members.iter().map(|member| self.of(&member.contribution));
         let contribution = |files: &ClipFiles| files.contribution.clone();
         Ok(files.map(|files| files.map_or_else(ClipContribution::default, contribution)).collect())
     }
 
-    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, Infallible> {
+    fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<Feature>>, Cancelled> {
         let files = members.iter().map(|member| self.of(&member.contribution));
         Ok(files.map(|files| files.map_or_else(Vec::new, |files| files.features.clone())).collect())
     }

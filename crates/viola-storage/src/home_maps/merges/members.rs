@@ -19,7 +19,7 @@ pub(super) async fn members(connection: &mut Connection, home: &HomeId) -> Resul
     let member = |row: &Row| -> Result<Option<(String, Member)>, StorageError> {
         let alignment: Option<Alignment> = row.maybe_json("alignment")?;
         let verdict = match row.maybe_json::<Choice>("choice")? {
-            Some(choice) => Some(choice.verdict()),
+            Some(choice) => Some(choice.verdict(alignment.as_ref())),
             None => alignment.as_ref().and_then(Verdict::of),
         };
         // The state is also `failed` if the last attempt broke; the answer is then an older one.
@@ -72,7 +72,7 @@ mod tests {
         let member = |clip: u128, sums: &str, is_chosen: bool| {
             let (file, content) = sums.split_once('/').unwrap_or((sums, sums));
             let verdict = if is_chosen {
-                Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(0.0, 0.0, 0.0) }
+                Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::IDENTITY, rise_m: 0.0 }
             } else {
                 Verdict::Unplaced
             };
