@@ -48,6 +48,9 @@ pub struct ClipDocument {
     pub level: Option<LevelName>,
     /// Pose in the map, else that of the clip's own alignment; null if it has none.
     pub map_from_clip: Option<Pose2>,
+    /// Height of the clip frame's origin above the floor in the map, in metres: not 0 if the others placed the clip above another
+    /// floor than that of its own answer.
+    pub rise_m: f64,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1: by all clips together if the clip is in the map, as in
     /// the service's map. `state` is by the clip alone, unless the others decided.
     pub probability: Option<f64>,
@@ -91,6 +94,7 @@ impl ClipDocument {
                 Some(placed) => Some(placed.map_from_clip),
                 None => own.and_then(|alignment| alignment.map_from_clip),
             },
+            rise_m: placed.map_or(0.0, |placed| placed.rise_m),
             probability: match placed {
                 Some(placed) => placed.probability,
                 None => own.and_then(|alignment| alignment.probability),
