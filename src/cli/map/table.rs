@@ -69,6 +69,7 @@ mod tests {
             state,
             level: Some(LevelName::MAIN),
             map_from_clip: None,
+            rise_m: 0.0,
             probability: None,
             scale: None,
             by,
