@@ -72,6 +72,32 @@ pub struct ClipInfo {
     pub notes: Vec<String>,
 }
 
+impl ClipInfo {
+    /// Returns the summary of a clip in memory that comes from no file: all frames have poses, in metres. `color` and `depth`
+    /// are the width and height of the pictures in pixels.
+    pub fn in_memory(frames: usize, color: [u32; 2], depth: [u32; 2]) -> ClipInfo {
+        ClipInfo {
+            layout: String::new(),
+            pose_convention: String::new(),
+            depth_unit: String::new(),
+            gravity: String::new(),
+            intrinsics: String::new(),
+            frames,
+            frames_with_pose: frames,
+            skipped_without_pose: 0,
+            skipped_incomplete: 0,
+            color_width: color[0],
+            color_height: color[1],
+            depth_width: depth[0],
+            depth_height: depth[1],
+            duration_s: None,
+            metric: true,
+            recorded_at_ms: None,
+            notes: Vec::new(),
+        }
+    }
+}
+
 /// Summaries of older versions are of metric clips.
 fn is_metric() -> bool {
     true

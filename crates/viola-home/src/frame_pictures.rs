@@ -128,25 +128,7 @@ mod tests {
     }
 
     fn clip(pictures: Vec<RgbImage>, header: &FrameHeader) -> Clip {
-        let info = ClipInfo {
-            layout: String::new(),
-            pose_convention: String::new(),
-            depth_unit: String::new(),
-            gravity: String::new(),
-            intrinsics: String::new(),
-            frames: pictures.len(),
-            frames_with_pose: pictures.len(),
-            skipped_without_pose: 0,
-            skipped_incomplete: 0,
-            color_width: 640,
-            color_height: 360,
-            depth_width: 1,
-            depth_height: 1,
-            duration_s: None,
-            metric: true,
-            recorded_at_ms: None,
-            notes: Vec::new(),
-        };
+        let info = ClipInfo::in_memory(pictures.len(), [640, 360], [1, 1]);
         let (headers, header) = (vec![header.clone(); pictures.len()], header.clone());
         Clip::from_frames(info, headers, Some(Vector3::z()), move |index| {
             let camera = Pinhole { width: 640, height: 360, fx: 500.0, fy: 500.0, cx: 320.0, cy: 180.0 };

@@ -42,23 +42,10 @@ mod tests {
     /// Returns the codes for a clip of 10 frames.
     fn codes(color_width: u32, frames_with_pose: usize, skipped_incomplete: usize) -> Vec<String> {
         let info = ClipInfo {
-            layout: String::new(),
-            pose_convention: String::new(),
-            depth_unit: String::new(),
-            gravity: String::new(),
-            intrinsics: String::new(),
-            frames: 10,
             frames_with_pose,
             skipped_without_pose: 10 - frames_with_pose,
             skipped_incomplete,
-            color_width,
-            color_height: color_width,
-            depth_width: 4,
-            depth_height: 3,
-            duration_s: None,
-            metric: true,
-            recorded_at_ms: None,
-            notes: Vec::new(),
+            ..ClipInfo::in_memory(10, [color_width; 2], [4, 3])
         };
         let clip = Clip::from_frames(info, Vec::new(), None, |_| unreachable!());
         of(&clip).into_iter().map(|reason| reason.code).collect()

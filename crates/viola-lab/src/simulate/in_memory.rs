@@ -31,18 +31,10 @@ pub fn clip_in_memory_heard(
         depth_unit: "metres".into(),
         gravity: "world z is up".into(),
         intrinsics: "exact".into(),
-        frames: frames.len(),
         frames_with_pose: posed,
         skipped_without_pose: frames.len() - posed,
-        skipped_incomplete: 0,
-        color_width: color.width,
-        color_height: color.height,
-        depth_width: depth.width,
-        depth_height: depth.height,
         duration_s: frames.last().and_then(|last| last.time_s),
-        metric: true,
-        recorded_at_ms: None,
-        notes: Vec::new(),
+        ..ClipInfo::in_memory(frames.len(), [color.width, color.height], [depth.width, depth.height])
     };
     Clip::from_frames(info, frames, Some(Vector3::z()), move |index| {
         let frame = recorded.frame(index);

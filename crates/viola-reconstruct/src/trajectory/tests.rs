@@ -20,25 +20,7 @@ fn clip(poses: &[Option<Pose3>], rate_hz: Option<f64>) -> Clip {
         world_from_camera: *pose,
         force_in_camera: None,
     });
-    let info = ClipInfo {
-        layout: String::new(),
-        pose_convention: String::new(),
-        depth_unit: String::new(),
-        gravity: String::new(),
-        intrinsics: String::new(),
-        frames: poses.len(),
-        frames_with_pose: poses.len(),
-        skipped_without_pose: 0,
-        skipped_incomplete: 0,
-        color_width: 4,
-        color_height: 3,
-        depth_width: 4,
-        depth_height: 3,
-        duration_s: None,
-        metric: true,
-        recorded_at_ms: None,
-        notes: Vec::new(),
-    };
+    let info = ClipInfo::in_memory(poses.len(), [4, 3], [4, 3]);
     Clip::from_frames(info, frames.collect(), None, |_| unreachable!())
 }
 
