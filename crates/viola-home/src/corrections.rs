@@ -48,6 +48,12 @@ pub struct Seen {
     pub yaw_rad: f64,
 }
 
+impl Seen {
+    fn bounds(&self) -> UprightBox {
+        UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
+    }
+}
+
 /// A person's correction of an object; `None` leaves what was found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObjectCorrection {
@@ -86,7 +92,7 @@ impl ObjectCorrection {
 
     /// Brings the places into another frame.
     pub fn move_by(&mut self, now_from_then: &Pose2) {
-        let seen = self.seen_bounds().moved(now_from_then);
+        let seen = self.seen.bounds().moved(now_from_then);
         (self.seen.centre_m, self.seen.yaw_rad) = (seen.centre_m, seen.yaw_rad);
         if let Some([x, y, z]) = self.centre_m {
             let at = now_from_then.apply(&Point2::new(x, y));
@@ -100,14 +106,9 @@ impl ObjectCorrection {
         self.pinned || self.centre_m.is_some()
     }
 
-    fn seen_bounds(&self) -> UprightBox {
-        let Seen { centre_m, size_m, yaw_rad, .. } = self.seen;
-        UprightBox { centre_m, size_m, yaw_rad }
-    }
-
     /// Returns the corrected box of an object that was found with this one.
     fn over(&self, found: &UprightBox) -> UprightBox {
-        let base = if self.pinned { self.seen_bounds() } else { *found };
+        let base = if self.pinned { self.seen.bounds() } else { *found };
         UprightBox {
             centre_m: self.centre_m.unwrap_or(base.centre_m),
             size_m: self.size_m.unwrap_or(base.size_m),
@@ -145,7 +146,7 @@ pub struct Corrected<Field> {
 /// Returns what corrections state, for [`super::History::identify_objects`]. `times_ms` are the times of the corrections.
 pub fn stated(corrections: &[(String, ObjectCorrection)], times_ms: impl IntoIterator<Item = i64>) -> Stated {
     let statement = |correction: &ObjectCorrection, stated_at_ms: i64| {
-        let seen = correction.seen_bounds();
+        let seen = correction.seen.bounds();
         Statement {
             bounds: correction.over(&seen),
             put_from: correction.centre_m.map(|_| seen),
@@ -190,18 +191,7 @@ pub fn correct_objects(
 }
 
 fn unseen(id: &str, seen: &Seen) -> Object {
-    Object {
-        id: id.to_owned(),
-        class: seen.class,
-        confidence: seen.confidence,
-        centre_m: seen.centre_m,
-        size_m: seen.size_m,
-        yaw_rad: seen.yaw_rad,
-        room: None,
-        points: 0,
-        clips: Vec::new(),
-        samples: Vec::new(),
-    }
+    Object { id: id.to_owned(), ..Object::new(seen.class, seen.confidence, &seen.bounds(), 0) }
 }
 
 /// The rooms that are one with another, each by a point inside it.

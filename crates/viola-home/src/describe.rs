@@ -104,6 +104,7 @@ fn take_outlines(rooms: &mut [Room], plan: &Plan) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::objects::UprightBox;
     use super::super::rooms::tests::flat;
     use super::*;
     use std::f64::consts::FRAC_PI_2;
@@ -131,18 +132,8 @@ mod tests {
 
     #[test]
     fn an_object_that_no_clip_shows_has_a_room() {
-        let pinned = Object {
-            id: "chair-1".to_owned(),
-            class: Class::Chair,
-            confidence: 0.8,
-            centre_m: [2.0, 1.5, 0.45],
-            size_m: [0.6, 0.5, 0.9],
-            yaw_rad: 0.4,
-            room: None,
-            points: 0,
-            clips: Vec::new(),
-            samples: Vec::new(),
-        };
+        let bounds = UprightBox { centre_m: [2.0, 1.5, 0.45], size_m: [0.6, 0.5, 0.9], yaw_rad: 0.4 };
+        let pinned = Object::new(Class::Chair, 0.8, &bounds, 0);
         let revise = |_: &mut Vec<Room>, objects: &mut Vec<Object>| {
             objects.push(pinned);
             Vec::new()

@@ -98,6 +98,23 @@ pub struct Sample {
 }
 
 impl Object {
+    /// Returns an object without an id, a room, clips and samples.
+    pub(super) fn new(class: Class, confidence: f64, bounds: &UprightBox, points: usize) -> Object {
+        let UprightBox { centre_m, size_m, yaw_rad } = *bounds;
+        Object {
+            id: String::new(),
+            class,
+            confidence,
+            centre_m,
+            size_m,
+            yaw_rad,
+            room: None,
+            points,
+            clips: Vec::new(),
+            samples: Vec::new(),
+        }
+    }
+
     pub fn bounds(&self) -> UprightBox {
         UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
     }
@@ -225,18 +242,7 @@ fn finish(
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
         return None;
     }
-    let object = Object {
-        id: String::new(),
-        class: decided.class,
-        confidence: decided.confidence,
-        centre_m: bounds.centre_m,
-        size_m: bounds.size_m,
-        yaw_rad: bounds.yaw_rad,
-        room: None,
-        points: members.len(),
-        clips: Vec::new(),
-        samples: Vec::new(),
-    };
+    let object = Object::new(decided.class, decided.confidence, &bounds, members.len());
     Some(Found { object, members })
 }
 

@@ -2,17 +2,12 @@ use super::*;
 use std::f64::consts::FRAC_PI_2;
 
 fn chair(id: &str, x: f64, y: f64) -> Object {
+    let bounds = UprightBox { centre_m: [x, y, 0.45], size_m: [0.6, 0.5, 0.9], yaw_rad: 0.4 };
     Object {
         id: id.to_owned(),
-        class: Class::Chair,
-        confidence: 0.8,
-        centre_m: [x, y, 0.45],
-        size_m: [0.6, 0.5, 0.9],
-        yaw_rad: 0.4,
         room: Some("1".to_owned()),
-        points: 100,
         clips: vec![0],
-        samples: Vec::new(),
+        ..Object::new(Class::Chair, 0.8, &bounds, 100)
     }
 }
 

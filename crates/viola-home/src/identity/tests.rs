@@ -7,18 +7,7 @@ use super::*;
 use uuid::Uuid;
 
 fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3]) -> Object {
-    Object {
-        id: String::new(),
-        class,
-        confidence: 0.8,
-        centre_m,
-        size_m,
-        yaw_rad: 0.4,
-        room: None,
-        points: 100,
-        clips: Vec::new(),
-        samples: Vec::new(),
-    }
+    Object::new(class, 0.8, &UprightBox { centre_m, size_m, yaw_rad: 0.4 }, 100)
 }
 
 fn chair(x: f64, y: f64) -> Object {

@@ -73,24 +73,10 @@ pub(super) fn showers(points: &[MapPoint], found: &[Found], wall_yaw_rad: Option
         bounds.centre_m = [cos * u - sin * v, sin * u + cos * v, z];
         bounds.yaw_rad = yaw_rad;
         bounds.normalise();
-        free(&bounds).then(|| Found { object: object(&bounds, members.len()), members })
+        let object = Object::new(Class::Shower, CONFIDENCE, &bounds, members.len());
+        free(&bounds).then_some(Found { object, members })
     };
     pieces(whole).into_iter().filter_map(shower).collect()
-}
-
-fn object(bounds: &UprightBox, points: usize) -> Object {
-    Object {
-        id: String::new(),
-        class: Class::Shower,
-        confidence: CONFIDENCE,
-        centre_m: bounds.centre_m,
-        size_m: bounds.size_m,
-        yaw_rad: bounds.yaw_rad,
-        room: None,
-        points,
-        clips: Vec::new(),
-        samples: Vec::new(),
-    }
 }
 
 /// Returns the box of a piece in the frame of the cells, with the space above it, and its points; `None` if it is no tray.

@@ -17,18 +17,7 @@ fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3], confidence: f64) -
         MapPoint { point: CloudPoint { position_m, normal, color, label, weight: 9 }, clip: 0 }
     };
     let points: Vec<MapPoint> = (0..count.iter().product()).map(point).collect();
-    let object = Object {
-        id: String::new(),
-        class,
-        confidence,
-        centre_m: bounds.centre_m,
-        size_m: bounds.size_m,
-        yaw_rad: bounds.yaw_rad,
-        room: None,
-        points: points.len(),
-        clips: vec![0],
-        samples: Vec::new(),
-    };
+    let object = Object::new(class, confidence, &bounds, points.len());
     (Found { object, members: (0..points.len() as u32).collect() }, points)
 }
 
