@@ -1,10 +1,11 @@
 //! Description of a home's map: rooms, objects, coverage and plan.
 
+use super::MAP_VOXEL_M;
 use super::assemble::Tile;
 use super::corrections::RoomDivision;
 use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
-use super::objects::{Found, Object, ObjectsParams, find_objects_until, room_of};
+use super::objects::{Found, Object, find_objects_until, room_of};
 use super::plan::{Ground, Plan, PlanRoom, Revised, plan_of_corrected};
 use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
@@ -46,7 +47,7 @@ pub fn describe_revised(
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
     let rooms_and_objects = || -> Result<(Vec<Room>, Vec<Found>), Cancelled> {
         let rooms = rooms(lidar, &points);
-        let objects = find_objects_until(&points, &rooms, &ObjectsParams::default(), progress)?;
+        let objects = find_objects_until(&points, &rooms, MAP_VOXEL_M, progress)?;
         Ok((rooms, objects))
     };
     let (rooms_and_objects, ground) = rayon::join(rooms_and_objects, || Ground::new(lidar, &points));

@@ -54,9 +54,7 @@ pub use lettering::write as write_words;
 pub use level_ids::level_of_id;
 pub use map_point::MapPoint;
 pub use mesh::{MESH_TRIANGLES, Mesh, MeshObject};
-pub use objects::{
-    Found, Object, ObjectsParams, Sample, UprightBox, find_objects, fit_box, is_furniture, objects,
-};
+pub use objects::{Found, Object, Sample, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{
     Furniture, Opening, OpeningKind, Plan, PlanImage, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson,

@@ -54,19 +54,6 @@ const CLIP_FRACTION: f64 = 0.05;
 /// Maximum number of an object's samples.
 const SAMPLES: usize = 24;
 
-/// Parameters of the object detection.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ObjectsParams {
-    /// Side of the map's voxels.
-    pub voxel_m: f64,
-}
-
-impl Default for ObjectsParams {
-    fn default() -> Self {
-        ObjectsParams { voxel_m: 0.03 }
-    }
-}
-
 /// An object in the LiDAR map's frame: an upright box with a class.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Object {
@@ -133,25 +120,25 @@ pub struct Found {
     pub members: Vec<u32>,
 }
 
-/// Returns the objects of a home, sorted by class, then by position.
-pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Object> {
-    find_objects(points, rooms, params).into_iter().map(|found| found.object).collect()
+/// Returns the objects of a home, sorted by class, then by position. `voxel_m` is the distance of the points.
+pub fn objects(points: &[MapPoint], rooms: &[Room], voxel_m: f64) -> Vec<Object> {
+    find_objects(points, rooms, voxel_m).into_iter().map(|found| found.object).collect()
 }
 
 /// Returns the objects of a home with their points, in the same order.
-pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
+pub fn find_objects(points: &[MapPoint], rooms: &[Room], voxel_m: f64) -> Vec<Found> {
     // It is never cancelled.
-    find_objects_until(points, rooms, params, &Silent).unwrap_or_default()
+    find_objects_until(points, rooms, voxel_m, &Silent).unwrap_or_default()
 }
 
 /// The same, unless `progress` is cancelled.
 pub(super) fn find_objects_until(
     points: &[MapPoint],
     rooms: &[Room],
-    params: &ObjectsParams,
+    voxel_m: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<Found>, Cancelled> {
-    let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
+    let cells = Cells::new(points, CELL_M.max(1.5 * voxel_m));
     let mut labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
     let reach = ((REACH_M / cells.side_m) as i64).max(1);
@@ -164,7 +151,7 @@ pub(super) fn find_objects_until(
     let things = joined.into_par_iter().flat_map_iter(split);
     let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
     let mut found: Vec<Found> =
-        things.filter_map(|f| finish(&f, &cells, points, wall_yaw_rad, params)).collect();
+        things.filter_map(|f| finish(&f, &cells, points, wall_yaw_rad, voxel_m)).collect();
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
     found.extend(tray::showers(points, &found, wall_yaw_rad));
@@ -214,7 +201,7 @@ fn finish(
     cells: &Cells,
     points: &[MapPoint],
     wall_yaw_rad: Option<f64>,
-    params: &ObjectsParams,
+    voxel_m: f64,
 ) -> Option<Found> {
     let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
     let is_small = matches!(fragment.class, Class::Shelf | Class::Lamp);
@@ -228,7 +215,7 @@ fn finish(
         members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
     let mut bounds = fit_box(&at, wall_yaw_rad, kind::beyond(fragment.class))?;
     // Points are at voxel centres, so a side is at least one voxel.
-    bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
+    bounds.size_m = bounds.size_m.map(|side| side.max(voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
     let measured = bounds;
     hidden::deepen_front(&mut bounds, fragment, &members, points);

@@ -36,7 +36,7 @@ pub fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<Ma
 }
 
 pub fn found(points: &[MapPoint]) -> Vec<Object> {
-    objects(points, &[], &ObjectsParams::default())
+    objects(points, &[], crate::MAP_VOXEL_M)
 }
 
 #[test]
@@ -265,7 +265,7 @@ fn toilets_stand_where_toilets_are() {
             vec![Stove, Toilet, Shower],
         ),
     ] {
-        let objects = objects(&things.concat(), &rooms, &ObjectsParams::default());
+        let objects = objects(&things.concat(), &rooms, crate::MAP_VOXEL_M);
         let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
         assert_eq!(classes, want, "{name}");
     }

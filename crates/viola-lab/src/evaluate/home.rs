@@ -100,7 +100,7 @@ pub fn evaluate(
     let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);
     let Fused { points: map, tiles, excerpts, agreement, clips } = fuse(scene, ranges, params, progress)?;
     let rooms = home::rooms(&scene.lidar, &map);
-    let found = home::find_objects(&map, &rooms, &home::ObjectsParams::default());
+    let found = home::find_objects(&map, &rooms, home::MAP_VOXEL_M);
     let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
     let plan = home::plan(&scene.lidar, &map, &rooms, &objects);
     let truth = mesh.instances(&scene.map_from_world, home::is_furniture);

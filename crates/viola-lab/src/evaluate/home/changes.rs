@@ -26,8 +26,8 @@ use viola_geometry::LevelName;
 use viola_geometry::progress::{Cancelled, Progress};
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object, ObjectsParams,
-    RevisionObjects, Stated, Tile, TileKey, Verdict, assemble, object_changes,
+    ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object, RevisionObjects,
+    Stated, Tile, TileKey, Verdict, assemble, object_changes,
 };
 use viola_reconstruct::label::SurfaceNetwork;
 
@@ -152,7 +152,7 @@ impl Map {
         let numbers = ClipNumbers::new(self.manifest.clips.iter().map(|clip| &clip.clip));
         let points: Vec<MapPoint> = self.tiles.values().flat_map(|tile| numbers.in_map(tile)).collect();
         let rooms = home::rooms(lidar, &points);
-        let mut objects = home::objects(&points, &rooms, &ObjectsParams::default());
+        let mut objects = home::objects(&points, &rooms, home::MAP_VOXEL_M);
         self.ids.identify_objects(&mut objects, &Stated::new(), looked);
         Revision { objects, ids: self.ids.clone() }
     }

@@ -275,7 +275,7 @@ impl SimulatedMap {
     /// Computes rooms, objects and floor plan. `voxel_m` is the distance of the points.
     pub fn compute(&self, voxel_m: f64) -> ComputedHome {
         let rooms = home::rooms(&self.lidar, &self.points);
-        let objects = home::objects(&self.points, &rooms, &home::ObjectsParams { voxel_m });
+        let objects = home::objects(&self.points, &rooms, voxel_m);
         let plan = home::plan(&self.lidar, &self.points, &rooms, &objects);
         ComputedHome { rooms, objects, plan }
     }

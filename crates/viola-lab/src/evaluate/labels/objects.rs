@@ -6,7 +6,7 @@ use crate::surfaces::REACH_M;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use viola_geometry::{Pose3, Vector3};
-use viola_home::{MapPoint, ObjectsParams, find_objects, is_furniture};
+use viola_home::{MapPoint, find_objects, is_furniture};
 use viola_reconstruct::PointCloud;
 
 /// Furniture of all clips of a labelling variant, by oriented boxes.
@@ -61,7 +61,7 @@ impl ObjectsRow {
         let (truth, small): (Vec<Thing>, Vec<Thing>) = truth.partition(is_large);
         let points: Vec<MapPoint> =
             cloud.points.iter().map(|point| MapPoint { point: *point, clip: 0 }).collect();
-        let found = find_objects(&points, &[], &ObjectsParams { voxel_m: cloud.voxel_m });
+        let found = find_objects(&points, &[], cloud.voxel_m);
         let found: Vec<_> =
             found.into_iter().map(|found| found.object).filter(|o| is_furniture(o.class)).collect();
         let things: Vec<Thing> =
