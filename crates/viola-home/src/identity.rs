@@ -244,7 +244,7 @@ fn known_room(room: &Room) -> KnownRoom {
 impl UprightBox {
     /// Returns the box in another frame.
     pub fn moved(&self, other_from_own: &Pose2) -> UprightBox {
-        let at = other_from_own.apply(&Point2::new(self.centre_m[0], self.centre_m[1]));
+        let at = other_from_own.apply(&self.centre());
         let yaw_rad = (self.yaw_rad + other_from_own.yaw_rad).rem_euclid(std::f64::consts::PI);
         UprightBox { centre_m: [at.x, at.y, self.centre_m[2]], size_m: self.size_m, yaw_rad }
     }

@@ -167,11 +167,10 @@ pub(super) fn find_objects_until(
         let [x, y, z] = [0, 1, 2].map(|axis| place(a)[axis].total_cmp(&place(b)[axis]));
         class.then(x).then(y).then(z)
     });
-    let mut number = (None, 0);
-    for Found { object, .. } in &mut found {
-        number =
-            if number.0 == Some(object.class) { (number.0, number.1 + 1) } else { (Some(object.class), 1) };
-        object.id = format!("{}-{}", object.class.name(), number.1);
+    for of_class in found.chunk_by_mut(|a, b| a.object.class == b.object.class) {
+        for (number, Found { object, .. }) in (1..).zip(of_class) {
+            object.id = format!("{}-{number}", object.class.name());
+        }
     }
     for Found { object, members } in &mut found {
         let point = |member: &u32| &points[*member as usize];

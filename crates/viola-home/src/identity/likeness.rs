@@ -87,8 +87,7 @@ struct Shared {
 impl Shared {
     fn of(a: &UprightBox, b: &UprightBox) -> Shared {
         let (a, b) = (grown(a), grown(b));
-        let high = a.top_m().min(b.top_m()) - a.bottom_m().max(b.bottom_m());
-        let shared_m3 = a.shared_m2(&b) * high.max(0.0);
+        let shared_m3 = a.shared_m3(&b);
         Shared {
             iou: shared_m3 / (a.volume_m3() + b.volume_m3() - shared_m3),
             fraction: shared_m3 / a.volume_m3().min(b.volume_m3()),

@@ -24,8 +24,7 @@ fn shared(a: &UprightBox, b: &UprightBox) -> f64 {
 
 /// Returns the shared volume as a fraction of the smaller one.
 fn shared_in_space(a: &UprightBox, b: &UprightBox) -> f64 {
-    let height = (a.top_m().min(b.top_m()) - a.bottom_m().max(b.bottom_m())).max(0.0);
-    a.shared_m2(b) * height / a.volume_m3().min(b.volume_m3()).max(1e-9)
+    a.shared_m3(b) / a.volume_m3().min(b.volume_m3()).max(1e-9)
 }
 
 /// Returns whether one of two objects may be in the footprint of the other. Those on another one are compared in space.

@@ -37,7 +37,7 @@ pub fn leave_out_misplaced(found: &mut Vec<Found>, rooms: &[Room]) {
         let here = found.iter().filter(|found| found.object.room == *room);
         here.map(|found| found.object.class).collect::<Vec<Class>>()
     };
-    let place = |found: &Found| Point2::new(found.object.centre_m[0], found.object.centre_m[1]);
+    let place = |found: &Found| found.object.bounds().centre();
     let tops: Vec<UprightBox> =
         found.iter().filter(|f| f.object.class == Class::Counter).map(|f| f.object.bounds()).collect();
     let is_in_worktop = |at: &Point2| tops.iter().any(|top| top.holds(&[at.x, at.y, top.centre_m[2]], 0.1));
@@ -86,7 +86,7 @@ pub fn fill_under_worktops(found: &mut [Found]) {
     let is_unit = |found: &&mut Found| matches!(found.object.class, Class::Cabinet | Class::Stove);
     for Found { object, .. } in found.iter_mut().filter(is_unit) {
         let unit = object.bounds();
-        let area_m2 = (unit.size_m[0] * unit.size_m[1]).max(1e-9);
+        let area_m2 = unit.area_m2().max(1e-9);
         let is_under = |top: &&UprightBox| {
             (unit.top_m() - top.bottom_m()).abs() < NEAR_M && unit.shared_m2(top) > UNDER * area_m2
         };

@@ -51,6 +51,11 @@ impl UprightBox {
         self.centre_m[2] + self.size_m[2] / 2.0
     }
 
+    /// Returns the centre of the footprint.
+    pub fn centre(&self) -> Point2 {
+        Point2::new(self.centre_m[0], self.centre_m[1])
+    }
+
     /// Returns whether the box stands on the floor.
     pub fn stands(&self) -> bool {
         self.bottom_m() < STANDS_BELOW_M
@@ -117,11 +122,16 @@ impl UprightBox {
         (area.sum::<f64>() / 2.0).max(0.0)
     }
 
-    /// Returns the intersection over union of the volumes.
-    pub fn iou(&self, other: &UprightBox) -> f64 {
+    /// Returns the volume of the intersection.
+    pub fn shared_m3(&self, other: &UprightBox) -> f64 {
         let low = self.bottom_m().max(other.bottom_m());
         let high = self.top_m().min(other.top_m());
-        let shared = self.shared_m2(other) * (high - low).max(0.0);
+        self.shared_m2(other) * (high - low).max(0.0)
+    }
+
+    /// Returns the intersection over union of the volumes.
+    pub fn iou(&self, other: &UprightBox) -> f64 {
+        let shared = self.shared_m3(other);
         let union = self.volume_m3() + other.volume_m3() - shared;
         if union > 0.0 { shared / union } else { 0.0 }
     }
@@ -146,7 +156,7 @@ pub fn fit_box(points: &[[f64; 3]], wall_yaw_rad: Option<f64>, beyond: f64) -> O
         let yaw_rad = (step as f64 * STEP_DEG).to_radians() + wall_yaw_rad.unwrap_or(0.0);
         let fitted = around(&sample, yaw_rad, beyond);
         let along = step == 0 && wall_yaw_rad.is_some();
-        let cost = fitted.size_m[0] * fitted.size_m[1] / if along { ALONG_WALLS } else { 1.0 };
+        let cost = fitted.area_m2() / if along { ALONG_WALLS } else { 1.0 };
         if best.as_ref().is_none_or(|(least, _)| cost < least - 1e-9) {
             best = Some((cost, fitted));
         }
@@ -201,11 +211,6 @@ pub fn wall_direction(normals: impl Iterator<Item = (f64, f64)>) -> Option<f64> 
         y += weight * angle.sin();
     }
     (x.hypot(y) > 1e-9).then(|| (y.atan2(x) / 4.0).rem_euclid(FRAC_PI_2))
-}
-
-/// Returns the centre of a footprint.
-pub fn middle(fitted: &UprightBox) -> Point2 {
-    Point2::new(fitted.centre_m[0], fitted.centre_m[1])
 }
 
 #[cfg(test)]

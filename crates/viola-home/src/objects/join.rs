@@ -204,11 +204,16 @@ fn is_gap_closed(
     gap(large, small, gap_m).is_some_and(|(p, q)| is_open(&p, &q, is_wall))
 }
 
+/// Returns the box around both parts.
+fn union(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> Option<UprightBox> {
+    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
+    fit_box(&both, wall_yaw_rad, BEYOND)
+}
+
 /// Returns whether both together fit the class's size about as well as the larger one alone.
 fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     let Some(kind) = kind(large.fragment.class) else { return false };
-    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
-    let Some(union) = fit_box(&both, wall_yaw_rad, BEYOND) else { return false };
+    let Some(union) = union(large, small, wall_yaw_rad) else { return false };
     let fit = |bounds: &UprightBox| kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
     fit(&union) >= 0.9 * fit(&large.bounds)
 }
@@ -226,10 +231,8 @@ fn one_top(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     if (large.bounds.top_m() - small.bounds.top_m()).abs() > STEP_M || gap(large, small, TOUCH_M).is_none() {
         return false;
     }
-    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
-    let area_m2 = |bounds: &UprightBox| bounds.size_m[0] * bounds.size_m[1];
-    let own_m2 = area_m2(&large.bounds) + area_m2(&small.bounds);
-    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| area_m2(&union) <= MAX_UNION_RATIO * own_m2)
+    let own_m2 = large.bounds.area_m2() + small.bounds.area_m2();
+    union(large, small, wall_yaw_rad).is_some_and(|union| union.area_m2() <= MAX_UNION_RATIO * own_m2)
 }
 
 /// Returns how far apart the parts of an object may be, one above the other: a lamp's shade and foot, a toilet and its
@@ -257,9 +260,8 @@ fn stacked(large: &Part, small: &Part, gap_m: f64) -> bool {
 /// Returns whether both worktops are as deep together as the deeper one.
 fn in_line(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     const DEEPER_M: f64 = 0.1;
-    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
     let deep_m = large.bounds.size_m[1].max(small.bounds.size_m[1]);
-    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| union.size_m[1] <= deep_m + DEEPER_M)
+    union(large, small, wall_yaw_rad).is_some_and(|union| union.size_m[1] <= deep_m + DEEPER_M)
 }
 
 /// Returns the parts' nearest cells; none if they are further apart than `gap_m`.

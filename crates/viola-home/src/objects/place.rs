@@ -1,6 +1,6 @@
 //! The room of an object.
 
-use super::fit::{UprightBox, middle};
+use super::fit::UprightBox;
 use crate::rooms::Room;
 use crate::rooms::outline::off_m;
 use viola_geometry::Point2;
@@ -14,7 +14,7 @@ const MAX_STEPS: f64 = 40.0;
 /// Returns the room around the centre of a box. A box whose centre is in no room, such as one on floor that the robot
 /// does not see, is in the room nearest to its footprint; of several that it reaches, in the one nearest to its centre.
 pub fn room_of<'a>(rooms: &'a [Room], bounds: &UprightBox) -> Option<&'a Room> {
-    let centre = middle(bounds);
+    let centre = bounds.centre();
     if let Some(room) = rooms.iter().find(|room| room.contains(&centre)) {
         return Some(room);
     }
