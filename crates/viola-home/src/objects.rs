@@ -35,9 +35,6 @@ use viola_geometry::taxonomy::Class;
 
 /// Side of the cells; at least one and a half voxels.
 const CELL_M: f64 = 0.06;
-
-/// Maximum gap between connected cells of a class: less than an inner wall with its adjacent cells.
-const REACH_M: f64 = 0.13;
 /// Minimum surface of an object, in square metres.
 const MIN_SURFACE_M2: f64 = 0.12;
 /// The same of boards and lamps.
@@ -138,23 +135,19 @@ pub(super) fn find_objects_until(
     voxel_m: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<Found>, Cancelled> {
-    let cells = Cells::new(points, CELL_M.max(1.5 * voxel_m));
-    let mut labels = cells.labels();
-    let wall_yaw_rad = cells.wall_direction(&labels);
-    let reach = ((REACH_M / cells.side_m) as i64).max(1);
-    let mut fragments = kitchen::kitchens(&cells, &mut labels, wall_yaw_rad);
-    fragments.extend(fragment::fragments(&cells, &labels, reach));
+    let mut cells = Cells::new(points, CELL_M.max(1.5 * voxel_m));
+    let mut fragments = kitchen::kitchens(&mut cells);
+    fragments.extend(fragment::fragments(&cells));
     // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
-    let split = |fragment: Fragment| split::split(fragment, &cells, wall_yaw_rad);
+    let split = |fragment: Fragment| split::split(fragment, &cells);
     let apart = fragments.into_par_iter().flat_map_iter(split);
-    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad, progress)?;
+    let joined = join::join(apart.collect(), &cells, progress)?;
     let things = joined.into_par_iter().flat_map_iter(split);
-    let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
-    let mut found: Vec<Found> =
-        things.filter_map(|f| finish(&f, &cells, points, wall_yaw_rad, voxel_m)).collect();
+    let things = things.filter(|fragment| !patch::is_of_wall(fragment, &cells));
+    let mut found: Vec<Found> = things.filter_map(|f| finish(&f, &cells, points, voxel_m)).collect();
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
-    found.extend(tray::showers(points, &found, wall_yaw_rad));
+    found.extend(tray::showers(points, &found, cells.wall_yaw_rad));
     let mut found = conflict::resolve(found, points, progress)?;
     for Found { object, members } in &mut found {
         object.clips = clips(members, points);
@@ -195,24 +188,17 @@ fn clips(members: &[u32], points: &[MapPoint]) -> Vec<u16> {
 }
 
 /// Returns a fragment's object, without its room and its clips; none if it is too small or too uncertain.
-fn finish(
-    fragment: &Fragment,
-    cells: &Cells,
-    points: &[MapPoint],
-    wall_yaw_rad: Option<f64>,
-    voxel_m: f64,
-) -> Option<Found> {
+fn finish(fragment: &Fragment, cells: &Cells, points: &[MapPoint], voxel_m: f64) -> Option<Found> {
     let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
     let is_small = matches!(fragment.class, Class::Shelf | Class::Lamp);
     if surface_m2 < if is_small { MIN_SMALL_M2 } else { MIN_SURFACE_M2 } {
         return None;
     }
-    let mut members: Vec<u32> =
-        fragment.cells.iter().flat_map(|cell| cells.points(*cell as usize)).copied().collect();
+    let mut members: Vec<u32> = fragment.cells.iter().flat_map(|cell| cells.points(*cell)).copied().collect();
     members.sort_unstable();
     let at: Vec<[f64; 3]> =
         members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
-    let mut bounds = fit_box(&at, wall_yaw_rad, kind::beyond(fragment.class))?;
+    let mut bounds = fit_box(&at, cells.wall_yaw_rad, kind::beyond(fragment.class))?;
     // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);

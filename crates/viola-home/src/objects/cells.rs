@@ -1,6 +1,6 @@
 //! The fused points in coarse cells, for fast comparison of neighbours.
 
-use super::fit::wall_direction;
+use super::fit::{BEYOND, UprightBox, fit_box, wall_direction};
 use crate::map_point::MapPoint;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{CLASSES, Class};
@@ -18,6 +18,8 @@ const BITS: [u32; 3] = [24, 24, 16];
 /// Cells with points that are neither floor nor ceiling, sorted by key.
 pub struct Cells {
     pub side_m: f64,
+    /// The walls' direction modulo a quarter turn; without walls, that of all upright surface.
+    pub wall_yaw_rad: Option<f64>,
     /// Packed cell indices.
     keys: Vec<u64>,
     of_key: FxHashMap<u64, u32>,
@@ -26,10 +28,10 @@ pub struct Cells {
     points: Vec<u32>,
     /// Sums of the points' normals.
     normals: Vec<[f32; 3]>,
-    /// Votes of each cell's points, by class.
-    votes: Vec<[f32; CLASSES]>,
     /// Mean probability of each class at each cell.
     likelihoods: Vec<[f32; CLASSES]>,
+    /// Each cell's class, and its fraction of the votes.
+    labels: Vec<Option<(Class, f32)>>,
 }
 
 impl Cells {
@@ -45,44 +47,39 @@ impl Cells {
         placed.sort_unstable();
         let mut cells = Cells {
             side_m,
+            wall_yaw_rad: None,
             keys: Vec::new(),
             of_key: FxHashMap::default(),
-            start: Vec::new(),
-            points: Vec::with_capacity(placed.len()),
+            start: vec![0],
+            points: placed.iter().map(|(_, index)| *index).collect(),
             normals: Vec::new(),
-            votes: Vec::new(),
             likelihoods: Vec::new(),
+            labels: Vec::new(),
         };
-        let mut weights: Vec<f32> = Vec::new();
-        for (key, index) in placed {
-            if cells.keys.last() != Some(&key) {
-                cells.keys.push(key);
-                cells.start.push(cells.points.len() as u32);
-                cells.normals.push([0.0; 3]);
-                cells.votes.push([0.0; CLASSES]);
-                cells.likelihoods.push([0.0; CLASSES]);
-                weights.push(0.0);
+        let mut votes: Vec<[f32; CLASSES]> = Vec::new();
+        for of_cell in placed.chunk_by(|a, b| a.0 == b.0) {
+            let (mut normal, mut voted, mut likelihoods) = ([0.0; 3], [0.0; CLASSES], [0.0; CLASSES]);
+            let mut weights = 0.0;
+            for point in of_cell.iter().map(|(_, index)| &map[*index as usize].point) {
+                normal.iter_mut().zip(point.normal).for_each(|(sum, part)| *sum += part);
+                let views = f32::from(point.label.views).min(MAX_VIEWS) / MAX_VIEWS;
+                let weight = 0.25 + 0.75 * views;
+                let prior = if point.label.class == Class::Wall { WALL_VOTE } else { 1.0 };
+                voted[point.label.class as usize] += prior * point.label.probability() * weight;
+                for (class, fraction) in point.label.fractions() {
+                    likelihoods[class as usize] += f32::from(fraction) / 255.0 * weight;
+                }
+                weights += weight;
             }
-            cells.points.push(index);
-            let point = &map[index as usize].point;
-            let cell = cells.keys.len() - 1;
-            for axis in 0..3 {
-                cells.normals[cell][axis] += point.normal[axis];
-            }
-            let views = f32::from(point.label.views).min(MAX_VIEWS) / MAX_VIEWS;
-            let weight = 0.25 + 0.75 * views;
-            let prior = if point.label.class == Class::Wall { WALL_VOTE } else { 1.0 };
-            cells.votes[cell][point.label.class as usize] += prior * point.label.probability() * weight;
-            for (class, fraction) in point.label.fractions() {
-                cells.likelihoods[cell][class as usize] += f32::from(fraction) / 255.0 * weight;
-            }
-            weights[cell] += weight;
+            cells.of_key.insert(of_cell[0].0, cells.keys.len() as u32);
+            cells.keys.push(of_cell[0].0);
+            cells.start.push(cells.start[cells.start.len() - 1] + of_cell.len() as u32);
+            cells.normals.push(normal);
+            cells.likelihoods.push(likelihoods.map(|sum| sum / weights));
+            votes.push(voted);
         }
-        for (likelihoods, weight) in cells.likelihoods.iter_mut().zip(weights) {
-            likelihoods.iter_mut().for_each(|p| *p /= weight);
-        }
-        cells.start.push(cells.points.len() as u32);
-        cells.of_key = (0u32..).zip(&cells.keys).map(|(i, key)| (*key, i)).collect();
+        cells.labels = cells.voted(&votes);
+        cells.wall_yaw_rad = cells.wall_direction();
         cells
     }
 
@@ -90,21 +87,35 @@ impl Cells {
         self.keys.len()
     }
 
+    /// Returns the numbers of all cells.
+    pub fn all(&self) -> std::ops::Range<u32> {
+        0..self.keys.len() as u32
+    }
+
     /// Returns a cell's centre, in metres.
-    pub fn centre(&self, cell: usize) -> [f64; 3] {
-        unpack(self.keys[cell]).map(|c| (c as f64 + 0.5) * self.side_m)
+    pub fn centre(&self, cell: u32) -> [f64; 3] {
+        unpack(self.keys[cell as usize]).map(|c| (c as f64 + 0.5) * self.side_m)
+    }
+
+    /// Returns the centres of cells.
+    pub fn centres(&self, cells: &[u32]) -> Vec<[f64; 3]> {
+        cells.iter().map(|cell| self.centre(*cell)).collect()
+    }
+
+    /// Returns the box around places, along the walls if that is about as small as the smallest one.
+    pub fn fit_box(&self, places: &[[f64; 3]]) -> Option<UprightBox> {
+        fit_box(places, self.wall_yaw_rad, BEYOND)
     }
 
     /// Returns the cell that contains a position.
-    pub fn at(&self, place_m: &[f64; 3]) -> Option<usize> {
+    pub fn at(&self, place_m: &[f64; 3]) -> Option<u32> {
         let key = pack(place_m.map(|c| (c / self.side_m).floor() as i64))?;
-        self.of_key.get(&key).map(|cell| *cell as usize)
+        self.of_key.get(&key).copied()
     }
 
-    /// Returns the walls' direction modulo a quarter turn; without walls, that of all upright surface.
-    pub fn wall_direction(&self, labels: &[Option<(Class, f32)>]) -> Option<f64> {
+    fn wall_direction(&self) -> Option<f64> {
         let upright = |only_walls: bool| {
-            let cells = self.normals.iter().zip(labels);
+            let cells = self.normals.iter().zip(&self.labels);
             let cells = cells.filter(move |(_, label)| {
                 !only_walls || label.is_some_and(|(class, _)| matches!(class, Class::Wall))
             });
@@ -115,14 +126,30 @@ impl Cells {
         upright(true).or_else(|| upright(false))
     }
 
+    /// Returns a cell's class and its fraction of the votes; none without votes, and if it was taken out.
+    pub fn label(&self, cell: u32) -> Option<(Class, f32)> {
+        self.labels[cell as usize]
+    }
+
+    /// Returns a cell's class.
+    pub fn class(&self, cell: u32) -> Option<Class> {
+        self.label(cell).map(|(class, _)| class)
+    }
+
+    /// Takes a cell's class out.
+    pub fn take_out(&mut self, cell: u32) {
+        self.labels[cell as usize] = None;
+    }
+
     /// Returns the map indices of a cell's points.
-    pub fn points(&self, cell: usize) -> &[u32] {
+    pub fn points(&self, cell: u32) -> &[u32] {
+        let cell = cell as usize;
         &self.points[self.start[cell] as usize..self.start[cell + 1] as usize]
     }
 
     /// Returns the later cells at most `reach` cells away along each axis.
-    pub fn later(&self, cell: usize, reach: i64) -> impl Iterator<Item = u32> + '_ {
-        let [x, y, z] = unpack(self.keys[cell]);
+    pub fn later(&self, cell: u32, reach: i64) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = unpack(self.keys[cell as usize]);
         let side = -reach..=reach;
         let steps = side.clone().flat_map(move |dx| {
             let side = side.clone();
@@ -133,42 +160,41 @@ impl Cells {
     }
 
     /// Returns the adjacent cells, along axes and diagonals.
-    pub fn around(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
-        let [x, y, z] = unpack(self.keys[cell]);
+    pub fn around(&self, cell: u32) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = unpack(self.keys[cell as usize]);
         let keys =
             (0..27).filter(|i| *i != 13).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
         keys.filter_map(|key| self.of_key.get(&pack(key)?).copied())
     }
 
     /// Returns the mean normal of a cell's points; none if they cancel out.
-    pub fn normal(&self, cell: usize) -> Option<[f32; 3]> {
-        let n = nalgebra::Vector3::from(self.normals[cell]).try_normalize(1e-6)?;
+    pub fn normal(&self, cell: u32) -> Option<[f32; 3]> {
+        let n = nalgebra::Vector3::from(self.normals[cell as usize]).try_normalize(1e-6)?;
         Some([n.x, n.y, n.z])
     }
 
     /// Returns the mean probability of each class at a cell. The classes that a label left out are missing.
-    pub fn likelihoods(&self, cell: usize) -> &[f32; CLASSES] {
-        &self.likelihoods[cell]
+    pub fn likelihoods(&self, cell: u32) -> &[f32; CLASSES] {
+        &self.likelihoods[cell as usize]
     }
 
     /// Returns each cell's class and its fraction of the votes of the cell and the cells around it on the
     /// same surface. None without votes.
-    pub fn labels(&self) -> Vec<Option<(Class, f32)>> {
+    fn voted(&self, votes: &[[f32; CLASSES]]) -> Vec<Option<(Class, f32)>> {
         let unit = |n: &[f32; 3]| {
             let n = nalgebra::Vector3::from(*n);
             n.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector3::zeros)
         };
         let units: Vec<nalgebra::Vector3<f32>> = self.normals.iter().map(unit).collect();
         // Sparse votes: most cells have two or three classes.
-        let said: Vec<Vec<(u8, f32)>> = self
-            .votes
+        let said: Vec<Vec<(u8, f32)>> = votes
             .iter()
             .map(|votes| (0u8..).zip(votes).filter(|(_, v)| **v > 0.0).map(|(c, v)| (c, *v)).collect())
             .collect();
-        let mut sums = self.votes.clone();
-        for cell in 0..self.len() {
+        let mut sums = votes.to_vec();
+        for cell in self.all() {
             for other in self.later(cell, 1) {
-                let other = other as usize;
+                let [cell, other] = [cell, other].map(|cell| cell as usize);
                 // Neighbours across a surface edge count less.
                 let weight = 0.25 + 0.75 * units[cell].dot(&units[other]).max(0.0);
                 said[other].iter().for_each(|(class, vote)| sums[cell][usize::from(*class)] += weight * vote);

@@ -6,6 +6,9 @@ use super::kind::{Kind, confusable, kind};
 use viola_geometry::groups;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
+/// Maximum gap between connected cells of a class: less than an inner wall with its adjacent cells.
+const REACH_M: f64 = 0.13;
+
 /// Cells of one object, or of a part of it.
 #[derive(Debug, Clone)]
 pub struct Fragment {
@@ -29,10 +32,10 @@ pub struct Decided {
 }
 
 impl Fragment {
-    pub fn new(mut cells: Vec<u32>, labels: &[Option<(Class, f32)>]) -> Fragment {
+    pub fn new(mut cells: Vec<u32>, all: &Cells) -> Fragment {
         cells.sort_unstable();
         let mut evidence = [0.0; CLASSES];
-        for (class, fraction) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
+        for (class, fraction) in cells.iter().filter_map(|cell| all.label(*cell)) {
             evidence[class as usize] += fraction;
         }
         let mut fragment = Fragment { cells, class: Class::Other, evidence, is_unit: false };
@@ -68,7 +71,7 @@ impl Fragment {
         // The fraction of the votes leaves out how sure they are.
         let mut likelihoods = [0f32; CLASSES];
         for cell in &self.cells {
-            let of_cell = cells.likelihoods(*cell as usize);
+            let of_cell = cells.likelihoods(*cell);
             likelihoods.iter_mut().zip(of_cell).for_each(|(sum, p)| *sum += p);
         }
         let said = |class: Class| f64::from(likelihoods[class as usize]);
@@ -140,7 +143,7 @@ fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
     /// Directions of upright surface, modulo a quarter turn.
     const BINS: usize = 18;
     let (mut level, mut all, mut bins) = (0.0, 0.0, [0.0; BINS]);
-    for normal in fragment.cells.iter().filter_map(|cell| cells.normal(*cell as usize)) {
+    for normal in fragment.cells.iter().filter_map(|cell| cells.normal(*cell)) {
         all += 1.0;
         if normal[2].abs() > 0.9 {
             level += 1.0;
@@ -169,7 +172,7 @@ fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64
     }
     let heights_m = bounds.bottom_m() + WITHIN_M..bounds.top_m() - WITHIN_M;
     let mut at_height: std::collections::BTreeMap<i64, usize> = std::collections::BTreeMap::new();
-    for cell in fragment.cells.iter().map(|cell| *cell as usize) {
+    for cell in fragment.cells.iter().copied() {
         let height_m = cells.centre(cell)[2];
         if cells.normal(cell).is_some_and(|n| n[2].abs() > 0.8) && heights_m.contains(&height_m) {
             *at_height.entry((height_m / cells.side_m).floor() as i64).or_default() += 1;
@@ -182,24 +185,21 @@ fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64
 }
 
 /// Returns the connected cells of each object class, the largest first.
-pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> Vec<Fragment> {
-    let class = |cell: usize| labels[cell].map(|(class, _)| class).filter(|c| counts(*c));
-    let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
-    for cell in 0..cells.len() {
+pub fn fragments(cells: &Cells) -> Vec<Fragment> {
+    let reach = ((REACH_M / cells.side_m) as i64).max(1);
+    let class = |cell: u32| cells.class(cell).filter(|class| counts(*class));
+    let mut parent: Vec<u32> = cells.all().collect();
+    for cell in cells.all() {
         let Some(mine) = class(cell) else { continue };
-        for other in cells.later(cell, reach) {
-            if class(other as usize) == Some(mine) {
-                groups::join(&mut parent, cell as u32, other);
-            }
+        for other in cells.later(cell, reach).filter(|other| class(*other) == Some(mine)) {
+            groups::join(&mut parent, cell, other);
         }
     }
     let mut members: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
-    for cell in 0..cells.len() as u32 {
-        if class(cell as usize).is_some() {
-            members.entry(groups::root(&mut parent, cell)).or_default().push(cell);
-        }
+    for cell in cells.all().filter(|cell| class(*cell).is_some()) {
+        members.entry(groups::root(&mut parent, cell)).or_default().push(cell);
     }
-    let mut out: Vec<Fragment> = members.into_values().map(|cells| Fragment::new(cells, labels)).collect();
+    let mut out: Vec<Fragment> = members.into_values().map(|own| Fragment::new(own, cells)).collect();
     out.sort_by(|a, b| b.cells.len().cmp(&a.cells.len()).then(a.cells[0].cmp(&b.cells[0])));
     out
 }

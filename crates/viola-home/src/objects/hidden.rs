@@ -121,7 +121,7 @@ fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
     let (mut heights, mut measured, mut stored, mut all) = (0usize, 0usize, 0f32, 0f32);
     for z in steps(FOOT_LOW_M, bounds.bottom_m() - cells.side_m) {
         let square = || steps(-REACH_M, REACH_M);
-        let here: Vec<usize> = square()
+        let here: Vec<u32> = square()
             .flat_map(|dx| square().map(move |dy| [x + dx, y + dy, z]))
             .filter_map(|place| cells.at(&place))
             .collect();

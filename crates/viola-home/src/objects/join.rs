@@ -1,7 +1,7 @@
 //! Joins fragments of one object.
 
 use super::cells::Cells;
-use super::fit::{BEYOND, UprightBox, fit_box};
+use super::fit::UprightBox;
 use super::fragment::Fragment;
 use super::hidden::{APPLIANCE_M, WORKTOP_M, is_front};
 use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
@@ -35,16 +35,11 @@ struct Part {
 pub fn join(
     fragments: Vec<Fragment>,
     cells: &Cells,
-    labels: &[Option<(Class, f32)>],
-    wall_yaw_rad: Option<f64>,
     progress: &dyn Progress,
 ) -> Result<Vec<Fragment>, Cancelled> {
-    let is_wall = |at: &[f64; 3]| {
-        cells.at(at).and_then(|cell| labels[cell]).is_some_and(|(class, _)| class == Class::Wall)
-    };
     let part = |fragment: Fragment| {
-        let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
-        let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
+        let places = cells.centres(&fragment.cells);
+        let bounds = cells.fit_box(&places)?;
         Some(Part { fragment, places, bounds })
     };
     let large = fragments.into_iter().filter(|f| f.cells.len() >= MIN_CELLS);
@@ -62,7 +57,7 @@ pub fn join(
             progress::check(progress)?;
             // The same class first: a stool's leg belongs to the stool, however large the sofa beside it.
             let same = |large: &Part| large.fragment.class == small.fragment.class;
-            let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad);
+            let is_host = |large: &Part| belongs(large, &small, cells);
             let may_find = !is_first || is_appliance(small.fragment.class);
             let host = kept.iter().position(|large| may_find && same(large) && is_host(large));
             let other = || kept.iter().position(|large| !is_first && !same(large) && is_host(large));
@@ -72,7 +67,7 @@ pub fn join(
                     let host = &mut kept[at];
                     host.fragment.join(small.fragment);
                     host.places.extend(small.places);
-                    if let Some(bounds) = fit_box(&host.places, wall_yaw_rad, BEYOND) {
+                    if let Some(bounds) = cells.fit_box(&host.places) {
                         host.bounds = bounds;
                     }
                 }
@@ -92,13 +87,7 @@ pub fn join(
 }
 
 /// Returns whether the smaller part belongs to the larger one.
-fn belongs(
-    large: &Part,
-    small: &Part,
-    cells: &Cells,
-    is_wall: &dyn Fn(&[f64; 3]) -> bool,
-    wall_yaw_rad: Option<f64>,
-) -> bool {
+fn belongs(large: &Part, small: &Part, cells: &Cells) -> bool {
     let (a, b) = (large.fragment.class, small.fragment.class);
     let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
     if !is_guest && !confusable(a, b) || are_separate_units(large, small) || are_far_apart(large, small) {
@@ -109,16 +98,15 @@ fn belongs(
         return contact.inside >= INSIDE_FRACTION || contact.beside >= TOUCH_FRACTION;
     }
     let alone = fit_alone(small);
-    let is_plausible = || plausible(large, small, wall_yaw_rad);
+    let is_plausible = || plausible(large, small, cells);
     // A plausible object by itself, like a stool before a sofa, needs a longer common border.
     let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
     let grown_together = is_solid(a) && is_solid(b) && contact.beside >= ease * TOUCH_FRACTION;
-    let is_of_top =
-        || is_top(a) && is_top(b) && (a != b || alone < 0.9) && one_top(large, small, wall_yaw_rad);
+    let is_of_top = || is_top(a) && is_top(b) && (a != b || alone < 0.9) && one_top(large, small, cells);
     if contact.is_within([a, b], ease) || grown_together || is_of_top() {
         return is_plausible();
     }
-    a == b && is_plausible() && is_gap_closed(large, small, is_wall, wall_yaw_rad)
+    a == b && is_plausible() && is_gap_closed(large, small, cells)
 }
 
 fn is_worktop(part: &Part) -> bool {
@@ -154,9 +142,8 @@ struct Contact {
 impl Contact {
     fn of(large: &Part, small: &Part, cells: &Cells) -> Contact {
         let count = small.places.len() as f64;
-        let touches = |cell: &u32| {
-            cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
-        };
+        let touches =
+            |cell: &u32| cells.around(*cell).any(|other| large.fragment.cells.binary_search(&other).is_ok());
         Contact {
             inside: small.places.iter().filter(|p| large.bounds.holds(p, GROW_M)).count() as f64 / count,
             beside: small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count,
@@ -183,37 +170,32 @@ fn fit_alone(part: &Part) -> f64 {
 }
 
 /// Returns whether the gap between two parts of one class is one within an object.
-fn is_gap_closed(
-    large: &Part,
-    small: &Part,
-    is_wall: &dyn Fn(&[f64; 3]) -> bool,
-    wall_yaw_rad: Option<f64>,
-) -> bool {
+fn is_gap_closed(large: &Part, small: &Part, cells: &Cells) -> bool {
     let class = large.fragment.class;
     if stack_gap_m(class).is_some_and(|gap_m| stacked(large, small, gap_m)) {
         return true;
     }
     if is_worktop(large) && is_worktop(small) {
-        return in_line(large, small, wall_yaw_rad) && gap(large, small, BUILT_IN_M).is_some();
+        return in_line(large, small, cells) && gap(large, small, BUILT_IN_M).is_some();
     }
     if is_appliance(class) {
         // No wall is inside an appliance, whatever a patch of it is called.
         return gap(large, small, BOARDS_M).is_some();
     }
     let gap_m = if matches!(class, Class::Shelf | Class::Lamp) { BOARDS_M } else { GAP_M };
-    gap(large, small, gap_m).is_some_and(|(p, q)| is_open(&p, &q, is_wall))
+    gap(large, small, gap_m).is_some_and(|(p, q)| is_open(&p, &q, cells))
 }
 
 /// Returns the box around both parts.
-fn union(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> Option<UprightBox> {
+fn union(large: &Part, small: &Part, cells: &Cells) -> Option<UprightBox> {
     let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
-    fit_box(&both, wall_yaw_rad, BEYOND)
+    cells.fit_box(&both)
 }
 
 /// Returns whether both together fit the class's size about as well as the larger one alone.
-fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+fn plausible(large: &Part, small: &Part, cells: &Cells) -> bool {
     let Some(kind) = kind(large.fragment.class) else { return false };
-    let Some(union) = union(large, small, wall_yaw_rad) else { return false };
+    let Some(union) = union(large, small, cells) else { return false };
     let fit = |bounds: &UprightBox| kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
     fit(&union) >= 0.9 * fit(&large.bounds)
 }
@@ -223,7 +205,7 @@ fn is_top(class: Class) -> bool {
 }
 
 /// Returns whether both are parts of one table: their tops touch at one height and make one rectangle.
-fn one_top(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+fn one_top(large: &Part, small: &Part, cells: &Cells) -> bool {
     const STEP_M: f64 = 0.05;
     const TOUCH_M: f64 = 0.13;
     /// Largest area of both in one rectangle, as a multiple of their own.
@@ -232,7 +214,7 @@ fn one_top(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
         return false;
     }
     let own_m2 = large.bounds.area_m2() + small.bounds.area_m2();
-    union(large, small, wall_yaw_rad).is_some_and(|union| union.area_m2() <= MAX_UNION_RATIO * own_m2)
+    union(large, small, cells).is_some_and(|union| union.area_m2() <= MAX_UNION_RATIO * own_m2)
 }
 
 /// Returns how far apart the parts of an object may be, one above the other: a lamp's shade and foot, a toilet and its
@@ -258,10 +240,10 @@ fn stacked(large: &Part, small: &Part, gap_m: f64) -> bool {
 }
 
 /// Returns whether both worktops are as deep together as the deeper one.
-fn in_line(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+fn in_line(large: &Part, small: &Part, cells: &Cells) -> bool {
     const DEEPER_M: f64 = 0.1;
     let deep_m = large.bounds.size_m[1].max(small.bounds.size_m[1]);
-    union(large, small, wall_yaw_rad).is_some_and(|union| union.size_m[1] <= deep_m + DEEPER_M)
+    union(large, small, cells).is_some_and(|union| union.size_m[1] <= deep_m + DEEPER_M)
 }
 
 /// Returns the parts' nearest cells; none if they are further apart than `gap_m`.
@@ -279,9 +261,10 @@ fn gap(large: &Part, small: &Part, gap_m: f64) -> Option<([f64; 3], [f64; 3])> {
 }
 
 /// Returns whether no wall is between two places.
-fn is_open(p: &[f64; 3], q: &[f64; 3], is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
+fn is_open(p: &[f64; 3], q: &[f64; 3], cells: &Cells) -> bool {
     let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
-    ![0.25, 0.5, 0.75].iter().any(|t| is_wall(&at(*t)))
+    let class = |t: f64| cells.at(&at(t)).and_then(|cell| cells.class(cell));
+    ![0.25, 0.5, 0.75].into_iter().any(|t| class(t) == Some(Class::Wall))
 }
 
 /// Returns whether several objects of a class stand close together.

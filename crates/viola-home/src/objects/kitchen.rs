@@ -36,16 +36,20 @@ struct Run {
     top_m: f64,
 }
 
-/// Returns the worktops and their units, and takes their cells out of `labels`.
-pub fn kitchens(
-    cells: &Cells,
-    labels: &mut [Option<(Class, f32)>],
-    wall_yaw_rad: Option<f64>,
-) -> Vec<Fragment> {
-    let Some((sin, cos)) = wall_yaw_rad.map(f64::sin_cos) else { return Vec::new() };
+/// Returns the worktops and their units, and takes their cells out.
+pub fn kitchens(cells: &mut Cells) -> Vec<Fragment> {
+    let fragments = worktops_and_units(cells);
+    for cell in fragments.iter().flat_map(|fragment| &fragment.cells) {
+        cells.take_out(*cell);
+    }
+    fragments
+}
+
+fn worktops_and_units(cells: &Cells) -> Vec<Fragment> {
+    let Some((sin, cos)) = cells.wall_yaw_rad.map(f64::sin_cos) else { return Vec::new() };
     let turned = |[x, y, _]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x];
     let mut runs: Vec<Run> = Vec::new();
-    for worktop in worktops(cells, labels) {
+    for worktop in worktops(cells) {
         runs.extend(straight(worktop, cells, &turned));
     }
     if runs.is_empty() {
@@ -62,68 +66,60 @@ pub fn kitchens(
     let mut units: Vec<[Vec<u32>; 2]> = vec![Default::default(); runs.len()];
     let mut is_top = vec![false; cells.len()];
     runs.iter().flat_map(|run| &run.cells).for_each(|cell| is_top[*cell as usize] = true);
-    for (cell, label) in (0u32..).zip(labels.iter()) {
-        let is_front = |class: Class| is_storage(class) || class == Class::Counter;
-        let Some((class, _)) = label.filter(|(class, _)| is_front(*class) && !is_top[cell as usize]) else {
-            continue;
-        };
-        let at = cells.centre(cell as usize);
+    for cell in cells.all().filter(|cell| !is_top[*cell as usize]) {
+        let is_front = |class: &Class| is_storage(*class) || *class == Class::Counter;
+        let Some(class) = cells.class(cell).filter(is_front) else { continue };
+        let at = cells.centre(cell);
         let under = |by_m: f64| runs.iter().position(|run| below(&at, run, by_m));
         if let Some(run) = under(0.0).or_else(|| under(OUT_M)) {
             units[run][usize::from(class == Class::Counter)].push(cell);
         }
     }
-    let is_built_in = |cell: &u32| {
-        labels[*cell as usize].is_some_and(|(class, _)| class == Class::Sink || is_appliance(class))
-    };
+    let is_built_in =
+        |cell: &u32| cells.class(*cell).is_some_and(|class| class == Class::Sink || is_appliance(class));
     let mut fragments = Vec::new();
     for (run, [fronts, called_counter]) in runs.into_iter().zip(units) {
         let mut top: Vec<u32> = run.cells.into_iter().filter(|cell| !is_built_in(cell)).collect();
         let is_bar = called_counter.len() > fronts.len();
-        let is_edge = |cell: &u32| cells.centre(*cell as usize)[2] > run.top_m - EDGE_M;
+        let is_edge = |cell: &u32| cells.centre(*cell)[2] > run.top_m - EDGE_M;
         top.extend(called_counter.into_iter().filter(|cell| is_bar || is_edge(cell)));
         if is_bar {
             top.extend(fronts.iter().copied());
         }
-        fragments.push(Fragment::new(top, labels));
+        fragments.push(Fragment::new(top, cells));
         if !is_bar && !fronts.is_empty() {
-            fragments.push(Fragment { is_unit: true, ..Fragment::new(fronts, labels) });
+            fragments.push(Fragment { is_unit: true, ..Fragment::new(fronts, cells) });
         }
-    }
-    for cell in fragments.iter().flat_map(|fragment| &fragment.cells) {
-        labels[*cell as usize] = None;
     }
     fragments
 }
 
 /// Returns the connected level cells at the height of each worktop.
-fn worktops(cells: &Cells, labels: &[Option<(Class, f32)>]) -> Vec<Vec<u32>> {
-    let is_level = |cell: usize| {
+fn worktops(cells: &Cells) -> Vec<Vec<u32>> {
+    let is_level = |cell: u32| {
         HEIGHTS_M.contains(&cells.centre(cell)[2]) && cells.normal(cell).is_some_and(|n| n[2] > LEVEL)
     };
-    let is_counter = |cell: usize| labels[cell].is_some_and(|(class, _)| class == Class::Counter);
     let mut is_taken = vec![false; cells.len()];
     let mut found = Vec::new();
-    for seed in 0..cells.len() {
-        if is_taken[seed] || !is_counter(seed) || !is_level(seed) {
+    for seed in cells.all() {
+        if is_taken[seed as usize] || cells.class(seed) != Some(Class::Counter) || !is_level(seed) {
             continue;
         }
         let height_m = cells.centre(seed)[2];
-        is_taken[seed] = true;
-        let (mut members, mut open) = (Vec::new(), vec![seed as u32]);
+        is_taken[seed as usize] = true;
+        let (mut members, mut open) = (Vec::new(), vec![seed]);
         while let Some(cell) = open.pop() {
             members.push(cell);
-            for next in cells.around(cell as usize) {
-                let off_m = (cells.centre(next as usize)[2] - height_m).abs();
-                if !is_taken[next as usize] && off_m < 1.5 * cells.side_m && is_level(next as usize) {
+            for next in cells.around(cell) {
+                let off_m = (cells.centre(next)[2] - height_m).abs();
+                if !is_taken[next as usize] && off_m < 1.5 * cells.side_m && is_level(next) {
                     is_taken[next as usize] = true;
                     open.push(next);
                 }
             }
         }
         let called = |classes: &[Class]| {
-            let is_one =
-                |cell: &&u32| labels[**cell as usize].is_some_and(|(class, _)| classes.contains(&class));
+            let is_one = |cell: &&u32| cells.class(**cell).is_some_and(|class| classes.contains(&class));
             members.iter().filter(is_one).count() as f64
         };
         let all = called(&[Class::Counter, Class::Sink, Class::Stove]);
@@ -138,7 +134,7 @@ fn worktops(cells: &Cells, labels: &[Option<(Class, f32)>]) -> Vec<Vec<u32>> {
 
 /// Returns the straight runs of a worktop; what is too small for a run is left out.
 fn straight(worktop: Vec<u32>, cells: &Cells, turned: &dyn Fn([f64; 3]) -> [f64; 2]) -> Vec<Run> {
-    let places: Vec<[f64; 2]> = worktop.iter().map(|cell| turned(cells.centre(*cell as usize))).collect();
+    let places: Vec<[f64; 2]> = worktop.iter().map(|cell| turned(cells.centre(*cell))).collect();
     let run_of = run_of_each(&places);
     let count = run_of.iter().copied().max().map_or(0, |most| most + 1);
     let run = |number: usize| {
@@ -151,7 +147,7 @@ fn straight(worktop: Vec<u32>, cells: &Cells, turned: &dyn Fn([f64; 3]) -> [f64;
         let [x_m, y_m] = sides_m.map(|[low, high]| high - low);
         let is_run = x_m * y_m >= MIN_AREA_M2 && (MIN_DEPTH_M..MAX_DEPTH_M).contains(&x_m.min(y_m));
         let own: Vec<u32> = members.iter().map(|i| worktop[*i]).collect();
-        let [top_m, _] = span(own.iter().map(|cell| cells.centre(*cell as usize)[2]), 0.5);
+        let [top_m, _] = span(own.iter().map(|cell| cells.centre(*cell)[2]), 0.5);
         is_run.then_some(Run { cells: own, sides_m, top_m })
     };
     (0..count).filter_map(run).collect()

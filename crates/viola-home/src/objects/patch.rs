@@ -12,15 +12,15 @@ const MIN_INSIDE_FRACTION: f64 = 0.6;
 const UPRIGHT: f32 = 0.5;
 
 /// Returns whether a fragment is a part of a wall. Pictures, radiators and other things that are as flat are none.
-pub fn is_of_wall(fragment: &Fragment, cells: &Cells, labels: &[Option<(Class, f32)>]) -> bool {
+pub fn is_of_wall(fragment: &Fragment, cells: &Cells) -> bool {
     let steps = (LARGEST_M / cells.side_m) as i32;
     if is_flat(fragment.class) || fragment.cells.len() > (steps * steps) as usize {
         return false;
     }
-    let is_own = |cell: usize| fragment.cells.binary_search(&(cell as u32)).is_ok();
-    let is_wall = |cell: usize| labels[cell].is_some_and(|(class, _)| class == Class::Wall);
+    let is_own = |cell: u32| fragment.cells.binary_search(&cell).is_ok();
+    let is_wall = |cell: u32| cells.class(cell) == Some(Class::Wall);
     // The first cell beyond the fragment in a direction, in the plane of a cell, is wall. Directions are aside and up.
-    let wall_goes_on = |cell: usize, normal: &[f32; 3], [aside, up]: [f64; 2]| {
+    let wall_goes_on = |cell: u32, normal: &[f32; 3], [aside, up]: [f64; 2]| {
         let at = cells.centre(cell);
         let level = f64::from(normal[0].hypot(normal[1])).max(1e-6);
         let [nx, ny] = [normal[0], normal[1]].map(|part| f64::from(part) / level);
@@ -38,7 +38,7 @@ pub fn is_of_wall(fragment: &Fragment, cells: &Cells, labels: &[Option<(Class, f
         false
     };
     let (mut inside, mut all) = (0usize, 0usize);
-    for cell in fragment.cells.iter().map(|cell| *cell as usize) {
+    for cell in fragment.cells.iter().copied() {
         all += 1;
         let Some(normal) = cells.normal(cell).filter(|n| n[2].abs() < UPRIGHT) else { continue };
         let [left, right] = [-1.0, 1.0].map(|aside| wall_goes_on(cell, &normal, [aside, 0.0]));

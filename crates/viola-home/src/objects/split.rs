@@ -5,22 +5,22 @@ mod wings;
 pub(super) use wings::run_of_each;
 
 use super::cells::Cells;
-use super::fit::{BEYOND, fit_box, span};
+use super::fit::span;
 use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
 
 /// Splits rows of chairs at their thinnest place, wall units from base units, and runs of units or worktops at corners.
-pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
+pub fn split(fragment: Fragment, cells: &Cells) -> Vec<Fragment> {
     let mut done = Vec::new();
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
-        let halves = halves(&fragment, cells, wall_yaw_rad)
+        let halves = halves(&fragment, cells)
             .or_else(|| storeys(&fragment, cells))
-            .or_else(|| steps(&fragment, cells, wall_yaw_rad));
+            .or_else(|| steps(&fragment, cells));
         if let Some(both) = halves {
             open.extend(both);
-        } else if let Some(runs) = wings::wings(&fragment, cells, wall_yaw_rad) {
+        } else if let Some(runs) = wings::wings(&fragment, cells) {
             done.extend(runs);
         } else {
             done.push(fragment);
@@ -29,10 +29,10 @@ pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Ve
     done
 }
 
-fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
+fn halves(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     let kind = kind(fragment.class).filter(|_| gregarious(fragment.class))?;
-    let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
-    let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
+    let places = cells.centres(&fragment.cells);
+    let bounds = cells.fit_box(&places)?;
     let length_m = bounds.size_m[0];
     // A single object may be this long if it is also wide.
     let is_row = length_m > 1.8 * bounds.size_m[1] && length_m > 2.2 * kind.short_m.start;
@@ -72,7 +72,7 @@ fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     if !is_storage(fragment.class) {
         return None;
     }
-    let height = |cell: u32| cells.centre(cell as usize)[2].max(0.0);
+    let height = |cell: u32| cells.centre(cell)[2].max(0.0);
     let mut counts = [0.0f64; 22];
     for cell in &fragment.cells {
         counts[((height(*cell) / BIN_M) as usize).min(21)] += 1.0;
@@ -92,7 +92,7 @@ fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
 }
 
 /// Splits pieces of different heights that stand side by side, and wall units from what stands beside them.
-fn steps(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
+fn steps(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     const BIN_M: f64 = 0.12;
     /// Least length of each side.
     const SIDE_M: f64 = 0.45;
@@ -103,8 +103,8 @@ fn steps(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Optio
     if !is_storage(fragment.class) {
         return None;
     }
-    let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
-    let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
+    let places = cells.centres(&fragment.cells);
+    let bounds = cells.fit_box(&places)?;
     let length_m = bounds.size_m[0];
     let count = (length_m / BIN_M).ceil() as usize;
     let least = (SIDE_M / BIN_M).ceil() as usize;

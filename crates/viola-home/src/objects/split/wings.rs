@@ -22,18 +22,14 @@ const THIN_M: f64 = 0.25;
 type Square = [i32; 2];
 
 /// Returns the runs of a fragment along the walls; none if it is one.
-pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<Vec<Fragment>> {
+pub(super) fn wings(fragment: &Fragment, cells: &Cells) -> Option<Vec<Fragment>> {
     if !is_storage(fragment.class) && fragment.class != Class::Counter {
         return None;
     }
-    let (s, c) = wall_yaw_rad?.sin_cos();
+    let (s, c) = cells.wall_yaw_rad?.sin_cos();
     let turned = |[x, y]: [f64; 2]| [c * x + s * y, c * y - s * x];
-    let places: Vec<[f64; 2]> = fragment
-        .cells
-        .iter()
-        .map(|cell| cells.centre(*cell as usize))
-        .map(|[x, y, _]| turned([x, y]))
-        .collect();
+    let centres = cells.centres(&fragment.cells);
+    let places: Vec<[f64; 2]> = centres.into_iter().map(|[x, y, _]| turned([x, y])).collect();
     let run_of = run_of_each(&places);
     let count = run_of.iter().copied().max()? + 1;
     let mut members = vec![Vec::new(); count];
@@ -58,7 +54,7 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
         if depth_m > THIN_M {
             continue;
         }
-        let normals = members[*run].iter().filter_map(|i| cells.normal(fragment.cells[*i] as usize));
+        let normals = members[*run].iter().filter_map(|i| cells.normal(fragment.cells[*i]));
         let [x, y] = normals.fold([0.0; 2], |sum, n| [sum[0] + f64::from(n[0]), sum[1] + f64::from(n[1])]);
         let (looks, from, to) = (turned([x, y]), middle(sides), middle(&whole));
         if looks[0] * (to[0] - from[0]) + looks[1] * (to[1] - from[1]) <= 0.0 {
