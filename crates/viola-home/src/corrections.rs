@@ -324,10 +324,7 @@ fn at(rooms: &[Room], place: &[f64; 2], id: Option<&str>) -> Option<usize> {
     let place = Point2::from(*place);
     let is_known = |room: &Room| Some(room.id.as_str()) == id && room.distance_m(&place) <= ROOM_REACH_M;
     let inside = rooms.iter().position(|room| room.contains(&place));
-    inside.or_else(|| rooms.iter().position(is_known)).or_else(|| {
-        let nearest = room_at(rooms.iter(), &place, ROOM_REACH_M)?;
-        rooms.iter().position(|room| room.id == nearest.id)
-    })
+    inside.or_else(|| rooms.iter().position(is_known)).or_else(|| room_at(rooms, &place, ROOM_REACH_M))
 }
 
 /// Joins other rooms to one; returns whether at least one was joined. Lines between rooms that are one now divide nothing.

@@ -1,9 +1,10 @@
 //! Coverage of the LiDAR map by the fused map.
 
 use super::map_point::MapPoint;
+use super::rooms::Room;
 use super::rooms::bands::Bands;
+use super::rooms::outline::bounds_m;
 use super::rooms::space::Space;
-use super::rooms::{Room, room_at};
 use serde::{Deserialize, Serialize};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::taxonomy::Class;
@@ -129,10 +130,14 @@ struct Places<'a> {
 impl<'a> Places<'a> {
     fn new(rooms: &'a [Room]) -> Places<'a> {
         let bands = rooms.iter().map(|room| Bands::new(&room.polygon_m, &room.holes_m));
-        Places { rooms, bounds: rooms.iter().map(bounds_m).collect(), bands: bands.collect() }
+        Places {
+            rooms,
+            bounds: rooms.iter().map(|room| bounds_m(&room.polygon_m)).collect(),
+            bands: bands.collect(),
+        }
     }
 
-    /// Returns the index of the room that [`room_at`] returns, for a reach of at most [`ROOM_REACH_M`]. Only rooms whose bounds
+    /// Returns what [`room_at`](super::rooms::room_at) returns, for a reach of at most [`ROOM_REACH_M`]. Only rooms whose bounds
     /// are near are compared: a large home has hundreds of others.
     fn room_at(&self, point: &Point2, reach_m: f64) -> Option<usize> {
         let is_near = |[low, high]: &[[f64; 2]; 2]| {
@@ -145,31 +150,18 @@ impl<'a> Places<'a> {
         let is_beside = |room: &usize| {
             self.bands[*room].surrounds(point) || self.bands[*room].is_outer_near(point, reach_m)
         };
-        let beside: Vec<usize> = near.into_iter().filter(is_beside).collect();
-        if beside.len() < 2 {
-            return beside.first().copied();
-        }
-        let off_m = |room: &usize| self.bands[*room].off_m(point, reach_m);
-        if beside.iter().all(|room| off_m(room) <= reach_m) {
-            return beside.into_iter().min_by(|a, b| off_m(a).total_cmp(&off_m(b)));
-        }
-        // It is deep in a hole of one of them.
-        let found = room_at(beside.iter().map(|room| &self.rooms[*room]), point, reach_m)?;
-        beside.into_iter().find(|room| std::ptr::eq(&self.rooms[*room], found))
+        let off_m = |room: &usize| {
+            let near_m = self.bands[*room].off_m(point, reach_m);
+            // Else it is deep in a hole.
+            if near_m <= reach_m { near_m } else { self.rooms[*room].off_m(point) }
+        };
+        near.into_iter().filter(is_beside).min_by(|a, b| off_m(a).total_cmp(&off_m(b)))
     }
-}
-
-/// Returns the corners of the box around a room.
-fn bounds_m(room: &Room) -> [[f64; 2]; 2] {
-    let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
-    [low, [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY))]
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::rooms::room_at;
     use super::*;
     use viola_reconstruct::{CloudPoint, Label};
 
@@ -236,13 +228,8 @@ mod tests {
         for at in 0..180 * 150 {
             let point = Point2::new((at % 180) as f64 * 0.05 - 0.5, (at / 180) as f64 * 0.05 - 0.5);
             for reach_m in [0.0, ROOM_REACH_M] {
-                let want = room_at(rooms.iter(), &point, reach_m);
                 let found = places.room_at(&point, reach_m);
-                assert_eq!(
-                    found.map(|room| &rooms[room].id),
-                    want.map(|room| &room.id),
-                    "{point:?} {reach_m}"
-                );
+                assert_eq!(found, room_at(&rooms, &point, reach_m), "{point:?} {reach_m}");
                 found.into_iter().for_each(|room| counts[room] += 1);
             }
         }

@@ -81,6 +81,11 @@ impl Room {
     pub fn distance_m(&self, point: &Point2) -> f64 {
         if contains(&self.polygon_m, point) { 0.0 } else { distance_m(&self.polygon_m, point) }
     }
+
+    /// Returns the distance from a point to the room; 0 inside, and not in its holes.
+    pub fn off_m(&self, point: &Point2) -> f64 {
+        off_m(&self.polygon_m, &self.holes_m, point)
+    }
 }
 
 /// Returns the name to show for a room: the given one, else `Room` and the id without its level.
@@ -93,17 +98,13 @@ pub(super) fn title(name: Option<&str>, id: Option<&str>) -> String {
     }
 }
 
-/// Returns the room at a point, or the nearest within `reach_m`: objects at walls are off the free floor.
-pub fn room_at<'a>(
-    rooms: impl Iterator<Item = &'a Room> + Clone,
-    point: &Point2,
-    reach_m: f64,
-) -> Option<&'a Room> {
-    let inside = rooms.clone().find(|room| room.contains(point));
+/// Returns the index of the room at a point, or of the nearest within `reach_m`: objects at walls are off the free floor.
+pub fn room_at(rooms: &[Room], point: &Point2, reach_m: f64) -> Option<usize> {
+    let inside = rooms.iter().position(|room| room.contains(point));
     inside.or_else(|| {
-        let near = rooms.filter(|room| room.distance_m(point) <= reach_m);
+        let near = (0..rooms.len()).filter(|room| rooms[*room].distance_m(point) <= reach_m);
         // A room may lie in a hole of another one.
-        let near = near.map(|room| (off_m(&room.polygon_m, &room.holes_m, point), room));
+        let near = near.map(|room| (rooms[room].off_m(point), room));
         near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
     })
 }
@@ -212,13 +213,17 @@ fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Opti
 /// Returns the polygon of a mask in one piece; none if it is degenerate.
 fn outlined(mask: &Grid<bool>) -> Option<Shape> {
     let frame = mask.frame;
-    let outside = Grid { frame, cells: mask.cells.iter().map(|set| !set).collect() };
-    let depth = DistanceField::new(&outside);
+    let depth = DistanceField::new(&outside(mask));
     let deepest = (0..frame.len())
         .max_by(|a, b| depth.grid().cells[*a].total_cmp(&depth.grid().cells[*b]).then(b.cmp(a)))?;
     let at = frame.centre(deepest % frame.width, deepest / frame.width);
     let outline = outline::trace(mask).into_iter().next()?.simplified(TOLERANCE_M)?;
     Some(Shape { outline, label_at_m: [at.x, at.y] })
+}
+
+/// Returns the cells that are not set.
+fn outside(mask: &Grid<bool>) -> Grid<bool> {
+    Grid { frame: mask.frame, cells: mask.cells.iter().map(|set| !set).collect() }
 }
 
 fn keep_largest(mask: &mut Grid<bool>) {
@@ -234,8 +239,7 @@ fn keep_largest(mask: &mut Grid<bool>) {
 /// Fills holes of at most `most` cells, none of which is `taken`.
 pub(super) fn fill_holes(mask: &mut Grid<bool>, most: usize, taken: impl Fn(usize) -> bool) {
     let (width, height) = (mask.frame.width, mask.frame.height);
-    let outside = Grid { frame: mask.frame, cells: mask.cells.iter().map(|set| !set).collect() };
-    let (piece, count) = outline::pieces(&outside);
+    let (piece, count) = outline::pieces(&outside(mask));
     let (mut sizes, mut open) = (vec![0usize; count + 1], vec![false; count + 1]);
     for (index, piece) in piece.iter().enumerate() {
         let (x, y) = (index % width, index / width);
@@ -271,9 +275,8 @@ impl Window {
 
 /// Morphological closing: closes gaps narrower than twice `by_m`.
 pub(super) fn close(mask: &mut Grid<bool>, by_m: f64) {
-    let grown: Vec<bool> =
-        DistanceField::new(mask).grid().cells.iter().map(|d| f64::from(*d) <= by_m).collect();
-    let outside = Grid { frame: mask.frame, cells: grown.iter().map(|set| !set).collect() };
+    let grown = DistanceField::new(mask).grid().cells.iter().map(|d| f64::from(*d) <= by_m).collect();
+    let outside = outside(&Grid { frame: mask.frame, cells: grown });
     if !outside.cells.contains(&true) {
         return;
     }
@@ -324,8 +327,8 @@ pub(crate) mod tests {
             assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
         }
         // Beyond a wall: the nearer room.
-        assert_eq!(room_at(rooms.iter(), &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
-        assert_eq!(room_at(rooms.iter(), &Point2::new(-1.3, 1.0), 1.0), None);
+        assert_eq!(rooms[room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap()].id, "1");
+        assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::super::assemble::LookedThrough;
 use super::super::objects::{Object, UprightBox};
 use super::super::rooms::Room;
 use super::super::rooms::bands::Bands;
-use super::super::rooms::outline::signed_area_m2;
+use super::super::rooms::outline::{bounds_m, signed_area_m2};
 use super::{KnownObject, KnownRoom, Statement};
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
@@ -134,11 +134,12 @@ const MIN_ROOM_FRACTION: f64 = 0.7;
 
 /// Returns the score of a room as a known one; none if it is another.
 pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
-    let (low, high) = bounds(&known.polygon_m)?;
-    let (other_low, other_high) = bounds(&room.polygon_m)?;
+    let [low, high] = bounds_m(&known.polygon_m);
+    let [other_low, other_high] = bounds_m(&room.polygon_m);
     let from = [low[0].max(other_low[0]), low[1].max(other_low[1])];
     let to = [high[0].min(other_high[0]), high[1].min(other_high[1])];
     let (width_m, height_m) = (to[0] - from[0], to[1] - from[1]);
+    // Also false for a room without corners.
     if !(width_m > 0.0 && height_m > 0.0) {
         return None;
     }
@@ -164,13 +165,4 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
     let fraction = shared_m2 / a_m2.min(b_m2).max(1e-9);
     let is_same = iou >= MIN_ROOM_IOU || fraction >= MIN_ROOM_FRACTION;
     is_same.then(|| (iou * 1000.0) as i64 + 1 - i64::from(known.missing.min(10))).map(|score| score.max(1))
-}
-
-fn bounds(ring: &[[f64; 2]]) -> Option<([f64; 2], [f64; 2])> {
-    let first = *ring.first()?;
-    Some(ring.iter().fold((first, first), |(low, high), corner| {
-        let pick =
-            |known: [f64; 2], pick: fn(f64, f64) -> f64| [0, 1].map(|axis| pick(known[axis], corner[axis]));
-        (pick(low, f64::min), pick(high, f64::max))
-    }))
 }

@@ -2,7 +2,6 @@
 
 use super::fit::UprightBox;
 use crate::rooms::Room;
-use crate::rooms::outline::off_m;
 use viola_geometry::Point2;
 
 /// An object this far from a room belongs to it: objects stand at walls.
@@ -30,8 +29,8 @@ pub fn room_of<'a>(rooms: &'a [Room], bounds: &UprightBox) -> Option<&'a Room> {
             return None;
         }
         // A room may lie in a hole of another one.
-        let off_m = |at: &Point2| off_m(&room.polygon_m, &room.holes_m, at);
-        Some((border.iter().map(off_m).fold(f64::INFINITY, f64::min), off_m(&centre), room))
+        let off_m = border.iter().map(|at| room.off_m(at)).fold(f64::INFINITY, f64::min);
+        Some((off_m, room.off_m(&centre), room))
     });
     let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     nearest.map(|(_, _, room)| room)

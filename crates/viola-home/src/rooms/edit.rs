@@ -1,6 +1,6 @@
 //! Rooms as people correct them: two rooms become one, or a line divides a room.
 
-use super::outline::pieces;
+use super::outline::{bounds_m, edges, pieces};
 use super::{Room, Shape, keep_largest, outlined};
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
@@ -75,11 +75,7 @@ fn keep_around(mask: &mut Grid<bool>, at: &Point2) -> bool {
 
 /// Returns a grid that covers the rooms.
 fn around(rooms: &[&Room]) -> GridFrame {
-    let (mut min_m, mut max_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for corner in rooms.iter().flat_map(|room| &room.polygon_m) {
-        min_m = [0, 1].map(|axis| min_m[axis].min(corner[axis]));
-        max_m = [0, 1].map(|axis| max_m[axis].max(corner[axis]));
-    }
+    let [min_m, max_m] = bounds_m(rooms.iter().flat_map(|room| &room.polygon_m));
     let area_m2 = (max_m[0] - min_m[0]) * (max_m[1] - min_m[1]);
     let cell_m = CELL_M.max((area_m2 / MAX_CELLS).sqrt());
     GridFrame::covering(min_m, max_m, 2.0 * cell_m, cell_m)
@@ -94,13 +90,10 @@ fn mask(room: &Room, frame: GridFrame) -> Grid<bool> {
         let mut crossings: Vec<f64> = rings.flat_map(|ring| crossings(ring, at_y)).collect();
         crossings.sort_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
-            let first = ((pair[0] - frame.origin_m[0]) / frame.cell_m - 0.5).ceil().max(0.0) as usize;
-            let last = ((pair[1] - frame.origin_m[0]) / frame.cell_m - 0.5).floor();
-            for x in first..=(last.max(-1.0) + 1.0) as usize {
-                if x < frame.width && x as f64 <= last {
-                    mask.set(x, y, true);
-                }
-            }
+            let cell = |x_m: f64| (x_m - frame.origin_m[0]) / frame.cell_m - 0.5;
+            let first = cell(pair[0]).ceil().max(0.0) as usize;
+            let end = (cell(pair[1]).floor() + 1.0).max(0.0) as usize;
+            (first..end.min(frame.width)).for_each(|x| mask.set(x, y, true));
         }
     }
     mask
@@ -108,8 +101,7 @@ fn mask(room: &Room, frame: GridFrame) -> Grid<bool> {
 
 /// Returns the x at which a ring crosses a horizontal line.
 fn crossings(ring: &[[f64; 2]], y: f64) -> Vec<f64> {
-    let sides = ring.iter().zip(ring.iter().cycle().skip(1));
-    let crossed = sides.filter(|(a, b)| (a[1] > y) != (b[1] > y));
+    let crossed = edges(ring).filter(|(a, b)| (a[1] > y) != (b[1] > y));
     crossed.map(|(a, b)| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])).collect()
 }
 

@@ -35,6 +35,14 @@ pub fn signed_area_m2(ring: &[[f64; 2]]) -> f64 {
     edges(ring).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0
 }
 
+/// Returns the lowest and the highest coordinates of corners; infinite ones without corners.
+pub fn bounds_m<'a>(corners: impl IntoIterator<Item = &'a [f64; 2]>) -> [[f64; 2]; 2] {
+    let none = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    corners.into_iter().fold(none, |[low, high], corner| {
+        [[0, 1].map(|axis| low[axis].min(corner[axis])), [0, 1].map(|axis| high[axis].max(corner[axis]))]
+    })
+}
+
 /// Returns whether a ring, of either direction, contains a point.
 pub fn contains(ring: &[[f64; 2]], point: &Point2) -> bool {
     edges(ring).filter(|(a, b)| crosses(&[*a, *b], point)).count() % 2 == 1

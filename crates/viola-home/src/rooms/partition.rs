@@ -40,13 +40,12 @@ impl Basins {
 pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, most: usize) -> usize {
     let (width, height) = (space.frame.width, space.frame.height);
     let open = open(space);
-    let barrier: Vec<bool> = open.iter().map(|open| !open).collect();
-    if !open.contains(&true) {
+    if !open.cells.contains(&true) {
         return 0;
     }
-    let depth = DistanceField::new(&Grid { frame: space.frame, cells: barrier });
+    let depth = DistanceField::new(&super::outside(&open));
     let depth = &depth.grid().cells;
-    let mut order: Vec<u32> = (0..open.len() as u32).filter(|i| open[*i as usize]).collect();
+    let mut order: Vec<u32> = (0..open.cells.len() as u32).filter(|i| open.cells[*i as usize]).collect();
     order.sort_unstable_by(|a, b| depth[*b as usize].total_cmp(&depth[*a as usize]).then(a.cmp(b)));
     let mut basins = Basins { parent: vec![0], peak_m: vec![0.0], cells: vec![0] };
     for &index in &order {
@@ -85,7 +84,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, most: usize) -> us
 }
 
 /// Returns the free cells and those under furniture, without door leaves, which count as walls.
-fn open(space: &Space) -> Vec<bool> {
+fn open(space: &Space) -> Grid<bool> {
     let mut open = Grid { frame: space.frame, cells: space.free.clone() };
     for (index, cell) in open.cells.iter_mut().enumerate() {
         *cell = (*cell || space.furniture[index] || space.low_furniture[index]) && !space.door[index];
@@ -93,7 +92,7 @@ fn open(space: &Space) -> Vec<bool> {
     // Specks are furniture legs; larger ones may be a wall between two doors.
     let most = (0.12 / (space.frame.cell_m * space.frame.cell_m)) as usize;
     super::fill_holes(&mut open, most, |index| space.door[index]);
-    open.cells
+    open
 }
 
 fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space) -> bool {
