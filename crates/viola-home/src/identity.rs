@@ -66,13 +66,12 @@ pub struct History {
 impl History {
     /// Returns the history of objects and rooms that have ids already, as of a map without a history.
     pub fn of(objects: Vec<KnownObject>, rooms: &[Room]) -> History {
-        let rooms: Vec<KnownRoom> = rooms.iter().map(known_room).collect();
-        let mut history = History { level: LevelName::MAIN, numbers: BTreeMap::new(), objects, rooms };
-        let ids: Vec<String> = history.objects.iter().map(|known| known.id.clone()).collect();
-        ids.iter().for_each(|id| history.take_number_of(id));
-        let numbers = history.rooms.iter().filter_map(|room| room.id.parse().ok()).max().unwrap_or(0);
-        history.numbers.insert(ROOM_NUMBERS.to_owned(), numbers);
-        history
+        let number = rooms.iter().filter_map(|room| room.id.parse().ok()).max().unwrap_or(0);
+        let numbers = BTreeMap::from([(ROOM_NUMBERS.to_owned(), number)]);
+        let rooms = rooms.iter().map(known_room).collect();
+        let mut history = History { numbers, rooms, ..History::default() };
+        objects.iter().for_each(|known| history.take_number_of(&known.id));
+        History { objects, ..history }
     }
 
     /// Returns the empty history of a level.
@@ -221,9 +220,8 @@ impl History {
         let of_robot = self.rooms.iter().filter(|known| known.source == RoomSource::LidarMap);
         // Larger numbers are hashes, which the counter does not reach.
         let highest = of_robot.filter_map(|known| own_part(&known.id).parse::<u16>().ok()).max();
-        if let Some(of_robot) = highest {
-            let highest = self.numbers.entry(ROOM_NUMBERS.to_owned()).or_default();
-            *highest = u32::from(of_robot).max(*highest);
+        if let Some(highest) = highest {
+            self.take_number(ROOM_NUMBERS, u32::from(highest));
         }
     }
 
@@ -231,7 +229,11 @@ impl History {
     fn take_number_of(&mut self, id: &str) {
         let Some((class, number)) = own_part(id).rsplit_once('-') else { return };
         let Ok(number) = number.parse::<u32>() else { return };
-        let highest = self.numbers.entry(class.to_owned()).or_default();
+        self.take_number(class, number);
+    }
+
+    fn take_number(&mut self, of: &str, number: u32) {
+        let highest = self.numbers.entry(of.to_owned()).or_default();
         *highest = number.max(*highest);
     }
 }

@@ -1,6 +1,7 @@
 //! Optimal assignment of one list to another.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::groups;
 
 /// Rows or columns of one connected part up to which the optimum is computed, in cubic time. A home has
 /// far smaller parts: only things in the same place are connected.
@@ -24,34 +25,22 @@ pub fn best_pairs(candidates: &[Candidate]) -> Vec<(usize, usize)> {
 
 /// Returns the connected parts of the graph of candidates.
 fn parts(candidates: &[Candidate]) -> Vec<Vec<Candidate>> {
-    // Rows and columns are the nodes 2 * row and 2 * column + 1.
-    let mut root: BTreeMap<usize, usize> = BTreeMap::new();
-    fn find(root: &mut BTreeMap<usize, usize>, node: usize) -> usize {
-        let mut at = node;
-        while let Some(&next) = root.get(&at).filter(|next| **next != at) {
-            at = next;
-        }
-        root.insert(node, at);
-        at
+    let rows = candidates.iter().map(|one| one.row + 1).max().unwrap_or(0);
+    let columns = candidates.iter().map(|one| one.column + 1).max().unwrap_or(0);
+    // Columns are numbered after the rows.
+    let mut parent: Vec<u32> = (0..(rows + columns) as u32).collect();
+    for one in candidates {
+        groups::join(&mut parent, one.row as u32, (rows + one.column) as u32);
     }
-    for candidate in candidates {
-        let [a, b] = [2 * candidate.row, 2 * candidate.column + 1].map(|node| find(&mut root, node));
-        root.insert(a.max(b), a.min(b));
-        root.entry(a.min(b)).or_insert(a.min(b));
-    }
-    let mut parts: BTreeMap<usize, Vec<Candidate>> = BTreeMap::new();
-    for candidate in candidates {
-        parts.entry(find(&mut root, 2 * candidate.row)).or_default().push(*candidate);
+    let mut parts: BTreeMap<u32, Vec<Candidate>> = BTreeMap::new();
+    for one in candidates {
+        parts.entry(groups::root(&mut parent, one.row as u32)).or_default().push(*one);
     }
     parts.into_values().collect()
 }
 
 fn best_of(part: &[Candidate]) -> Vec<(usize, usize)> {
-    let sorted = |mut all: Vec<usize>| {
-        all.sort_unstable();
-        all.dedup();
-        all
-    };
+    let sorted = |numbers: BTreeSet<usize>| numbers.into_iter().collect::<Vec<usize>>();
     let rows = sorted(part.iter().map(|one| one.row).collect());
     let columns = sorted(part.iter().map(|one| one.column).collect());
     if rows.len().max(columns.len()) > MAX_SIDE {
@@ -76,12 +65,11 @@ fn best_of(part: &[Candidate]) -> Vec<(usize, usize)> {
 fn greedy(part: &[Candidate]) -> Vec<(usize, usize)> {
     let mut sorted = part.to_vec();
     sorted.sort_unstable_by_key(|one| (-one.score, one.row, one.column));
-    let (mut rows, mut columns) = (std::collections::BTreeSet::new(), std::collections::BTreeSet::new());
+    let (mut rows, mut columns) = (BTreeSet::new(), BTreeSet::new());
     let mut pairs = Vec::new();
     for one in sorted {
-        if !rows.contains(&one.row) && !columns.contains(&one.column) {
+        if !rows.contains(&one.row) && columns.insert(one.column) {
             rows.insert(one.row);
-            columns.insert(one.column);
             pairs.push((one.row, one.column));
         }
     }

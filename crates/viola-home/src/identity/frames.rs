@@ -6,6 +6,8 @@ use viola_geometry::{LevelName, Pose2, angle_between};
 /// Distance and angle at which two clips disagree for certain about the transform; further counts the same.
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.3;
+/// A few hundred clips decide as well as thousands.
+const MAX_CLIPS: usize = 300;
 
 /// Returns the transform from the frame of a level's earlier LiDAR map into that of the present one; `None` if
 /// no clip is in both maps.
@@ -15,13 +17,11 @@ const APART_RAD: f64 = 0.3;
 pub fn map_from_earlier(level: LevelName, earlier: &[PlacedClip], now: &[PlacedClip]) -> Option<Pose2> {
     let is_on_level = |clip: &&PlacedClip| clip.level == level;
     let now: Vec<&PlacedClip> = now.iter().filter(is_on_level).collect();
-    let mut pairs: Vec<(&PlacedClip, &PlacedClip)> = earlier
+    let both = earlier
         .iter()
         .filter(is_on_level)
-        .filter_map(|then| Some((then, *now.iter().find(|clip| clip.clip == then.clip)?)))
-        .collect();
-    // A few hundred clips decide as well as thousands.
-    pairs.truncate(MAX_CLIPS);
+        .filter_map(|then| Some((then, *now.iter().find(|clip| clip.clip == then.clip)?)));
+    let pairs: Vec<(&PlacedClip, &PlacedClip)> = both.take(MAX_CLIPS).collect();
     let transform =
         |(then, now): &(&PlacedClip, &PlacedClip)| now.map_from_clip.compose(&then.map_from_clip.inverse());
     let transforms: Vec<Pose2> = pairs.iter().map(transform).collect();
@@ -36,5 +36,3 @@ pub fn map_from_earlier(level: LevelName, earlier: &[PlacedClip], now: &[PlacedC
     let best = transforms.iter().map(|one| (disagreement(one), one));
     best.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, one)| *one)
 }
-
-const MAX_CLIPS: usize = 300;

@@ -27,10 +27,16 @@ fn stated(statements: &[(&str, Statement)]) -> Stated {
     statements.iter().map(|(id, statement)| ((*id).to_owned(), statement.clone())).collect()
 }
 
-/// Gives the objects of the next revision their ids.
-fn next(history: &mut History, mut objects: Vec<Object>) -> Vec<String> {
-    history.identify_objects(&mut objects, &Stated::new(), &LookedThrough::of_times(&[]));
-    objects.into_iter().map(|object| object.id).collect()
+/// Returns the objects of the next revision with their ids.
+fn identified(history: &mut History, mut objects: Vec<Object>, looked: &LookedThrough) -> Vec<Object> {
+    history.identify_objects(&mut objects, &Stated::new(), looked);
+    objects
+}
+
+/// Returns the ids of the objects of the next revision.
+fn next(history: &mut History, objects: Vec<Object>) -> Vec<String> {
+    let identified = identified(history, objects, &LookedThrough::of_times(&[]));
+    identified.into_iter().map(|object| object.id).collect()
 }
 
 #[test]
@@ -177,7 +183,7 @@ fn an_object_is_new_only_if_its_place_was_empty_before() {
     for (name, clip, empty, is_new) in cases {
         let mut history = History::default();
         let looked = LookedThrough::of_boxes(&times, &empty);
-        history.identify_objects(&mut vec![seen_chair(1.0, clip)], &Stated::new(), &looked);
+        identified(&mut history, vec![seen_chair(1.0, clip)], &looked);
         assert_eq!(history.objects[0].is_new, is_new, "{name}");
     }
 }
@@ -187,7 +193,7 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
     let times = [Some(10), Some(20), Some(30), Some(40)];
     let looked = |empty: &[_]| LookedThrough::of_boxes(&times, empty);
     let mut history = History::default();
-    history.identify_objects(&mut vec![seen_chair(1.0, 1)], &Stated::new(), &looked(&[]));
+    identified(&mut history, vec![seen_chair(1.0, 1)], &looked(&[]));
     for (name, looked, is_gone) in [
         ("nobody looked", looked(&[]), false),
         ("an earlier clip looked", looked(&[space(1.0, 0.8, 0)]), false),
@@ -195,7 +201,7 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
         ("a later clip looked", looked(&[space(1.0, 0.8, 2)]), true),
         ("the tile did not change", LookedThrough::of_times(&times), true),
     ] {
-        history.identify_objects(&mut vec![], &Stated::new(), &looked);
+        identified(&mut history, vec![], &looked);
         assert_eq!(history.objects[0].is_gone, is_gone, "{name}");
     }
     assert_eq!(history.objects[0].missing, 4);
@@ -204,7 +210,7 @@ fn an_object_is_gone_only_if_its_place_is_empty_since() {
         ("the clip that looked through its place is deleted", vec![], 1, false),
     ] {
         let mut history = history.clone();
-        history.identify_objects(&mut vec![seen_chair(1.0, clip)], &Stated::new(), &looked(&empty));
+        identified(&mut history, vec![seen_chair(1.0, clip)], &looked(&empty));
         let known = &history.objects[0];
         assert_eq!((known.id.as_str(), known.is_new, known.is_gone), ("chair-1", is_new, false), "{name}");
     }
@@ -232,9 +238,9 @@ fn the_inside_of_an_object_tells_where_its_surface_does_not() {
     for (name, empty, is_new_or_gone) in cases {
         let looked = LookedThrough::of_boxes(&times, &empty);
         let mut history = History::default();
-        history.identify_objects(&mut vec![seen_chair(1.0, 1)], &Stated::new(), &looked);
+        identified(&mut history, vec![seen_chair(1.0, 1)], &looked);
         let is_new = history.objects[0].is_new;
-        history.identify_objects(&mut vec![], &Stated::new(), &looked);
+        identified(&mut history, vec![], &looked);
         assert_eq!([is_new, history.objects[0].is_gone], is_new_or_gone, "{name}");
     }
 }
@@ -244,13 +250,9 @@ fn an_object_that_was_pushed_aside_moved_and_one_that_was_seen_better_did_not() 
     let times = [Some(10), Some(20)];
     for (empty, moves) in [(vec![space(1.0, 0.8, 1)], 1), (vec![], 0)] {
         let mut history = History::default();
-        history.identify_objects(
-            &mut vec![seen_chair(1.0, 0)],
-            &Stated::new(),
-            &LookedThrough::of_boxes(&times, &[]),
-        );
-        let mut later = vec![seen_chair(1.3, 1)];
-        history.identify_objects(&mut later, &Stated::new(), &LookedThrough::of_boxes(&times, &empty));
+        identified(&mut history, vec![seen_chair(1.0, 0)], &LookedThrough::of_boxes(&times, &[]));
+        let later =
+            identified(&mut history, vec![seen_chair(1.3, 1)], &LookedThrough::of_boxes(&times, &empty));
         assert_eq!((later[0].id.as_str(), history.objects[0].moves), ("chair-1", moves));
     }
 }
@@ -262,10 +264,10 @@ fn small_steps_add_up_to_a_move() {
     for (empty, moves) in [(vec![space(1.0, 0.8, 3)], [0, 0, 1]), (vec![], [0, 0, 0])] {
         let mut history = History::default();
         let looked = LookedThrough::of_boxes(&times, &empty);
-        history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked);
+        identified(&mut history, vec![seen_chair(1.0, 0)], &looked);
         for (clip, moves) in (1..).zip(moves) {
-            let mut found = vec![seen_chair(1.0 + 0.1 * f64::from(clip), clip)];
-            history.identify_objects(&mut found, &Stated::new(), &looked);
+            let found =
+                identified(&mut history, vec![seen_chair(1.0 + 0.1 * f64::from(clip), clip)], &looked);
             assert_eq!((found[0].id.as_str(), history.objects[0].moves), ("chair-1", moves));
         }
     }
@@ -275,13 +277,13 @@ fn small_steps_add_up_to_a_move() {
 fn the_place_of_the_first_find_moves_with_the_frame_and_ends_with_its_clip() {
     let looked = LookedThrough::of_times(&[Some(10), Some(20)]);
     let mut history = History::default();
-    history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked);
-    history.identify_objects(&mut vec![seen_chair(1.1, 1)], &Stated::new(), &looked);
+    identified(&mut history, vec![seen_chair(1.0, 0)], &looked);
+    identified(&mut history, vec![seen_chair(1.1, 1)], &looked);
     history.move_by(&Pose2::new(2.0, 0.0, 0.0));
     let from = history.objects[0].moves_from.as_ref().unwrap();
     assert!((from.centre_m[0] - 3.0).abs() < 1e-9 && (from.points[0].0[0] - 3.0).abs() < 1e-6, "{from:?}");
     let looked = LookedThrough::of_times(&[None, Some(20)]);
-    history.identify_objects(&mut vec![seen_chair(3.1, 1)], &Stated::new(), &looked);
+    identified(&mut history, vec![seen_chair(3.1, 1)], &looked);
     assert_eq!(history.objects[0].moves_from, None);
 }
 
@@ -294,13 +296,9 @@ fn only_revisions_that_could_show_an_object_count() {
         ("its clip is deleted", LookedThrough::of_times(&[None, Some(20)]), [1, 2, 3]),
     ] {
         let mut history = History::default();
-        history.identify_objects(
-            &mut vec![seen_chair(1.0, 0)],
-            &Stated::new(),
-            &LookedThrough::of_times(&times),
-        );
+        identified(&mut history, vec![seen_chair(1.0, 0)], &LookedThrough::of_times(&times));
         for missing in missing {
-            history.identify_objects(&mut vec![], &Stated::new(), &looked);
+            identified(&mut history, vec![], &looked);
             assert_eq!(history.objects[0].missing, missing, "{name}");
         }
     }
@@ -317,14 +315,13 @@ fn what_is_left_of_an_object_that_is_gone_is_no_object() {
         (0, vec![space(1.0, 0.2, 1)], true),
     ] {
         let mut history = History::default();
-        history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked(&[]));
-        let mut left = vec![seen_chair(1.0, clip)];
-        history.identify_objects(&mut left, &Stated::new(), &looked(&empty));
+        identified(&mut history, vec![seen_chair(1.0, 0)], &looked(&[]));
+        let left = identified(&mut history, vec![seen_chair(1.0, clip)], &looked(&empty));
         assert_eq!((left.len() == 1, history.objects[0].is_gone), (is_found, !is_found), "{empty:?}");
         // It stays so as long as its tile does not change, and what a person corrected stays in any case.
         for _ in 0..2 * REMEMBERED {
-            let mut left = vec![seen_chair(1.0, clip)];
-            history.identify_objects(&mut left, &Stated::new(), &LookedThrough::of_times(&times));
+            let left =
+                identified(&mut history, vec![seen_chair(1.0, clip)], &LookedThrough::of_times(&times));
             assert_eq!(left.len() == 1, is_found, "{empty:?}");
         }
         let stated = stated(&[("chair-1", named(1.0, 1.0))]);
@@ -332,8 +329,7 @@ fn what_is_left_of_an_object_that_is_gone_is_no_object() {
         history.identify_objects(&mut left, &stated, &looked(&empty));
         assert_eq!(left.len(), 1);
         // The clip that looked through it is deleted.
-        let mut back = vec![seen_chair(1.0, 0)];
-        history.identify_objects(&mut back, &Stated::new(), &looked(&[]));
+        let back = identified(&mut history, vec![seen_chair(1.0, 0)], &looked(&[]));
         assert_eq!(back[0].id, "chair-1", "{empty:?}");
     }
 }

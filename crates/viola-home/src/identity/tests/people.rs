@@ -38,7 +38,7 @@ fn an_object_that_a_person_moved_is_shown_once() {
         ),
     ] {
         let mut history = History::default();
-        history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked);
+        identified(&mut history, vec![seen_chair(1.0, 0)], &looked);
         // The next revision shows the same.
         for _ in 0..2 {
             let mut found = objects.clone();
@@ -67,7 +67,7 @@ fn a_hidden_object_hides_no_other() {
         let mut history = History::default();
         let empty: Vec<_> = empty.into_iter().collect();
         let looked = LookedThrough::of_boxes(&times, &empty);
-        history.identify_objects(&mut vec![seen_chair(1.0, 0)], &Stated::new(), &looked);
+        identified(&mut history, vec![seen_chair(1.0, 0)], &looked);
         if !empty.is_empty() {
             history.identify_objects(&mut vec![], &stated, &looked);
         }
