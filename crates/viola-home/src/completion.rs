@@ -46,7 +46,7 @@ pub fn completion_pngs(aligned: &Aligned) -> Vec<(String, Vec<u8>)> {
     }
     for (number, view) in completion.views.iter().enumerate() {
         let depth = shades(view);
-        let mask = image::DynamicImage::from(view.mask.clone()).into_rgb8();
+        let mask = expand(&view.mask);
         let whole = [
             ("rendered", &view.rendered),
             ("mask", &mask),

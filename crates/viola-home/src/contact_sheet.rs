@@ -30,13 +30,10 @@ pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
         .flat_map(|_| stream.next_batch(1))
         .map(|frame| frame.map(|frame| tile(&frame)))
         .collect();
-    let (width, height) = size(&tiles);
-    if tiles.iter().all(Result::is_err) {
-        return Err(tiles
-            .into_iter()
-            .find_map(Result::err)
-            .unwrap_or(ClipError::NoFrames { color: 0, depth: 0 }));
-    }
+    let Some((width, height)) = size(&tiles) else {
+        let error = tiles.into_iter().find_map(Result::err);
+        return Err(error.unwrap_or(ClipError::NoFrames { color: 0, depth: 0 }));
+    };
     let rows = (count as u32).div_ceil(COLUMNS);
     let columns = COLUMNS.min(count as u32);
     let (across, down) = (width + GAP, height + CAPTION + GAP);
@@ -60,9 +57,10 @@ pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
 }
 
 /// Returns the width and the height in which every tile has room: a frame without a colour picture has half the height.
-fn size(tiles: &[Result<RgbImage, ClipError>]) -> (u32, u32) {
+/// None without a tile.
+fn size(tiles: &[Result<RgbImage, ClipError>]) -> Option<(u32, u32)> {
     let sizes = tiles.iter().flatten().map(RgbImage::dimensions);
-    sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1))).unwrap_or((SIDE, SIDE))
+    sizes.reduce(|a, b| (a.0.max(b.0), a.1.max(b.1)))
 }
 
 fn caption(header: &FrameHeader) -> String {
@@ -96,9 +94,9 @@ mod tests {
         let tile = |width: u32, height: u32| Ok(RgbImage::new(width, height));
         let broken = || Err(ClipError::NoFrames { color: 0, depth: 0 });
         for (tiles, expected) in [
-            (vec![tile(300, 169), broken(), tile(300, 338)], (300, 338)),
-            (vec![tile(300, 338), tile(300, 169)], (300, 338)),
-            (vec![broken()], (SIDE, SIDE)),
+            (vec![tile(300, 169), broken(), tile(300, 338)], Some((300, 338))),
+            (vec![tile(300, 338), tile(300, 169)], Some((300, 338))),
+            (vec![broken()], None),
         ] {
             assert_eq!(size(&tiles), expected);
         }

@@ -85,8 +85,6 @@ const MAGIC: &[u8; 8] = b"violav02";
 const MAGIC_01: &[u8; 8] = b"violav01";
 /// Maximum size of a file after inflation: far above the maximum number of key frames.
 const MAX_BYTES: u64 = 64 << 20;
-/// Header of a view: pose, camera, and layout of the readings.
-const HEAD_BYTES: usize = 7 * 8 + 2 * 4 + 4 * 8 + 2 * 2 + 4;
 
 /// Returns a clip's views and the space that they looked through as file bytes, which [`ClipContribution::read`] reads
 /// together with those of the cloud.
@@ -125,73 +123,61 @@ fn read_views(bytes: &[u8]) -> Result<(Vec<View>, Option<CarvedSpace>), UnknownF
         return Err(UnknownFileFormat);
     }
     let mut rest = plain.as_slice();
-    let mut carved = None;
-    if magic == MAGIC {
-        let (length, tail) = rest.split_first_chunk::<4>().ok_or(UnknownFileFormat)?;
-        let (own, tail) =
-            tail.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(UnknownFileFormat)?;
-        carved = Some(CarvedSpace::read(own)?);
-        rest = tail;
-    }
+    let carved = if magic == MAGIC {
+        let length = u32::from_le_bytes(take(&mut rest)?) as usize;
+        Some(CarvedSpace::read(take_slice(&mut rest, length)?)?)
+    } else {
+        None
+    };
     let mut views = Vec::new();
     while !rest.is_empty() {
-        let (head, tail) = rest.split_at_checked(HEAD_BYTES).ok_or(UnknownFileFormat)?;
-        let mut head = Numbers(head);
-        let pose = [(); 7].map(|()| head.f64());
-        let (width, height) = (head.u32(), head.u32());
-        let [fx, fy, cx, cy] = [(); 4].map(|()| head.f64());
-        let (columns, stride, count) = (head.u16(), head.u16(), head.u32() as usize);
-        let (depths, tail) =
-            tail.split_at_checked(count.checked_mul(2).ok_or(UnknownFileFormat)?).ok_or(UnknownFileFormat)?;
-        rest = tail;
-        if pose.iter().any(|value| !value.is_finite()) {
-            return Err(UnknownFileFormat);
-        }
-        let turn = Quaternion::new(pose[3], pose[0], pose[1], pose[2]);
-        // Not normalised again: that would change its last bits.
-        if (turn.norm() - 1.0).abs() > 1e-6 {
-            return Err(UnknownFileFormat);
-        }
-        let rotation = UnitQuaternion::new_unchecked(turn);
-        let depth_mm = depths.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
-        let camera = Pinhole { width, height, fx, fy, cx, cy };
-        views.push(View {
-            clip_from_camera: Pose3::from_parts(Translation3::new(pose[4], pose[5], pose[6]), rotation),
-            readings: Readings::new(camera, columns, stride, depth_mm).ok_or(UnknownFileFormat)?,
-        });
+        views.push(read_view(&mut rest)?);
     }
     Ok((views, carved))
+}
+
+fn read_view(rest: &mut &[u8]) -> Result<View, UnknownFileFormat> {
+    let pose: [f64; 7] = take_floats(rest)?;
+    let (width, height) = (u32::from_le_bytes(take(rest)?), u32::from_le_bytes(take(rest)?));
+    let [fx, fy, cx, cy] = take_floats(rest)?;
+    let (columns, stride) = (u16::from_le_bytes(take(rest)?), u16::from_le_bytes(take(rest)?));
+    let count = u32::from_le_bytes(take(rest)?) as usize;
+    let depths = take_slice(rest, count.checked_mul(2).ok_or(UnknownFileFormat)?)?;
+    let [i, j, k, w, x, y, z] = pose;
+    let turn = Quaternion::new(w, i, j, k);
+    // Not normalised again: that would change its last bits.
+    if pose.iter().any(|value| !value.is_finite()) || (turn.norm() - 1.0).abs() > 1e-6 {
+        return Err(UnknownFileFormat);
+    }
+    let depth_mm = depths.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
+    let camera = Pinhole { width, height, fx, fy, cx, cy };
+    Ok(View {
+        clip_from_camera: Pose3::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(turn)),
+        readings: Readings::new(camera, columns, stride, depth_mm).ok_or(UnknownFileFormat)?,
+    })
+}
+
+/// Takes the next bytes.
+fn take<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N], UnknownFileFormat> {
+    rest.split_off(..N).and_then(|head| head.try_into().ok()).ok_or(UnknownFileFormat)
+}
+
+fn take_slice<'a>(rest: &mut &'a [u8], length: usize) -> Result<&'a [u8], UnknownFileFormat> {
+    rest.split_off(..length).ok_or(UnknownFileFormat)
+}
+
+fn take_floats<const N: usize>(rest: &mut &[u8]) -> Result<[f64; N], UnknownFileFormat> {
+    let mut values = [0.0; N];
+    for value in &mut values {
+        *value = f64::from_le_bytes(take(rest)?);
+    }
+    Ok(values)
 }
 
 /// Returns the poses of the key frames' cameras in the clip's frame, out of the file of [`views_bytes`].
 pub fn camera_poses(views: &[u8]) -> Result<Vec<Pose3>, UnknownFileFormat> {
     let (views, _) = read_views(views)?;
     Ok(views.iter().map(|view| view.clip_from_camera).collect())
-}
-
-/// Reader of little-endian numbers; the caller checks the length.
-struct Numbers<'a>(&'a [u8]);
-
-impl Numbers<'_> {
-    fn take<const N: usize>(&mut self) -> [u8; N] {
-        let mut bytes = [0; N];
-        let (head, tail) = self.0.split_at(N.min(self.0.len()));
-        bytes[..head.len()].copy_from_slice(head);
-        self.0 = tail;
-        bytes
-    }
-
-    fn f64(&mut self) -> f64 {
-        f64::from_le_bytes(self.take())
-    }
-
-    fn u32(&mut self) -> u32 {
-        u32::from_le_bytes(self.take())
-    }
-
-    fn u16(&mut self) -> u16 {
-        u16::from_le_bytes(self.take())
-    }
 }
 
 #[cfg(test)]

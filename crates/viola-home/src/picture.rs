@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
 use viola_align::{Aligned, Alternative};
 use viola_formats::lidar::{Cell, LidarInfo, LidarMap};
-use viola_geometry::{Point2, Pose2, Vector2};
+use viola_geometry::{Grid, Point2, Pose2, Vector2};
 
 /// The longer side of a picture.
 const SIDE_PX: f64 = 1200.0;
@@ -137,7 +137,7 @@ impl Canvas {
 
     fn lidar(&mut self, lidar: &LidarMap) {
         if let Some(grid) = &lidar.cells {
-            self.cells(grid.frame.cell_m, lidar, Cell::Free, ink::FREE);
+            self.cells(grid, Cell::Free, ink::FREE);
         }
         let cell_m = lidar.cells.as_ref().map_or(0.05, |grid| grid.frame.cell_m);
         for (i, room) in lidar.rooms.iter().enumerate() {
@@ -145,7 +145,7 @@ impl Canvas {
             room.cells_m.iter().for_each(|centre| self.square(centre, cell_m, tint));
         }
         match &lidar.cells {
-            Some(_) => self.cells(cell_m, lidar, Cell::Occupied, ink::WALL),
+            Some(grid) => self.cells(grid, Cell::Occupied, ink::WALL),
             None => lidar.occupied_m.iter().for_each(|p| self.dot(p, 0.02, ink::WALL)),
         }
         if let Some(charger) = &lidar.charger {
@@ -153,12 +153,11 @@ impl Canvas {
         }
     }
 
-    fn cells(&mut self, cell_m: f64, lidar: &LidarMap, kind: Cell, ink: [u8; 4]) {
-        let Some(grid) = &lidar.cells else { return };
+    fn cells(&mut self, grid: &Grid<Cell>, kind: Cell, ink: [u8; 4]) {
         for y in 0..grid.frame.height {
             for x in 0..grid.frame.width {
                 if grid.get(x, y) == kind {
-                    self.square(&grid.frame.centre(x, y), cell_m, ink);
+                    self.square(&grid.frame.centre(x, y), grid.frame.cell_m, ink);
                 }
             }
         }
@@ -191,13 +190,17 @@ impl Canvas {
         }
     }
 
-    fn line(&mut self, points: &[Point2], ink: [u8; 4]) {
+    fn path(&self, points: &[Point2]) -> PathBuilder {
         let mut builder = PathBuilder::new();
         for (i, point) in points.iter().enumerate() {
             let (x, y) = self.place(point);
             if i == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
         }
-        if let Some(path) = builder.finish() {
+        builder
+    }
+
+    fn line(&mut self, points: &[Point2], ink: [u8; 4]) {
+        if let Some(path) = self.path(points).finish() {
             let stroke = Stroke { width: 2.5, line_cap: LineCap::Round, ..Stroke::default() };
             self.pixmap.stroke_path(&path, &paint(ink), &stroke, Transform::identity(), None);
         }
@@ -207,11 +210,7 @@ impl Canvas {
     fn wedge(&mut self, pose: &Pose2, ink: [u8; 4]) {
         let apex = Point2::new(pose.x_m, pose.y_m);
         let side = |y: f64| apex + pose.rotate(&Vector2::new(0.4, y));
-        let mut builder = PathBuilder::new();
-        for (i, point) in [apex, side(0.22), side(-0.22)].iter().enumerate() {
-            let (x, y) = self.place(point);
-            if i == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
-        }
+        let mut builder = self.path(&[apex, side(0.22), side(-0.22)]);
         builder.close();
         if let Some(path) = builder.finish() {
             let mut fill = paint(ink);
