@@ -163,15 +163,10 @@ impl<'a> Places<'a> {
 mod tests {
     use super::super::rooms::room_at;
     use super::*;
-    use viola_reconstruct::{CloudPoint, Label};
+    use viola_reconstruct::Label;
 
     fn point(x: f64, y: f64, z: f64, class: Class) -> MapPoint {
-        let position_m = [x as f32, y as f32, z as f32];
-        let label = Label::new(class, 0.9, 3);
-        MapPoint {
-            point: CloudPoint { position_m, normal: [0.0, 0.0, 1.0], color: [0; 3], label, weight: 1 },
-            clip: 0,
-        }
+        MapPoint::new([x, y, z], [0.0, 0.0, 1.0], Label::new(class, 0.9, 3))
     }
 
     #[test]

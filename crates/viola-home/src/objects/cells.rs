@@ -295,7 +295,7 @@ fn unpack(key: u64) -> [i64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_reconstruct::{CloudPoint, Label};
+    use viola_reconstruct::Label;
 
     #[test]
     fn packed_places_keep_their_order_up_to_the_farthest_map() {
@@ -314,15 +314,10 @@ mod tests {
     /// At the coordinates of a survey.
     #[test]
     fn points_far_from_the_origin_are_in_cells() {
-        let point = CloudPoint {
-            position_m: [90_000.0, -90_000.0, 0.7],
-            normal: [0.0, 0.0, 1.0],
-            color: [0; 3],
-            label: Label::new(Class::Table, 0.8, 4),
-            weight: 100,
-        };
-        let cells = Cells::new(&[MapPoint { point, clip: 0 }], super::super::CELL_M);
+        let label = Label::new(Class::Table, 0.8, 4);
+        let point = MapPoint::new([90_000.0, -90_000.0, 0.7], [0.0, 0.0, 1.0], label);
+        let cells = Cells::new(&[point], super::super::CELL_M);
         assert_eq!(cells.len(), 1);
-        assert_eq!(cells.at(&point.position_m.map(f64::from)), Some(0));
+        assert_eq!(cells.at(&point.point.position_m.map(f64::from)), Some(0));
     }
 }

@@ -155,7 +155,7 @@ fn straight(worktop: Vec<u32>, cells: &Cells, turned: &dyn Fn([f64; 3]) -> [f64;
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{found, surface};
+    use super::super::tests::{classes, found, surface};
     use super::*;
     use crate::map_point::MapPoint;
 
@@ -166,10 +166,6 @@ mod tests {
         points.extend(surface(Class::Cabinet, [a[0], a[1], 0.06], [b[0], b[1], 0.83], 0));
     }
 
-    fn classes(points: &[MapPoint]) -> Vec<Class> {
-        found(points).iter().map(|object| object.class).collect()
-    }
-
     #[test]
     fn a_kitchen_in_a_u_is_three_worktops_and_three_rows_of_units() {
         let mut points = surface(Class::Wall, [-0.1, -0.1, 0.0], [3.1, 0.0, 2.4], 0);
@@ -178,7 +174,7 @@ mod tests {
         run(&mut points, [2.4, 0.6], [3.0, 2.4], [[2.4, 0.6], [2.43, 2.4]]);
         let want =
             [Class::Cabinet, Class::Cabinet, Class::Cabinet, Class::Counter, Class::Counter, Class::Counter];
-        assert_eq!(classes(&points), want);
+        assert_eq!(classes(&found(&points)), want);
         // A part of a worktop that is called otherwise does not divide it.
         for point in &mut points {
             let [x, y, z] = point.point.position_m;
@@ -186,7 +182,7 @@ mod tests {
                 point.point.label = viola_reconstruct::Label::new(Class::Box, 0.8, 4);
             }
         }
-        assert_eq!(classes(&points), want);
+        assert_eq!(classes(&found(&points)), want);
     }
 
     #[test]
@@ -200,10 +196,7 @@ mod tests {
             }
         }
         let kitchen = found(&points);
-        assert_eq!(
-            kitchen.iter().map(|o| o.class).collect::<Vec<_>>(),
-            [Class::Cabinet, Class::Counter, Class::Sink]
-        );
+        assert_eq!(classes(&kitchen), [Class::Cabinet, Class::Counter, Class::Sink]);
         assert!((kitchen[1].size_m[0] - 3.0).abs() < 0.15, "{:?}", kitchen[1]);
     }
 
@@ -217,7 +210,7 @@ mod tests {
             point.point.label = viola_reconstruct::Label::new(class, 0.7, 0);
         }
         let kitchen = found(&points);
-        assert_eq!(kitchen.iter().map(|o| o.class).collect::<Vec<_>>(), [Class::Cabinet, Class::Counter]);
+        assert_eq!(classes(&kitchen), [Class::Cabinet, Class::Counter]);
         let [long_m, deep_m, high_m] = kitchen[0].size_m;
         assert!((long_m - 3.0).abs() < 0.15 && (deep_m - 0.6).abs() < 0.1 && high_m > 0.7, "{kitchen:?}");
     }

@@ -1,7 +1,7 @@
 mod shape;
 
 use super::*;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::Label;
 
 /// Points on a box's surface, 3 cm apart, without its underside.
 pub fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<MapPoint> {
@@ -20,15 +20,9 @@ pub fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<Ma
                 } else {
                     continue;
                 };
-                let place = |axis: usize| (low[axis] + at[axis] as f64 * 0.03) as f32;
-                let point = CloudPoint {
-                    position_m: [place(0), place(1), place(2)],
-                    normal,
-                    color: [0; 3],
-                    label: Label::new(class, 0.8, 4),
-                    weight: 100,
-                };
-                points.push(MapPoint { point, clip });
+                let position_m = [0, 1, 2].map(|axis| low[axis] + at[axis] as f64 * 0.03);
+                points
+                    .push(MapPoint { clip, ..MapPoint::new(position_m, normal, Label::new(class, 0.8, 4)) });
             }
         }
     }
@@ -37,6 +31,10 @@ pub fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<Ma
 
 pub fn found(points: &[MapPoint]) -> Vec<Object> {
     objects(points, &[], crate::MAP_VOXEL_M)
+}
+
+pub fn classes(objects: &[Object]) -> Vec<Class> {
+    objects.iter().map(|object| object.class).collect()
 }
 
 #[test]
@@ -68,8 +66,7 @@ fn an_object_has_the_clips_of_a_part_that_it_takes_in() {
     let mut points = surface(Class::Bed, [0.0, 0.0, 0.1], [1.6, 2.0, 0.6], 0);
     points.extend(surface(Class::Sofa, [0.2, 0.25, 0.1], [1.4, 1.75, 0.45], 1));
     let objects = found(&points);
-    let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
-    assert_eq!(classes, [Class::Bed]);
+    assert_eq!(classes(&objects), [Class::Bed]);
     assert_eq!(objects[0].clips, [0, 1]);
 }
 
@@ -129,8 +126,7 @@ fn a_small_table_at_a_bed_is_a_nightstand() {
     let mut points = surface(Class::Bed, [0.0, 0.0, 0.1], [1.6, 2.0, 0.5], 0);
     points.extend(surface(Class::Table, [1.75, 1.5, 0.05], [2.2, 1.95, 0.6], 0));
     points.extend(surface(Class::Table, [4.75, 1.5, 0.05], [5.2, 1.95, 0.6], 0));
-    let classes: Vec<Class> = found(&points).iter().map(|o| o.class).collect();
-    assert_eq!(classes, [Class::Bed, Class::Table, Class::Cabinet]);
+    assert_eq!(classes(&found(&points)), [Class::Bed, Class::Table, Class::Cabinet]);
 }
 
 #[test]
@@ -221,8 +217,7 @@ fn lamps_hang_from_high_ceilings_which_are_none() {
     // A patch of the ceiling that a network takes for a shelf.
     points.extend(facing_down(Class::Shelf, [0.2, 0.2, 3.0], [1.0, 1.0, 3.0]));
     points.extend(surface(Class::Lamp, [2.0, 2.0, 2.6], [2.4, 2.4, 2.9], 0));
-    let classes: Vec<Class> = found(&points).iter().map(|object| object.class).collect();
-    assert_eq!(classes, [Class::Lamp]);
+    assert_eq!(classes(&found(&points)), [Class::Lamp]);
 }
 
 /// Even surfaces alone do not make a cabinet of a shelf.
@@ -266,7 +261,6 @@ fn toilets_stand_where_toilets_are() {
         ),
     ] {
         let objects = objects(&things.concat(), &rooms, crate::MAP_VOXEL_M);
-        let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
-        assert_eq!(classes, want, "{name}");
+        assert_eq!(classes(&objects), want, "{name}");
     }
 }

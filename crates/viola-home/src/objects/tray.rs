@@ -159,21 +159,14 @@ fn pieces(mut left: BTreeSet<Place>) -> Vec<BTreeSet<Place>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_reconstruct::{CloudPoint, Label};
+    use viola_reconstruct::Label;
 
     /// A floor of 3 m by 3 m, with a raised rectangle whose lower corner is at (1, 1).
     fn floor(sides_m: [f64; 2], height_m: f64) -> Vec<MapPoint> {
         let point = |x: f64, y: f64| {
             let is_raised = (1.0..1.0 + sides_m[0]).contains(&x) && (1.0..1.0 + sides_m[1]).contains(&y);
             let z = if is_raised { height_m } else { 0.0 };
-            let point = CloudPoint {
-                position_m: [x, y, z].map(|c| c as f32),
-                normal: [0.0, 0.0, 1.0],
-                color: [200; 3],
-                label: Label::new(Class::Floor, 0.9, 0),
-                weight: 10,
-            };
-            MapPoint { point, clip: 0 }
+            MapPoint::new([x, y, z], [0.0, 0.0, 1.0], Label::new(Class::Floor, 0.9, 0))
         };
         (0..120)
             .flat_map(|i| (0..120).map(move |j| [i, j]))

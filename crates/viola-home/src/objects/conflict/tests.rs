@@ -1,7 +1,7 @@
 use super::super::Object;
 use super::*;
 use viola_geometry::progress::Silent;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::Label;
 
 /// An object filled with points 10 cm apart.
 fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3], confidence: f64) -> (Found, Vec<MapPoint>) {
@@ -11,11 +11,7 @@ fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3], confidence: f64) -
         let at = [i % count[0], i / count[0] % count[1], i / count[0] / count[1]];
         [0, 1, 2].map(|axis| centre_m[axis] - size_m[axis] / 2.0 + (at[axis] as f64 + 0.5) * 0.1)
     };
-    let point = |i: usize| {
-        let position_m = place(i).map(|c| c as f32);
-        let (normal, color, label) = ([0.0, 0.0, 1.0], [9; 3], Label::NONE);
-        MapPoint { point: CloudPoint { position_m, normal, color, label, weight: 9 }, clip: 0 }
-    };
+    let point = |i: usize| MapPoint::new(place(i), [0.0, 0.0, 1.0], Label::NONE);
     let points: Vec<MapPoint> = (0..count.iter().product()).map(point).collect();
     let object = Object::new(class, confidence, &bounds, points.len());
     (Found { object, members: (0..points.len() as u32).collect() }, points)

@@ -1,6 +1,6 @@
 //! Rules of shapes that decide the class and the size of an object.
 
-use super::{found, surface};
+use super::{classes, found, surface};
 use crate::MapPoint;
 use crate::objects::Object;
 use viola_geometry::taxonomy::Class;
@@ -32,8 +32,7 @@ fn boards_make_a_shelf() {
             points.extend(surface(Class::Cabinet, [0.4, 0.1, 1.2], [0.6, 0.3, high_m], 0));
         }
         let objects = found(&points);
-        let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
-        assert_eq!(classes, [class], "{boards_m:?}");
+        assert_eq!(classes(&objects), [class], "{boards_m:?}");
     }
 }
 
