@@ -143,6 +143,12 @@ pub struct Corrected<Field> {
     pub fields: Vec<Field>,
 }
 
+impl<Field> Corrected<Field> {
+    fn nothing(key: String) -> Corrected<Field> {
+        Corrected { key, name: None, fields: Vec::new() }
+    }
+}
+
 /// Returns what corrections state, for [`super::History::identify_objects`]. `times_ms` are the times of the corrections.
 pub fn stated(corrections: &[(String, ObjectCorrection)], times_ms: impl IntoIterator<Item = i64>) -> Stated {
     let statement = |correction: &ObjectCorrection, stated_at_ms: i64| {
@@ -306,11 +312,8 @@ pub fn correct_rooms(rooms: &mut Vec<Room>, corrections: &[(String, RoomCorrecti
         let Some(index) = at(rooms, &correction.at_m, Some(key.as_str())).filter(|_| is_done) else {
             continue;
         };
-        let of_room = corrected.entry(rooms[index].id.clone()).or_insert_with(|| Corrected {
-            key: key.clone(),
-            name: None,
-            fields: Vec::new(),
-        });
+        let of_room =
+            corrected.entry(rooms[index].id.clone()).or_insert_with(|| Corrected::nothing(key.clone()));
         of_room.name.clone_from(&rooms[index].name);
         of_room.fields.extend((!of_room.fields.contains(&field)).then_some(field));
     }

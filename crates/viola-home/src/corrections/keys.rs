@@ -16,10 +16,9 @@ pub(super) fn own_keys(
     let mut keys = BTreeMap::new();
     for (index, room) in rooms.iter().enumerate().filter(|(_, room)| !corrected.contains_key(&room.id)) {
         let same = corrections.iter().find(|(key, _)| *key == room.id);
-        let of_another = same.filter(|(key, one)| at(rooms, &one.at_m, Some(key.as_str())) != Some(index));
-        let free = (2_u32..).map(|number| format!("{}-{number}", room.id)).find(is_free);
-        if let Some(key) = free.filter(|_| of_another.is_some()) {
-            keys.insert(room.id.clone(), Corrected { key, name: None, fields: Vec::new() });
+        if same.is_some_and(|(key, one)| at(rooms, &one.at_m, Some(key.as_str())) != Some(index)) {
+            let mut numbered = (2_u32..).map(|number| format!("{}-{number}", room.id));
+            keys.extend(numbered.find(is_free).map(|key| (room.id.clone(), Corrected::nothing(key))));
         }
     }
     keys

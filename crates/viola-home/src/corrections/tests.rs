@@ -125,12 +125,14 @@ fn at(x: f64) -> RoomCorrection {
     RoomCorrection { name: None, merge: None, split: None, at_m: [x, 1.5] }
 }
 
+fn keyed(corrections: &[(&str, RoomCorrection)]) -> Vec<(String, RoomCorrection)> {
+    corrections.iter().map(|(key, one)| ((*key).to_owned(), one.clone())).collect()
+}
+
 /// Returns the id, the name, the area and the corrected fields of each room.
 fn rooms_with(corrections: &[(&str, RoomCorrection)]) -> Vec<(String, Option<String>, f64, Vec<RoomField>)> {
-    let corrections: Vec<(String, RoomCorrection)> =
-        corrections.iter().map(|(key, one)| ((*key).to_owned(), one.clone())).collect();
     let mut rooms = flat();
-    let corrected = correct_rooms(&mut rooms, &corrections).by_id;
+    let corrected = correct_rooms(&mut rooms, &keyed(corrections)).by_id;
     let fields = |id: &str| corrected.get(id).map(|one| one.fields.clone()).unwrap_or_default();
     rooms
         .into_iter()
@@ -257,7 +259,7 @@ fn a_correction_holds_while_furniture_stands_on_its_point() {
         let mut rooms = flat();
         rooms[0] =
             Room { holes_m, label_at_m: [0.8, 1.5], ..Room::rectangle("1", [0.0, 0.0], [east_m, 3.0]) };
-        correct_rooms(&mut rooms, &[(key.to_owned(), correction.clone())]);
+        correct_rooms(&mut rooms, &keyed(&[(key, correction.clone())]));
         let names: Vec<Option<&str>> = rooms.iter().map(|room| room.name.as_deref()).collect();
         assert_eq!(names, want, "{key} {east_m}");
     }
@@ -275,9 +277,7 @@ fn a_room_with_the_id_of_another_rooms_correction_has_a_key_of_its_own() {
         (vec![("3", named(2.0)), ("3-2", named(6.0))], Some(("3-3", vec![]))),
         (vec![("3", named(2.0)), ("3-2", named(10.0))], Some(("3-2", vec![RoomField::Name]))),
     ] {
-        let corrections: Vec<(String, RoomCorrection)> =
-            corrections.into_iter().map(|(key, one)| (key.to_owned(), one)).collect();
-        let corrected = correct_rooms(&mut flat(), &corrections).by_id;
+        let corrected = correct_rooms(&mut flat(), &keyed(&corrections)).by_id;
         let found = corrected.get("3").map(|one| (one.key.as_str(), one.fields.clone()));
         assert_eq!(found, want, "{corrections:?}");
     }
@@ -295,9 +295,7 @@ fn a_line_divides_the_rooms_that_are_on_its_sides_after_all_corrections() {
         (vec![("1", divided), ("2", joined)], vec![["1", "2"]]),
         (vec![("1", again)], vec![]),
     ] {
-        let corrections: Vec<(String, RoomCorrection)> =
-            corrections.into_iter().map(|(key, one)| (key.to_owned(), one)).collect();
-        let divisions = correct_rooms(&mut flat(), &corrections).divisions;
+        let divisions = correct_rooms(&mut flat(), &keyed(&corrections)).divisions;
         let rooms: Vec<[&str; 2]> =
             divisions.iter().map(|division| [0, 1].map(|side| division.rooms[side].as_str())).collect();
         assert_eq!(rooms, want, "{corrections:?}");

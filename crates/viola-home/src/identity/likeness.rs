@@ -22,26 +22,16 @@ const NEAR_M: f64 = 0.25;
 /// object with one that a person hid or moved away.
 const MIN_IOU_OF_OTHERS: f64 = 0.4;
 
-/// Classes that labels take for each other.
-const FAMILIES: [&[Class]; 5] = [
-    &[Class::Bed, Class::Sofa, Class::Chair],
-    &[
-        Class::Table,
-        Class::Desk,
-        Class::Counter,
-        Class::Cabinet,
-        Class::Shelf,
-        Class::Refrigerator,
-        Class::Stove,
-        Class::WashingMachine,
-        Class::Box,
-    ],
-    &[Class::Toilet, Class::Sink, Class::Bathtub, Class::Shower],
-    &[Class::Curtain, Class::Window, Class::Door],
-    &[Class::Picture, Class::Mirror, Class::Television],
-];
-
+/// Returns whether labels take two classes for each other.
 pub fn is_family(a: Class, b: Class) -> bool {
+    use Class::*;
+    const FAMILIES: [&[Class]; 5] = [
+        &[Bed, Sofa, Chair],
+        &[Table, Desk, Counter, Cabinet, Shelf, Refrigerator, Stove, WashingMachine, Box],
+        &[Toilet, Sink, Bathtub, Shower],
+        &[Curtain, Window, Door],
+        &[Picture, Mirror, Television],
+    ];
     a == b || FAMILIES.iter().any(|family| family.contains(&a) && family.contains(&b))
 }
 
@@ -113,10 +103,12 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object, fills: bool) -> O
         iou >= MIN_IOU_OF_OTHERS
     };
     let near = (1.0 - between_m / 2.0).max(0.0);
-    let kind = match () {
-        () if class == object.class => 0.3,
-        () if is_family(class, object.class) => 0.15,
-        () => 0.0,
+    let kind = if class == object.class {
+        0.3
+    } else if is_family(class, object.class) {
+        0.15
+    } else {
+        0.0
     };
     is_same.then_some(((iou + 0.5 * fraction + 0.5 * near + kind) * 1000.0) as i64)
 }

@@ -4,7 +4,7 @@ use super::cells::Cells;
 use super::fit::UprightBox;
 use super::fragment::Fragment;
 use super::hidden::{APPLIANCE_M, WORKTOP_M, is_front};
-use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
+use super::kind::{confusable, is_appliance, is_solid, is_storage, kind};
 use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::taxonomy::Class;
 
@@ -89,7 +89,7 @@ pub fn join(
 /// Returns whether the smaller part belongs to the larger one.
 fn belongs(large: &Part, small: &Part, cells: &Cells) -> bool {
     let (a, b) = (large.fragment.class, small.fragment.class);
-    let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
+    let is_guest = b == Class::Pillow && matches!(a, Class::Bed | Class::Sofa | Class::Chair);
     if !is_guest && !confusable(a, b) || are_separate_units(large, small) || are_far_apart(large, small) {
         return false;
     }
@@ -265,9 +265,4 @@ fn is_open(p: &[f64; 3], q: &[f64; 3], cells: &Cells) -> bool {
     let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
     let class = |t: f64| cells.at(&at(t)).and_then(|cell| cells.class(cell));
     ![0.25, 0.5, 0.75].into_iter().any(|t| class(t) == Some(Class::Wall))
-}
-
-/// Returns whether several objects of a class stand close together.
-pub fn gregarious(class: Class) -> bool {
-    matches!(class, Class::Chair)
 }

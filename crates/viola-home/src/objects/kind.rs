@@ -125,11 +125,3 @@ pub fn is_solid(class: Class) -> bool {
     use Class::*;
     matches!(class, Bed | Sofa | Chair | Cabinet | Shelf)
 }
-
-/// Returns the classes that a class of loose parts belongs to: pillows lie on beds, sofas and chairs.
-pub fn host_of(class: Class) -> Option<&'static [Class]> {
-    match class {
-        Class::Pillow => Some(&[Class::Bed, Class::Sofa, Class::Chair]),
-        _ => None,
-    }
-}

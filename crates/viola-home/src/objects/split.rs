@@ -7,8 +7,8 @@ pub(super) use wings::run_of_each;
 use super::cells::Cells;
 use super::fit::span;
 use super::fragment::Fragment;
-use super::join::gregarious;
 use super::kind::{is_storage, kind};
+use viola_geometry::taxonomy::Class;
 
 /// Splits rows of chairs at their thinnest place, wall units from base units, and runs of units or worktops at corners.
 pub fn split(fragment: Fragment, cells: &Cells) -> Vec<Fragment> {
@@ -30,7 +30,8 @@ pub fn split(fragment: Fragment, cells: &Cells) -> Vec<Fragment> {
 }
 
 fn halves(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
-    let kind = kind(fragment.class).filter(|_| gregarious(fragment.class))?;
+    // Several objects of no other class stand close together.
+    let kind = kind(fragment.class).filter(|_| fragment.class == Class::Chair)?;
     let places = cells.centres(&fragment.cells);
     let bounds = cells.fit_box(&places)?;
     let length_m = bounds.size_m[0];
