@@ -92,8 +92,7 @@ fn empty_inside(bounds: &UprightBox, judge: impl Fn([f32; 3]) -> Option<(bool, b
 /// Returns whether clips after those of an object's points see enough of `now`; a clip of unknown time may be one.
 pub fn is_seen_later(then: &[KnownPoint], now: &[KnownPoint]) -> bool {
     let last_ms = then.iter().filter_map(|point| point.1).max();
-    let later = now.iter().filter(|point| point.1.is_none() || point.1 > last_ms).count();
-    later as f64 >= MIN_SEEN_LATER * now.len() as f64
+    last_ms.is_none_or(|last_ms| is_seen_after(now, last_ms))
 }
 
 /// Returns whether clips after `time_ms` see enough of `points`; a clip of unknown time may be one.

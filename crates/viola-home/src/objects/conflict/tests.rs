@@ -24,6 +24,10 @@ fn both_resolved(a: (Found, Vec<MapPoint>), b: (Found, Vec<MapPoint>)) -> Vec<Fo
     resolve(vec![second, a.0], &points, &Silent).unwrap()
 }
 
+fn classes(kept: &[Found]) -> Vec<Class> {
+    kept.iter().map(|found| found.object.class).collect()
+}
+
 #[test]
 fn only_things_that_belong_together_share_their_space() {
     use Class::*;
@@ -89,9 +93,8 @@ fn a_table_may_stand_before_a_corner_sofa_but_not_on_its_seats() {
     ] {
         let table = object(Class::Table, centre_m, size_m, 0.9);
         let kept = both_resolved(table, corner_sofa());
-        let classes: Vec<Class> = kept.iter().map(|found| found.object.class).collect();
         let want: &[Class] = if is_kept { &[Class::Table, Class::Sofa] } else { &[Class::Sofa] };
-        assert_eq!(classes, want, "{centre_m:?}");
+        assert_eq!(classes(&kept), want, "{centre_m:?}");
     }
 }
 
@@ -129,9 +132,7 @@ fn a_large_object_stays_where_a_small_one_is_more_confident() {
         ("a lamp in a corner", corner_sofa(), small(Lamp, recess, [0.4, 0.4, 1.6]), &[Lamp, Sofa]),
         ("a chair in a corner", corner_sofa(), small(Chair, recess, [0.6, 0.6, 0.8]), &[Chair, Sofa]),
     ] {
-        let kept = both_resolved(small, large);
-        let classes: Vec<Class> = kept.iter().map(|found| found.object.class).collect();
-        assert_eq!(classes, want, "{name}");
+        assert_eq!(classes(&both_resolved(small, large)), want, "{name}");
     }
 }
 
@@ -141,6 +142,5 @@ fn an_object_of_which_only_the_front_was_measured_has_no_recess() {
     let is_front = |member: &u32| wardrobe.1[*member as usize].point.position_m[1] < -0.2;
     wardrobe.0.members.retain(is_front);
     let part = object(Class::Box, [0.0, -0.1, 0.3], [0.6, 0.4, 0.6], 0.9);
-    let classes: Vec<Class> = both_resolved(part, wardrobe).iter().map(|found| found.object.class).collect();
-    assert_eq!(classes, [Class::Cabinet]);
+    assert_eq!(classes(&both_resolved(part, wardrobe)), [Class::Cabinet]);
 }
