@@ -34,26 +34,22 @@ pub fn read_features(bytes: &[u8]) -> Result<Vec<Feature>, UnknownFileFormat> {
     let most = MAX_FEATURES * FEATURE_BYTES;
     let mut plain = Vec::new();
     let unpacked = ZlibDecoder::new(packed).take(most as u64 + 1).read_to_end(&mut plain);
-    if unpacked.is_err() || plain.len() > most || !plain.len().is_multiple_of(FEATURE_BYTES) {
+    let (features, rest) = plain.as_chunks::<FEATURE_BYTES>();
+    if unpacked.is_err() || plain.len() > most || !rest.is_empty() {
         return Err(UnknownFileFormat);
     }
-    plain.chunks_exact(FEATURE_BYTES).map(feature).collect()
+    features.iter().map(feature).collect()
 }
 
-fn feature(bytes: &[u8]) -> Result<Feature, UnknownFileFormat> {
-    let (numbers, rest) = bytes.split_at_checked(4 * 4).ok_or(UnknownFileFormat)?;
-    let mut values = [0f32; 4];
-    for (value, four) in values.iter_mut().zip(numbers.chunks_exact(4)) {
-        *value = f32::from_le_bytes(four.try_into().map_err(|_| UnknownFileFormat)?);
+fn feature(bytes: &[u8; FEATURE_BYTES]) -> Result<Feature, UnknownFileFormat> {
+    let (numbers, descriptor) = bytes.split_at(4 * 4);
+    let values = [0, 1, 2, 3].map(|at| f32::from_le_bytes(numbers.as_chunks::<4>().0[at]));
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err(UnknownFileFormat);
     }
     let [x, y, z, heading_rad] = values;
-    let descriptor = Descriptor(rest.try_into().map_err(|_| UnknownFileFormat)?);
-    let finite = values.iter().all(|value| value.is_finite());
-    if finite {
-        Ok(Feature { position_m: [x, y, z], heading_rad, descriptor })
-    } else {
-        Err(UnknownFileFormat)
-    }
+    let descriptor = Descriptor(descriptor.try_into().map_err(|_| UnknownFileFormat)?);
+    Ok(Feature { position_m: [x, y, z], heading_rad, descriptor })
 }
 
 #[cfg(test)]

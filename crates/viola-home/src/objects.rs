@@ -32,6 +32,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use viola_geometry::progress::{Cancelled, Progress, Silent};
 use viola_geometry::taxonomy::Class;
+use viola_reconstruct::CloudPoint;
 
 /// Side of the cells; at least one and a half voxels.
 const CELL_M: f64 = 0.06;
@@ -174,9 +175,9 @@ pub(super) fn find_objects_until(
 }
 
 /// Returns the minimum confidence of an object with these points.
-fn least_confidence(members: &[u32], points: &[MapPoint]) -> f64 {
-    let in_pictures = members.iter().filter(|i| points[**i as usize].point.label.views > 0).count();
-    if 2 * in_pictures >= members.len() { MIN_CONFIDENCE } else { MIN_CONFIDENCE_BY_SURFACE }
+fn least_confidence(own: &[&CloudPoint]) -> f64 {
+    let in_pictures = own.iter().filter(|point| point.label.views > 0).count();
+    if 2 * in_pictures >= own.len() { MIN_CONFIDENCE } else { MIN_CONFIDENCE_BY_SURFACE }
 }
 
 /// Returns the clips with at least [`CLIP_FRACTION`] of an object's points.
@@ -196,22 +197,22 @@ fn finish(fragment: &Fragment, cells: &Cells, points: &[MapPoint], voxel_m: f64)
     }
     let mut members: Vec<u32> = fragment.cells.iter().flat_map(|cell| cells.points(*cell)).copied().collect();
     members.sort_unstable();
-    let at: Vec<[f64; 3]> =
-        members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
+    let own: Vec<&CloudPoint> = members.iter().map(|i| &points[*i as usize].point).collect();
+    let at: Vec<[f64; 3]> = own.iter().map(|point| point.position_m.map(f64::from)).collect();
     let mut bounds = fit_box(&at, cells.wall_yaw_rad, kind::beyond(fragment.class))?;
     // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
     let measured = bounds;
-    hidden::deepen_front(&mut bounds, fragment, &members, points);
+    hidden::deepen_front(&mut bounds, fragment, &own);
     let decided = fragment.decide(&bounds, cells)?;
     // The depth of other furniture is the measured one, unless only a front was measured.
     if !kind::is_appliance(decided.class) && measured.size_m[1] >= hidden::FRONT_M {
         bounds = measured;
     }
-    hidden::complete(&mut bounds, &decided, fragment, &members, points, cells);
+    hidden::complete(&mut bounds, &decided, fragment, &own, cells);
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
-    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
+    if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&own) {
         return None;
     }
     let object = Object::new(decided.class, decided.confidence, &bounds, members.len());

@@ -4,8 +4,8 @@ use super::cells::Cells;
 use super::fit::{self, UprightBox};
 use super::fragment::{Decided, Fragment};
 use super::kind;
-use crate::map_point::MapPoint;
 use viola_geometry::taxonomy::Class;
+use viola_reconstruct::CloudPoint;
 
 /// A counter whose underside is above this is a worktop.
 pub const WORKTOP_M: f64 = 0.6;
@@ -51,12 +51,12 @@ fn is_shallower(bounds: &UprightBox, class: Class, depth_m: f64) -> bool {
 
 /// Gives units below a worktop and appliances of which only the front was measured, or the front and less of a side than any
 /// such appliance has, their usual depth: they are built in or stand at a wall.
-pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, members: &[u32], points: &[MapPoint]) {
+pub fn deepen_front(bounds: &mut UprightBox, fragment: &Fragment, own: &[&CloudPoint]) {
     let class = fragment.class;
     let (sin, cos) = bounds.yaw_rad.sin_cos();
     let (mut out, mut upright) = (0.0, 0.0);
-    for i in members {
-        let [x, y, _] = points[*i as usize].point.normal.map(f64::from);
+    for point in own {
+        let [x, y, _] = point.normal.map(f64::from);
         out += cos * y - sin * x;
         upright += x.hypot(y);
     }
@@ -79,8 +79,7 @@ pub fn complete(
     bounds: &mut UprightBox,
     decided: &Decided,
     fragment: &Fragment,
-    members: &[u32],
-    points: &[MapPoint],
+    own: &[&CloudPoint],
     cells: &Cells,
 ) {
     if decided.kind.stands && (fragment.is_unit || bounds.bottom_m() < decided.reaches_down_m) {
@@ -97,11 +96,10 @@ pub fn complete(
     }
     if decided.class == Class::Counter && bounds.bottom_m() > WORKTOP_M {
         // Other points are of things on it and of fronts below.
-        let points = || members.iter().map(|i| &points[*i as usize].point);
-        let height = |point: &viola_reconstruct::CloudPoint| f64::from(point.position_m[2]);
-        let [top_m, _] = fit::span(points().filter(|point| point.normal[2] > 0.8).map(height), 0.5);
+        let height = |point: &&CloudPoint| f64::from(point.position_m[2]);
+        let [top_m, _] = fit::span(own.iter().filter(|point| point.normal[2] > 0.8).map(height), 0.5);
         if top_m > 0.0 {
-            let [low_m, _] = fit::span(points().map(height), WORKTOP_BEYOND);
+            let [low_m, _] = fit::span(own.iter().map(height), WORKTOP_BEYOND);
             set_heights(bounds, low_m.min(top_m - WORKTOP_THICK_M), top_m);
         }
     }
