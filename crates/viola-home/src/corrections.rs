@@ -7,7 +7,7 @@
 mod keys;
 
 use super::identity::{Stated, Statement};
-use super::objects::{Object, UprightBox};
+use super::objects::{Object, UprightBox, half_turn};
 use super::rooms::{Room, merged, room_at, split};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -112,7 +112,7 @@ impl ObjectCorrection {
         UprightBox {
             centre_m: self.centre_m.unwrap_or(base.centre_m),
             size_m: self.size_m.unwrap_or(base.size_m),
-            yaw_rad: self.yaw_rad.unwrap_or(base.yaw_rad),
+            yaw_rad: self.yaw_rad.map_or(base.yaw_rad, half_turn),
         }
     }
 
@@ -127,11 +127,6 @@ impl ObjectCorrection {
         ];
         fields.into_iter().filter(|(is_set, _)| *is_set).map(|(_, field)| field).collect()
     }
-}
-
-/// Returns a yaw of a box in [0, pi).
-fn half_turn(yaw_rad: f64) -> f64 {
-    yaw_rad.rem_euclid(std::f64::consts::PI)
 }
 
 /// The corrected properties of one object or room.

@@ -23,7 +23,7 @@ pub use stated::{Stated, Statement};
 
 use super::assemble::LookedThrough;
 use super::level_ids::{on_level, own_part};
-use super::objects::{Object, UprightBox};
+use super::objects::Object;
 use super::rooms::{Room, RoomSource};
 use assignment::{Candidate, best_pairs};
 use serde::{Deserialize, Serialize};
@@ -241,15 +241,6 @@ impl History {
 fn known_room(room: &Room) -> KnownRoom {
     let Room { id, source, polygon_m, holes_m, .. } = room.clone();
     KnownRoom { id, source, polygon_m, holes_m, missing: 0 }
-}
-
-impl UprightBox {
-    /// Returns the box in another frame.
-    pub fn moved(&self, other_from_own: &Pose2) -> UprightBox {
-        let at = other_from_own.apply(&self.centre());
-        let yaw_rad = (self.yaw_rad + other_from_own.yaw_rad).rem_euclid(std::f64::consts::PI);
-        UprightBox { centre_m: [at.x, at.y, self.centre_m[2]], size_m: self.size_m, yaw_rad }
-    }
 }
 
 #[cfg(test)]

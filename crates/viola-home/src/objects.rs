@@ -19,7 +19,7 @@ mod place;
 mod split;
 mod tray;
 
-pub use fit::{UprightBox, fit_box};
+pub use fit::{UprightBox, fit_box, half_turn};
 pub use kind::is_furniture;
 pub use nesting::{Nesting, nesting, surrounds};
 pub use place::room_of;

@@ -121,6 +121,18 @@ fn places_move_with_the_frame() {
     }
 }
 
+/// Frames may differ by rounding, and a client may send -1e-17.
+#[test]
+fn a_yaw_is_never_a_half_turn() {
+    let mut objects = vec![Object { yaw_rad: 0.0, ..chair("chair-1", 1.0, 1.0) }];
+    let mut correction = ObjectCorrection::of(seen(&objects[0]));
+    correction.move_by(&Pose2::new(0.0, 0.0, -1e-17));
+    assert_eq!(correction.seen.yaw_rad, 0.0);
+    correction.yaw_rad = Some((-1e-17_f64).rem_euclid(std::f64::consts::PI));
+    correct_objects(&mut objects, &[("chair-1".to_owned(), correction)]);
+    assert_eq!(objects[0].yaw_rad, 0.0);
+}
+
 fn at(x: f64) -> RoomCorrection {
     RoomCorrection { name: None, merge: None, split: None, at_m: [x, 1.5] }
 }

@@ -2,7 +2,7 @@ mod people;
 mod rooms;
 
 use super::super::assemble::{Extent, FloorCorrection, PlacedBy, PlacedClip};
-use super::super::objects::Sample;
+use super::super::objects::{Sample, UprightBox};
 use super::*;
 use uuid::Uuid;
 

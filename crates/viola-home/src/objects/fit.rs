@@ -1,7 +1,7 @@
 //! Upright boxes around points.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use viola_geometry::{Point2, wrap_angle};
+use viola_geometry::{Point2, Pose2, wrap_angle};
 
 /// A box whose underside is below this stands on the floor.
 const STANDS_BELOW_M: f64 = 0.3;
@@ -54,6 +54,13 @@ impl UprightBox {
     /// Returns the centre of the footprint.
     pub fn centre(&self) -> Point2 {
         Point2::new(self.centre_m[0], self.centre_m[1])
+    }
+
+    /// Returns the box in another frame.
+    pub fn moved(&self, other_from_own: &Pose2) -> UprightBox {
+        let at = other_from_own.apply(&self.centre());
+        let yaw_rad = half_turn(self.yaw_rad + other_from_own.yaw_rad);
+        UprightBox { centre_m: [at.x, at.y, self.centre_m[2]], size_m: self.size_m, yaw_rad }
     }
 
     /// Returns whether the box stands on the floor.
@@ -135,6 +142,13 @@ impl UprightBox {
         let union = self.volume_m3() + other.volume_m3() - shared;
         if union > 0.0 { shared / union } else { 0.0 }
     }
+}
+
+/// Returns a box's yaw in [0, pi).
+pub fn half_turn(yaw_rad: f64) -> f64 {
+    let yaw_rad = yaw_rad.rem_euclid(PI);
+    // The remainder of a tiny negative angle is rounded to pi.
+    if yaw_rad < PI { yaw_rad } else { 0.0 }
 }
 
 /// Fraction of the points allowed beyond each face, as outliers.
