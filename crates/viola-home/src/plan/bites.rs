@@ -1,5 +1,6 @@
 //! Furniture at a wall that no clip saw. The LiDAR map has its outline, as it has that of walls.
 
+use super::axes::place;
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
 use super::islands::{MOST_FURNITURE_M2, SHORTEST_FURNITURE_M, is_unfilmed};
@@ -175,10 +176,6 @@ fn wall_beyond_door(cells: &Cells, bite: &Bite, front: Facing, side: Facing) -> 
     let through_m = steps([SAME_LINE_M, WALL_M]).find(|in_m| is_inside(end_m + STEP_M, *in_m))?;
     let beyond = cells.at(at(end_m + STEP_M, through_m)).filter(|_| is_wall)?;
     Some(cells.place(beyond)[side.axis] + usize::from(side.up))
-}
-
-fn place(axis: usize, on_axis_m: f64, other_m: f64) -> [f64; 2] {
-    if axis == 0 { [on_axis_m, other_m] } else { [other_m, on_axis_m] }
 }
 
 /// Returns the middles of equal steps between two values, at most [`STEP_M`] long.

@@ -3,6 +3,7 @@
 mod lines;
 mod refine;
 
+use super::axes::place;
 use super::cut::Graph;
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
@@ -260,11 +261,8 @@ impl Cells {
                     let facing = of_line.iter().filter(|face| face.facing.up == up);
                     facing.map(|face| face.fraction(from_m, to_m)).fold(0.0, f64::max)
                 });
-                let ends = [from_m, to_m].map(|along_m| {
-                    let mut end = [along_m; 2];
-                    end[axis] = self.lines[axis][line];
-                    Point2::from(end)
-                });
+                let ends =
+                    [from_m, to_m].map(|along_m| Point2::from(place(axis, self.lines[axis][line], along_m)));
                 let seen = [false, true].map(|up| {
                     let steps = oblique.iter().map(|face| face.step_fraction(axis, up, ends));
                     steps.fold(straight[usize::from(up)], f64::max)
@@ -274,12 +272,7 @@ impl Cells {
                     seen[usize::from(up)].max(BACK * opposite)
                 });
                 let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;
-                let cell = |before: usize| {
-                    let mut place = [step; 2];
-                    place[axis] = line - before;
-                    self.index(place)
-                };
-                let (low, high) = (cell(1), cell(0));
+                let [low, high] = [line - 1, line].map(|across| self.index(place(axis, across, step)));
                 // A face that looks up has its room above it.
                 let [down, up] = seen.map(|seen| 1.0 - seen + ANY_WALL);
                 graph.add_border(high, low, cost(up), cost(down));

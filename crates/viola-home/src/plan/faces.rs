@@ -1,5 +1,6 @@
 //! Straight faces of walls along the plan's axes, fitted to the columns of the evidence.
 
+use super::axes::place;
 use super::columns::Columns;
 use super::evidence::{Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
 use super::glazed;
@@ -222,9 +223,9 @@ fn cover(face: &mut Face, evidence: &Evidence) {
     face.cover = (first..first + count)
         .map(|column| {
             let bits = columns.band(own[0], own[1], column);
-            let mut place = [columns.low_m[1] + (column as f64 + 0.5) * columns.along_m; 2];
-            place[face.facing.axis] = face.line_m;
-            if is_lintel(bits) && evidence.is_floor(&Point2::from(place)) {
+            let along_m = columns.low_m[1] + (column as f64 + 0.5) * columns.along_m;
+            let place = Point2::from(place(face.facing.axis, face.line_m, along_m));
+            if is_lintel(bits) && evidence.is_floor(&place) {
                 return 0.0;
             }
             let is_standing = by_lidar(bits) && heights(bits) < WALL_HEIGHTS && {
@@ -237,8 +238,8 @@ fn cover(face: &mut Face, evidence: &Evidence) {
                 taller.unwrap_or(0) >= HIGHER
             };
             let seen = if is_standing || is_front { STANDING_FRACTION } else { fraction(bits) };
-            let opens = is_opening(columns.band(deep[0], deep[1], column))
-                && !is_leaf(face.facing, &Point2::from(place), evidence);
+            let opens =
+                is_opening(columns.band(deep[0], deep[1], column)) && !is_leaf(face.facing, &place, evidence);
             if opens { seen.max(OPENING_FRACTION) } else { seen }
         })
         .collect();

@@ -6,6 +6,7 @@ mod leaf;
 mod near;
 mod opening;
 
+use super::axes::span;
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
 use along::{place, within};
@@ -313,14 +314,8 @@ fn runs(
 
 /// Returns whether two openings meet.
 fn meet(a: &Opening, b: &Opening) -> bool {
-    let bounds = |opening: &Opening, axis: usize| {
-        let along = opening.corners_m().map(|corner| corner[axis]);
-        (along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max))
-    };
-    (0..2).all(|axis| {
-        let ((a_low, a_high), (b_low, b_high)) = (bounds(a, axis), bounds(b, axis));
-        a_low < b_high - 0.02 && b_low < a_high - 0.02
-    })
+    let [a, b] = [a, b].map(|opening| span(opening.corners_m()));
+    (0..2).all(|axis| a[axis][0] < b[axis][1] - 0.02 && b[axis][0] < a[axis][1] - 0.02)
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Furniture of the plan: objects along its axes, within their rooms. None is over another, except where objects may share their
 //! place.
 
+use super::axes::span;
 use super::model::{Furniture, PlanRoom};
 use crate::map_point::MapPoint;
 use crate::objects::{Nesting, Object, is_furniture, nesting, surrounds};
-use crate::rooms::outline::{contains, distance_m, off_m};
+use crate::rooms::outline::{distance_m, off_m};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -227,14 +228,8 @@ fn seen_back(object: &Object, seats: &Seats) -> Option<u8> {
 }
 
 fn bounds(piece: &Furniture) -> Bounds {
-    let corners = piece.corners_m();
-    let fold = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        corners.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    Bounds {
-        low: [0, 1].map(|axis| fold(axis, f64::min, f64::INFINITY)),
-        high: [0, 1].map(|axis| fold(axis, f64::max, f64::NEG_INFINITY)),
-    }
+    let [x, y] = span(piece.corners_m());
+    Bounds { low: [x[0], y[0]], high: [x[1], y[1]] }
 }
 
 /// Moves and cuts a piece until it is in a room and over no other, except those with which it may share its place; none if that
@@ -307,8 +302,7 @@ fn fit<'a>(
 
 /// Moves a box out of the walls of a room: away from the corners of the room that it reaches over.
 fn into_room(mut now: Bounds, room: &PlanRoom) -> Option<Bounds> {
-    let ring = &room.outline.ring_m;
-    let rings = std::iter::once(ring).chain(&room.outline.holes_m);
+    let rings = std::iter::once(&room.outline.ring_m).chain(&room.outline.holes_m);
     let edges: Vec<([f64; 2], [f64; 2])> =
         rings.flat_map(|ring| ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))).collect();
     for _ in 0..3 {
@@ -336,15 +330,11 @@ fn into_room(mut now: Bounds, room: &PlanRoom) -> Option<Bounds> {
             }
         }
     }
-    let middle = Point2::from([0, 1].map(|axis| (now.low[axis] + now.high[axis]) / 2.0));
     let steps = [0.02, 0.5, 0.98];
     let is_inside = steps.iter().all(|i| {
-        steps.iter().all(|j| {
-            let corner = Point2::new(now.low[0] + i * now.size(0), now.low[1] + j * now.size(1));
-            contains(ring, &corner) && !room.outline.holes_m.iter().any(|hole| contains(hole, &corner))
-        })
+        steps.iter().all(|j| room.contains([now.low[0] + i * now.size(0), now.low[1] + j * now.size(1)]))
     });
-    (contains(ring, &middle) && is_inside && now.size(0) > 0.0 && now.size(1) > 0.0).then_some(now)
+    (is_inside && now.size(0) > 0.0 && now.size(1) > 0.0).then_some(now)
 }
 
 /// Returns the side of a piece that stands at a wall, else the one that was seen. Beds and toilets have a short side

@@ -1,5 +1,6 @@
 //! Area of the walls beside oblique sides.
 
+use super::axes::{are_apart, span};
 use super::model::{Opening, OpeningKind, Wall, by_filming, strip};
 use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
@@ -98,21 +99,11 @@ fn beyond(wall: &Wall) -> Polygon {
 
 /// Returns the common area of two outlines.
 pub(super) fn common_m2(a: &Outline, b: &Outline) -> f64 {
-    let spans = [a, b].map(|outline| span(outline.ring_m.iter().copied()));
-    if are_apart(&spans) { 0.0 } else { polygon(a).intersection(&polygon(b)).unsigned_area() }
-}
-
-/// Returns the lowest and the highest coordinate of corners along each axis.
-pub(super) fn span(corners: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
-    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    corners.fold(none, |span, corner| {
-        [0, 1].map(|axis| [span[axis][0].min(corner[axis]), span[axis][1].max(corner[axis])])
-    })
-}
-
-/// Returns whether two spans have no common area.
-pub(super) fn are_apart([a, b]: &[[[f64; 2]; 2]; 2]) -> bool {
-    (0..2).any(|axis| a[axis][1] <= b[axis][0] || b[axis][1] <= a[axis][0])
+    if are_apart(&[a, b].map(|outline| span(&outline.ring_m))) {
+        0.0
+    } else {
+        polygon(a).intersection(&polygon(b)).unsigned_area()
+    }
 }
 
 fn ring(corners: &[[f64; 2]]) -> Polygon {

@@ -1,5 +1,6 @@
 //! A floor plan: walls, openings, rooms and furniture, in metres.
 
+use super::axes::span;
 use crate::rooms::outline::{Outline, contains};
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
@@ -178,15 +179,8 @@ impl Plan {
     /// Returns the box of all walls and rooms.
     pub fn bounds_m(&self) -> ([f64; 2], [f64; 2]) {
         let rings = self.masonry.iter().chain(self.rooms.iter().map(|room| &room.outline));
-        let corners = rings.flat_map(|outline| &outline.ring_m);
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for corner in corners {
-            for axis in 0..2 {
-                low[axis] = low[axis].min(corner[axis]);
-                high[axis] = high[axis].max(corner[axis]);
-            }
-        }
-        if low[0] > high[0] { ([0.0; 2], [1.0; 2]) } else { (low, high) }
+        let [x, y] = span(rings.flat_map(|outline| &outline.ring_m));
+        if x[0] > x[1] { ([0.0; 2], [1.0; 2]) } else { ([x[0], y[0]], [x[1], y[1]]) }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Oblique walls: the stairs that cells make of them become straight sides.
 
-use super::masonry::{common_m2, span};
+use super::axes::span;
+use super::masonry::common_m2;
 use super::model::Wall;
 use super::oblique::Oblique;
 use super::shape::{THICKEST_M, USUAL_M};
@@ -42,14 +43,12 @@ pub(super) fn straighten(outlines: &mut [Outline], faces: &[Oblique]) -> Vec<Sid
     let mut sides = Vec::new();
     let before = outlines.to_vec();
     // A large map has very many rooms, and few are at a side.
-    let boxes: Vec<[[f64; 2]; 2]> =
-        before.iter().map(|outline| span(outline.ring_m.iter().copied())).collect();
+    let boxes: Vec<[[f64; 2]; 2]> = before.iter().map(|outline| span(&outline.ring_m)).collect();
     for (room, outline) in outlines.iter_mut().enumerate() {
         let is_shared = |side: [[f64; 2]; 2]| {
             let others = before.iter().zip(&boxes).enumerate().filter(|(other, _)| *other != room);
-            let near = others
-                .filter(|(_, (_, own))| meet_spans(own, &span(side.into_iter())))
-                .map(|(_, (other, _))| other);
+            let near =
+                others.filter(|(_, (_, own))| meet_spans(own, &span(side))).map(|(_, (other, _))| other);
             near.flat_map(rings_of).any(|ring| has_part_of(ring, side))
         };
         let rings = std::iter::once(&mut outline.ring_m).chain(&mut outline.holes_m);
