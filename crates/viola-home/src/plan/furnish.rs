@@ -147,12 +147,10 @@ pub(super) fn furniture(
             placed.push(next);
         }
     }
-    let layers: Vec<u8> = placed.iter().map(|piece| layer(piece, &placed, &seats)).collect();
-    let mut pieces: Vec<(u8, Furniture)> =
-        layers.into_iter().zip(placed.into_iter().map(|p| p.piece)).collect();
+    let mut pieces: Vec<(u8, &Placed)> =
+        placed.iter().map(|piece| (layer(piece, &placed, &seats), piece)).collect();
     pieces.sort_by_key(|(layer, _)| *layer);
-    let drawn = |(layer, piece): (u8, Furniture)| Furniture { is_set_in: layer > STANDING, ..piece };
-    pieces.into_iter().map(drawn).collect()
+    pieces.into_iter().map(|(_, placed)| placed.piece.clone()).collect()
 }
 
 /// Layers of the drawing, from below: chairs and what is below the filled top of another piece, other standing pieces, worktops
@@ -198,7 +196,6 @@ fn piece(object: &Object, seats: &Seats, rooms: &[PlanRoom], plan_from_map: &Pos
         size_m,
         yaw_rad,
         back: seen_back(object, seats).map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
-        is_set_in: false,
     })
 }
 

@@ -90,7 +90,7 @@ pub struct PlanRoom {
     pub label_at_m: [f64; 2],
 }
 
-/// A piece of furniture: a rectangle along the plan's axes where it nearly is.
+/// A piece of furniture: a rectangle along the plan's axes where it nearly is. Later ones are drawn over earlier ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Furniture {
     /// Id of the object.
@@ -102,8 +102,6 @@ pub struct Furniture {
     pub yaw_rad: f64,
     /// Direction of its back, in quarter turns of its own frame from -y; none if neither a wall nor its points tell it.
     pub back: Option<u8>,
-    /// True for a piece that is drawn over another one, such as a sink in a counter.
-    pub is_set_in: bool,
 }
 
 impl PlanRoom {
