@@ -193,7 +193,8 @@ fn is_leaf(wall: &Wall, rooms: &[PlanRoom]) -> bool {
     let length_m = wall.length_m();
     let has_free_end = || {
         let ends = [-BEYOND_END_M, length_m + BEYOND_END_M];
-        ends.iter().any(|along_m| is_in_its_rooms(wall, rooms, place(wall, *along_m, 0.0)))
+        ends.iter()
+            .any(|along_m| is_in_its_rooms(wall, rooms, place(wall.from_m, wall.to_m, [*along_m, 0.0])))
     };
     wall.is_measured && wall.rooms.len() == 1 && length_m <= LEAF_M && has_free_end()
 }
@@ -205,8 +206,9 @@ fn room_side(wall: &Wall, rooms: &[PlanRoom]) -> Option<f64> {
     let count = |sign: f64| {
         let across_m = sign * (wall.thickness_m / 2.0 + DOOR_OFF_M);
         let along_m = |sample: usize| (sample as f64 + 0.5) / SAMPLES as f64 * wall.length_m();
-        let is_in_room =
-            |sample: &usize| is_in_its_rooms(wall, rooms, place(wall, along_m(*sample), across_m));
+        let is_in_room = |sample: &usize| {
+            is_in_its_rooms(wall, rooms, place(wall.from_m, wall.to_m, [along_m(*sample), across_m]))
+        };
         (0..SAMPLES).filter(is_in_room).count()
     };
     match count(1.0).cmp(&count(-1.0)) {

@@ -129,6 +129,12 @@ impl Wall {
 }
 
 impl Opening {
+    /// An opening without an id, heights and a leaf, by the ends of its centre line.
+    pub(super) fn new(kind: OpeningKind, [from_m, to_m]: [[f64; 2]; 2], thickness_m: f64) -> Opening {
+        let id = String::new();
+        Opening { id, kind, from_m, to_m, thickness_m, sill_m: None, head_m: None, swing: None }
+    }
+
     pub fn width_m(&self) -> f64 {
         (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
     }

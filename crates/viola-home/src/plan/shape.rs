@@ -71,15 +71,9 @@ fn traced(lines: [&[f64]; 2], mask: Vec<bool>) -> Vec<Outline> {
 
 /// Returns the openings of the gaps, in their order.
 pub(super) fn doors(gaps: &[Gap]) -> Vec<Opening> {
-    let door = |(number, gap): (usize, &Gap)| Opening {
-        id: format!("door-{number}"),
-        kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
-        from_m: gap.ends_m[0],
-        to_m: gap.ends_m[1],
-        thickness_m: gap.thickness_m,
-        sill_m: None,
-        head_m: None,
-        swing: None,
+    let door = |(number, gap): (usize, &Gap)| {
+        let kind = if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage };
+        Opening { id: format!("door-{number}"), ..Opening::new(kind, gap.ends_m, gap.thickness_m) }
     };
     (1..).zip(gaps).map(door).collect()
 }
@@ -192,6 +186,15 @@ fn stretch(
     if own == 0 || room(other) != 0 {
         return None;
     }
+    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
+    let of = |faces_m: [f64; 2], is_measured: bool, rooms: Vec<usize>| Stretch {
+        axis,
+        faces_m,
+        from_m,
+        to_m,
+        is_measured,
+        rooms,
+    };
     let lines = &cells.lines[axis];
     let far_m = |other: usize| if up { lines[other + 1] - lines[line] } else { lines[line] - lines[other] };
     while far_m(other) <= THICKEST_M {
@@ -201,25 +204,13 @@ fn stretch(
         if room(next) != 0 {
             let faces_m = [lines[line], lines[next]];
             let rooms = vec![own as usize - 1, room(next) as usize - 1];
-            return up.then(|| wall(cells, axis, step, faces_m, true, rooms));
+            return up.then(|| of(faces_m, true, rooms));
         }
         other = next;
     }
     let faces_m =
         if up { [lines[line], lines[line] + USUAL_M] } else { [lines[line] - USUAL_M, lines[line]] };
-    Some(wall(cells, axis, step, faces_m, false, vec![own as usize - 1]))
-}
-
-fn wall(
-    cells: &Cells,
-    axis: usize,
-    step: usize,
-    faces_m: [f64; 2],
-    is_measured: bool,
-    rooms: Vec<usize>,
-) -> Stretch {
-    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
-    Stretch { axis, faces_m, from_m, to_m, is_measured, rooms }
+    Some(of(faces_m, false, vec![own as usize - 1]))
 }
 
 /// Returns the area of the walls: what is near rooms or between them, without doors and passages.
