@@ -1,11 +1,14 @@
 //! Furniture of the plan: objects along its axes, within their rooms. None is over another, except where objects may share their
 //! place.
 
+mod corner;
+
 use super::axes::span;
 use super::model::{Furniture, PlanRoom};
 use crate::map_point::MapPoint;
-use crate::objects::{Nesting, Object, is_furniture, nesting, surrounds};
+use crate::objects::{Nesting, Object, UprightBox, is_furniture, nesting, surrounds};
 use crate::rooms::outline::{distance_m, off_m};
+use corner::corner;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -189,23 +192,25 @@ fn piece(object: &Object, seats: &Seats, rooms: &[PlanRoom], plan_from_map: &Pos
     let [x, y] = [object.size_m[0], object.size_m[1]].map(|side| side.max(MIN_SIDE_M));
     let size_m = if turns.rem_euclid(2.0) < 0.5 { [x, y] } else { [y, x] };
     let yaw_rad = if off.abs() <= SNAP_RAD.min(FRAC_PI_4) { 0.0 } else { off };
+    let (bounds, places) = (object.bounds(), seats.of(object));
+    let corner = if object.class == Class::Sofa { corner(&places, &bounds) } else { None };
+    let back = corner.map(|corner| corner.back).or_else(|| seen_back(&bounds, places));
     Some(Furniture {
         id: object.id.clone(),
         class: object.class,
         centre_m: [at.x, at.y],
         size_m,
         yaw_rad,
-        back: seen_back(object, seats).map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
+        back: back.map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
+        recess: corner.map(|corner| corner.recess),
     })
 }
 
 /// Returns the side of a seat's backrest, in quarter turns of the object's own frame from -y: the side to which
 /// the highest points are displaced. None without enough points, and for a stool.
-fn seen_back(object: &Object, seats: &Seats) -> Option<u8> {
-    let bounds = object.bounds();
+fn seen_back(bounds: &UprightBox, places: Vec<[f64; 3]>) -> Option<u8> {
     let backrest_m = BACKREST * bounds.top_m();
-    let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) =
-        seats.of(object).into_iter().partition(|at| at[2] > backrest_m);
+    let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) = places.into_iter().partition(|at| at[2] > backrest_m);
     if high.len().min(low.len()) < MIN_POINTS {
         return None;
     }
@@ -290,8 +295,8 @@ fn fit<'a>(
     } else {
         [now.size(0), now.size(1)]
     };
-    // Chairs face their tables, whatever wall is near.
-    if !is_turned && piece.class != Class::Chair {
+    // Chairs face their tables, whatever wall is near, and corner sofas their recess.
+    if !is_turned && piece.class != Class::Chair && piece.recess.is_none() {
         piece.back = back(&piece, room);
     }
     Some(Placed { object, piece, bounds: now })

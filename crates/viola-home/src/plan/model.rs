@@ -102,6 +102,9 @@ pub struct Furniture {
     pub yaw_rad: f64,
     /// Direction of its back, in quarter turns of its own frame from -y; none if neither a wall nor its points tell it.
     pub back: Option<u8>,
+    /// Fractions of its back and of the side across it that the recess of a corner sofa has; none for other pieces. The recess is
+    /// at the front, at the end of the back.
+    pub recess: Option<[f64; 2]>,
 }
 
 impl PlanRoom {
