@@ -195,7 +195,7 @@ mod tests {
             let inside =
                 vec![false, false, is_room_behind, true, false, is_room_behind, true, true, is_room_behind];
             let lines = [vec![0.0, 1.0, 1.6, 2.6], vec![0.0, 0.1, 0.7, 1.7]];
-            Cells { lines, inside, pillars: vec![false; 9], owners: vec![Vec::new(); 9] }
+            Cells { inside, ..Cells::of(lines) }
         };
         let sides = vec![Facing { axis: 0, up: false }, Facing { axis: 1, up: true }];
         let bite = Bite { low: [1, 1], high: [2, 2], sides };

@@ -44,6 +44,7 @@ const BEFORE_FACE: f64 = 0.3;
 
 /// Cells between neighbouring lines. Cell `(i, j)` reaches from `lines[0][i]` to `lines[0][i + 1]`, and from
 /// `lines[1][j]` to `lines[1][j + 1]`.
+#[derive(Clone)]
 pub(super) struct Cells {
     pub lines: [Vec<f64>; 2],
     pub inside: Vec<bool>,
@@ -56,13 +57,8 @@ pub(super) struct Cells {
 impl Cells {
     pub fn new(evidence: &Evidence, faces: &[Face], oblique: &[Oblique], rooms: &[Room]) -> Cells {
         let lines = [0, 1].map(|axis| lines(axis, evidence, faces, oblique, rooms));
-        let count = (lines[0].len() - 1) * (lines[1].len() - 1);
-        let mut cells = Cells {
-            lines,
-            inside: vec![false; count],
-            pillars: vec![false; count],
-            owners: vec![Vec::new(); count],
-        };
+        let mut cells = Cells::of(lines);
+        let count = cells.inside.len();
         let mut graph = Graph::new(count);
         for at in 0..count {
             cells.weigh(at, evidence, &mut graph);
@@ -76,6 +72,13 @@ impl Cells {
         islands::fill(&mut cells, evidence);
         islands::cut_spurs(&mut cells, evidence);
         cells
+    }
+
+    /// Cells of which nothing is known: all are outside.
+    pub fn of(lines: [Vec<f64>; 2]) -> Cells {
+        let count = (lines[0].len() - 1) * (lines[1].len() - 1);
+        let owners = vec![Vec::new(); count];
+        Cells { lines, inside: vec![false; count], pillars: vec![false; count], owners }
     }
 
     /// Returns the evidence of wall up to the ceiling whose other face is at a side of a cell.
@@ -336,8 +339,7 @@ mod tests {
     #[test]
     fn centres_between_coordinates_are_found_by_the_lines() {
         let lines = [vec![0.0, 1.0, 1.2, 3.0, 3.1, 5.0], vec![0.0, 1.0]];
-        let cells =
-            Cells { lines, inside: vec![true; 5], pillars: vec![false; 5], owners: vec![Vec::new(); 5] };
+        let cells = Cells::of(lines);
         for (from, to) in (-10..62).flat_map(|from| (from..62).map(move |to| (from, to))) {
             let [low, high] = [from, to].map(|tenths| f64::from(tenths) / 10.0);
             let found = cells.between(0, [high, low].into_iter());

@@ -168,15 +168,7 @@ mod tests {
     use super::*;
 
     fn wall(from_m: [f64; 2], to_m: [f64; 2], filmed_fraction: f64) -> Wall {
-        Wall {
-            id: String::new(),
-            from_m,
-            to_m,
-            thickness_m: 0.2,
-            is_measured: false,
-            filmed_fraction,
-            rooms: vec![0],
-        }
+        Wall { filmed_fraction, ..Wall::new([from_m, to_m], 0.2) }
     }
 
     fn area_m2(outlines: &[Outline]) -> f64 {

@@ -122,8 +122,20 @@ impl PlanRoom {
 }
 
 impl Wall {
+    /// A wall beside no room, of which one face was seen and nothing filmed, by the ends of its centre line.
+    pub(super) fn new([from_m, to_m]: [[f64; 2]; 2], thickness_m: f64) -> Wall {
+        let id = String::new();
+        Wall { id, from_m, to_m, thickness_m, is_measured: false, filmed_fraction: 0.0, rooms: Vec::new() }
+    }
+
     pub fn length_m(&self) -> f64 {
         (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+    }
+
+    /// Returns a place on its centre line.
+    pub(super) fn at(&self, along_m: f64) -> [f64; 2] {
+        let part = along_m / self.length_m().max(1e-9);
+        [0, 1].map(|axis| self.from_m[axis] + part * (self.to_m[axis] - self.from_m[axis]))
     }
 
     fn is_filmed(&self) -> bool {

@@ -130,14 +130,11 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec
             wall.rooms.sort_unstable();
             wall.rooms.dedup();
             let point = |along_m: f64| place(wall.axis, (wall.faces_m[0] + wall.faces_m[1]) / 2.0, along_m);
+            let thickness_m = wall.faces_m[1] - wall.faces_m[0];
             Wall {
-                id: String::new(),
-                from_m: point(wall.from_m),
-                to_m: point(wall.to_m),
-                thickness_m: wall.faces_m[1] - wall.faces_m[0],
                 is_measured: wall.is_measured,
-                filmed_fraction: 0.0,
                 rooms: wall.rooms,
+                ..Wall::new([point(wall.from_m), point(wall.to_m)], thickness_m)
             }
         })
         .collect()
@@ -299,12 +296,7 @@ mod tests {
         const SIDE: usize = 240;
         let lines: Vec<f64> = (0..=2 * SIDE).map(|at| at as f64 * 0.6).collect();
         let count = 4 * SIDE * SIDE;
-        let cells = Cells {
-            lines: [lines.clone(), lines.clone()],
-            inside: vec![true; count],
-            pillars: vec![false; count],
-            owners: vec![Vec::new(); count],
-        };
+        let cells = Cells { inside: vec![true; count], ..Cells::of([lines.clone(), lines.clone()]) };
         let place = |room: usize| [2 * (room % SIDE), 2 * (room / SIDE)];
         let (mut of_cell, mut joins) = (vec![0; count], vec![0; count]);
         (1..).zip(0..SIDE * SIDE).for_each(|(number, room)| of_cell[cells.index(place(room))] = number);

@@ -284,15 +284,8 @@ pub(super) fn walls(sides: &[Side], faces: &[Oblique]) -> Vec<Wall> {
             None => (USUAL_M, vec![side.room]),
         };
         let centre = |p: [f64; 2]| [0, 1].map(|axis| p[axis] - face.normal[axis] * thickness_m / 2.0);
-        walls.push(Wall {
-            id: String::new(),
-            from_m: centre(from_m),
-            to_m: centre(to_m),
-            thickness_m,
-            is_measured: other.is_some(),
-            filmed_fraction: 0.0,
-            rooms,
-        });
+        let wall = Wall::new([centre(from_m), centre(to_m)], thickness_m);
+        walls.push(Wall { is_measured: other.is_some(), rooms, ..wall });
     }
     walls
 }

@@ -2,24 +2,9 @@
 
 use super::super::room;
 use super::super::symbols::{outline_m as outline_of, strokes};
+use super::super::tests::{point, standing as object};
 use super::*;
 use crate::rooms::outline::Outline;
-use viola_reconstruct::{CloudPoint, Label};
-
-fn object(class: Class, confidence: f64, [x, y]: [f64; 2], size_m: [f64; 3]) -> Object {
-    Object {
-        id: format!("{}-1", class.name()),
-        class,
-        confidence,
-        centre_m: [x, y, size_m[2] / 2.0],
-        size_m,
-        yaw_rad: 0.0,
-        room: None,
-        points: 100,
-        clips: vec![0],
-        samples: Vec::new(),
-    }
-}
 
 fn drawn(objects: &[Object], points: &[MapPoint]) -> Vec<Furniture> {
     let ring_m = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
@@ -33,14 +18,7 @@ fn seat_points(seat: &Object, turn_rad: f64) -> Vec<MapPoint> {
     let placed = Pose2::new(seat.centre_m[0], seat.centre_m[1], turn_rad);
     let point = |[along, across, up]: [f64; 3]| {
         let at = placed.apply(&Point2::new(along * seat.size_m[0], across * seat.size_m[1]));
-        let point = CloudPoint {
-            position_m: [at.x, at.y, up * seat.size_m[2]].map(|c| c as f32),
-            normal: [0.0, 0.0, 1.0],
-            color: seat.class.color(),
-            label: Label::new(seat.class, 0.9, 3),
-            weight: 100,
-        };
-        MapPoint { point, clip: 0 }
+        self::point([at.x, at.y, up * seat.size_m[2]], [0.0, 0.0, 1.0], seat.class)
     };
     let part = |i: i32| f64::from(i) / f64::from(STEPS);
     let raster = || (0..=STEPS).flat_map(|i| (0..=STEPS).map(move |j| (i, j)));
@@ -194,16 +172,7 @@ fn corner_sofa() -> (Object, Vec<MapPoint>) {
     let part = |i: usize| (i as f64 + 0.5) / STEPS as f64 - 0.5;
     let places = (0..STEPS * STEPS).map(|i| [part(i % STEPS), part(i / STEPS)]);
     let is_seat = |[x, y]: &[f64; 2]| 2.4 * x < -0.4 || 2.4 * y < -0.4;
-    let seat = |[x, y]: [f64; 2]| {
-        let point = CloudPoint {
-            position_m: [2.0 + 2.4 * x, 2.0 + 2.4 * y, 0.4].map(|c| c as f32),
-            normal: [0.0, 0.0, 1.0],
-            color: Class::Sofa.color(),
-            label: Label::new(Class::Sofa, 0.9, 3),
-            weight: 100,
-        };
-        MapPoint { point, clip: 0 }
-    };
+    let seat = |[x, y]: [f64; 2]| point([2.0 + 2.4 * x, 2.0 + 2.4 * y, 0.4], [0.0, 0.0, 1.0], Class::Sofa);
     (object(Class::Sofa, 0.6, [2.0, 2.0], [2.4, 2.4, 0.8]), places.filter(is_seat).map(seat).collect())
 }
 

@@ -1,9 +1,9 @@
 //! Plans with corridors, beams and recesses.
 
 use super::super::*;
-use super::lidar_of;
+use super::{lidar_of, point};
 use viola_geometry::taxonomy::Class;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::Label;
 
 /// A corridor of 1.2 m by 8 m with two rooms on each side; the walls between the rooms are in one line.
 fn corridor() -> LidarMap {
@@ -21,17 +21,6 @@ fn corridor() -> LidarMap {
         walls.extend([[[0.0, y], [3.51, y]], [[4.91, y], [8.4, y]]]);
     }
     lidar_of(&walls)
-}
-
-fn point(position_m: [f64; 3], normal: [f64; 3], class: Class) -> MapPoint {
-    let point = CloudPoint {
-        position_m: position_m.map(|c| c as f32),
-        normal: normal.map(|c| c as f32),
-        color: class.color(),
-        label: Label::new(class, 0.9, 3),
-        weight: 100,
-    };
-    MapPoint { point, clip: 0 }
 }
 
 #[test]
