@@ -6,6 +6,7 @@ use super::axes::place;
 use super::cells::{Cells, on_line};
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
+use super::model::length_m;
 use super::oblique::Oblique;
 
 /// Thickness of walls between rooms.
@@ -55,8 +56,7 @@ impl Gap {
     }
 
     pub fn width_m(&self) -> f64 {
-        let [a, b] = self.ends_m;
-        (b[0] - a[0]).hypot(b[1] - a[1])
+        length_m(self.ends_m[0], self.ends_m[1])
     }
 
     /// Returns whether its width is that of a doorway or of an open plan.

@@ -129,7 +129,7 @@ impl Wall {
     }
 
     pub fn length_m(&self) -> f64 {
-        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+        length_m(self.from_m, self.to_m)
     }
 
     /// Returns a place on its centre line.
@@ -151,7 +151,7 @@ impl Opening {
     }
 
     pub fn width_m(&self) -> f64 {
-        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+        length_m(self.from_m, self.to_m)
     }
 
     /// Returns its corners: the rectangle that it takes of its wall.
@@ -210,11 +210,21 @@ pub(super) fn by_filming(walls: &[Wall]) -> (Vec<&Wall>, Vec<&Wall>) {
     walls.iter().partition(|wall| !is_any_filmed || wall.is_filmed())
 }
 
+/// Returns the distance between two places.
+pub(super) fn length_m(from_m: [f64; 2], to_m: [f64; 2]) -> f64 {
+    (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1])
+}
+
+/// Returns the unit vector from one place to another.
+pub(super) fn direction(from_m: [f64; 2], to_m: [f64; 2]) -> [f64; 2] {
+    let length_m = length_m(from_m, to_m).max(1e-9);
+    [0, 1].map(|axis| (to_m[axis] - from_m[axis]) / length_m)
+}
+
 /// Returns the corners of a strip around a line, counter-clockwise.
 pub(super) fn strip(from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64) -> [[f64; 2]; 4] {
-    let along = [to_m[0] - from_m[0], to_m[1] - from_m[1]];
-    let length_m = along[0].hypot(along[1]).max(1e-9);
-    let half = [-along[1] / length_m * thickness_m / 2.0, along[0] / length_m * thickness_m / 2.0];
+    let [x, y] = direction(from_m, to_m);
+    let half = [-y * thickness_m / 2.0, x * thickness_m / 2.0];
     let shifted = |p: [f64; 2], by: f64| [p[0] + by * half[0], p[1] + by * half[1]];
     [shifted(from_m, -1.0), shifted(to_m, -1.0), shifted(to_m, 1.0), shifted(from_m, 1.0)]
 }

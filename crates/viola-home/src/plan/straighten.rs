@@ -2,7 +2,7 @@
 
 use super::axes::span;
 use super::masonry::common_m2;
-use super::model::Wall;
+use super::model::{Wall, direction, length_m};
 use super::oblique::Oblique;
 use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
@@ -228,10 +228,7 @@ fn through(line: &Line, faces: &[Oblique]) -> [[f64; 2]; 2] {
             let face = &faces[face];
             [[face.from_m.x, face.from_m.y], [face.along.x, face.along.y]]
         }
-        None => {
-            let length_m = length_m(line.from_m, line.to_m).max(1e-9);
-            [line.from_m, [0, 1].map(|axis| (line.to_m[axis] - line.from_m[axis]) / length_m)]
-        }
+        None => [line.from_m, direction(line.from_m, line.to_m)],
     }
 }
 
@@ -239,10 +236,6 @@ fn projected(line: &Line, faces: &[Oblique], p: [f64; 2]) -> [f64; 2] {
     let Some(face) = line.face else { return p };
     let at = faces[face].at(faces[face].within(&Point2::from(p))[0]);
     [at.x, at.y]
-}
-
-fn length_m(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
 /// Returns whether no two sides of a ring cross, and it has an area.

@@ -27,6 +27,26 @@ fn lidar_of(walls: &[[[f64; 2]; 2]]) -> LidarMap {
     LidarMap::read(csv.as_bytes()).unwrap()
 }
 
+/// Returns the walls between the corners of a room.
+fn ring(corners: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
+    (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]]).collect()
+}
+
+/// Returns a plan of rooms alone.
+pub(super) fn plan_of_rooms(rooms: Vec<PlanRoom>) -> Plan {
+    Plan {
+        level: LevelName::MAIN,
+        home_name: None,
+        map_from_plan: Pose2::IDENTITY,
+        walls: Vec::new(),
+        masonry: Vec::new(),
+        unfilmed_masonry: Vec::new(),
+        openings: Vec::new(),
+        rooms,
+        furniture: Vec::new(),
+    }
+}
+
 /// Returns an object on the floor along x.
 pub(super) fn standing(class: Class, confidence: f64, [x, y]: [f64; 2], size_m: [f64; 3]) -> Object {
     Object {
@@ -269,7 +289,7 @@ fn the_label_of_a_room_with_very_many_corners_is_found_soon() {
 #[test]
 fn a_room_that_a_person_named_is_one_without_a_wall() {
     let corners = [[0.0, 0.0], [8.0, 0.0], [8.0, 4.0], [0.0, 4.0]];
-    let lidar = lidar_of(&[0, 1, 2, 3].map(|i: usize| [corners[i], corners[(i + 1) % 4]]));
+    let lidar = lidar_of(&ring(&corners));
     for (name, want) in [(None, vec![("1", 32.0)]), (Some("Kitchen"), vec![("1", 20.0), ("2", 12.0)])] {
         let mut rooms =
             [Room::rectangle("1", [0.0, 0.0], [5.0, 4.0]), Room::rectangle("2", [5.0, 0.0], [8.0, 4.0])];

@@ -121,8 +121,8 @@ fn text(out: &mut String, [x, y]: [f64; 2], is_turned: bool, words: &str) {
 mod tests {
     use super::*;
     use crate::plan::model::PlanRoom;
+    use crate::plan::tests::plan_of_rooms;
     use crate::rooms::outline::Outline;
-    use viola_geometry::{LevelName, Pose2};
 
     /// A large map: each room has few steps along a side.
     #[test]
@@ -134,17 +134,7 @@ mod tests {
             let outline = Outline { ring_m, holes_m: Vec::new() };
             PlanRoom { id: None, name: None, area_m2: 2.25, label_at_m: [x + 0.75, y + 0.75], outline }
         };
-        let plan = Plan {
-            level: LevelName::MAIN,
-            home_name: None,
-            map_from_plan: Pose2::IDENTITY,
-            walls: Vec::new(),
-            masonry: Vec::new(),
-            unfilmed_masonry: Vec::new(),
-            openings: Vec::new(),
-            rooms: (0..SIDE * SIDE).map(room).collect(),
-            furniture: Vec::new(),
-        };
+        let plan = plan_of_rooms((0..SIDE * SIDE).map(room).collect());
         let (low, high) = plan.bounds_m();
         let spans: Vec<[f64; 2]> =
             (0..SIDE).map(|place| [0.0, 1.5].map(|end| place as f64 * 2.0 + end)).collect();

@@ -1,7 +1,7 @@
 //! Plans with standing furniture.
 
 use super::super::*;
-use super::{lidar_of, standing, upright};
+use super::{lidar_of, ring, standing, upright};
 use crate::rooms::tests::flat;
 use std::f64::consts::FRAC_PI_2;
 use viola_geometry::taxonomy::Class;
@@ -21,8 +21,7 @@ pub(super) fn cabinet(place_m: [f64; 2], size_m: [f64; 3], confidence: f64) -> O
 #[test]
 fn a_wardrobe_is_no_wall() {
     let outer = [[0.9, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 1.5], [0.9, 1.5]];
-    let walls: Vec<[[f64; 2]; 2]> = (0..6).map(|i| [outer[i], outer[(i + 1) % 6]]).collect();
-    let lidar = lidar_of(&walls);
+    let lidar = lidar_of(&ring(&outer));
     let mut points = front([0.9, 0.0], [0.9, 1.5], [1.0, 0.0, 0.0]);
     points.extend(front([0.9, 1.5], [0.0, 1.5], [0.0, 1.0, 0.0]));
     // Without a sure object the clips must have called its front wall.
