@@ -4,6 +4,7 @@
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
 //! (`gaps`), and what remains connected is a room (`spaces`), so rooms are closed and never overlap.
 
+mod axes;
 mod backs;
 mod bites;
 mod cells;
@@ -47,6 +48,7 @@ use super::rooms::Room;
 use super::rooms::bands::Bands;
 use super::rooms::outline::{Outline, distance_m};
 use super::rooms::space::Space;
+use axes::{sample, span};
 use cells::Cells;
 use evidence::Evidence;
 use merges::Merges;
@@ -167,17 +169,11 @@ fn inner_point(outline: &Outline) -> [f64; 2] {
 
 /// Returns the place of a raster in a polygon that is furthest from its border; none if all are outside.
 fn innermost(outline: &Outline, steps: usize) -> Option<[f64; 2]> {
-    let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        outline.ring_m.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
-    let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+    let span = span(&outline.ring_m);
     let bands = Bands::new(&outline.ring_m, &outline.holes_m);
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..steps * steps {
-        let at = [i % steps, i / steps];
-        let p =
-            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / steps as f64 * (high[axis] - low[axis]));
+        let p = sample(span, steps, i);
         let point = Point2::from(p);
         if !bands.contains(&point) {
             continue;

@@ -1,5 +1,6 @@
 //! Furniture at a wall that no clip saw. The LiDAR map has its outline, as it has that of walls.
 
+use super::axes::place;
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
 use super::islands::{MOST_FURNITURE_M2, SHORTEST_FURNITURE_M, is_unfilmed};
@@ -177,10 +178,6 @@ fn wall_beyond_door(cells: &Cells, bite: &Bite, front: Facing, side: Facing) -> 
     Some(cells.place(beyond)[side.axis] + usize::from(side.up))
 }
 
-fn place(axis: usize, on_axis_m: f64, other_m: f64) -> [f64; 2] {
-    if axis == 0 { [on_axis_m, other_m] } else { [other_m, on_axis_m] }
-}
-
 /// Returns the middles of equal steps between two values, at most [`STEP_M`] long.
 fn steps([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     let count = ((to - from) / STEP_M).ceil().max(1.0) as usize;
@@ -198,7 +195,7 @@ mod tests {
             let inside =
                 vec![false, false, is_room_behind, true, false, is_room_behind, true, true, is_room_behind];
             let lines = [vec![0.0, 1.0, 1.6, 2.6], vec![0.0, 0.1, 0.7, 1.7]];
-            Cells { lines, inside, pillars: vec![false; 9], owners: vec![Vec::new(); 9] }
+            Cells { inside, ..Cells::of(lines) }
         };
         let sides = vec![Facing { axis: 0, up: false }, Facing { axis: 1, up: true }];
         let bite = Bite { low: [1, 1], high: [2, 2], sides };

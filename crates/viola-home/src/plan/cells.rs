@@ -3,6 +3,7 @@
 mod lines;
 mod refine;
 
+use super::axes::place;
 use super::cut::Graph;
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
@@ -43,6 +44,7 @@ const BEFORE_FACE: f64 = 0.3;
 
 /// Cells between neighbouring lines. Cell `(i, j)` reaches from `lines[0][i]` to `lines[0][i + 1]`, and from
 /// `lines[1][j]` to `lines[1][j + 1]`.
+#[derive(Clone)]
 pub(super) struct Cells {
     pub lines: [Vec<f64>; 2],
     pub inside: Vec<bool>,
@@ -55,13 +57,8 @@ pub(super) struct Cells {
 impl Cells {
     pub fn new(evidence: &Evidence, faces: &[Face], oblique: &[Oblique], rooms: &[Room]) -> Cells {
         let lines = [0, 1].map(|axis| lines(axis, evidence, faces, oblique, rooms));
-        let count = (lines[0].len() - 1) * (lines[1].len() - 1);
-        let mut cells = Cells {
-            lines,
-            inside: vec![false; count],
-            pillars: vec![false; count],
-            owners: vec![Vec::new(); count],
-        };
+        let mut cells = Cells::of(lines);
+        let count = cells.inside.len();
         let mut graph = Graph::new(count);
         for at in 0..count {
             cells.weigh(at, evidence, &mut graph);
@@ -75,6 +72,13 @@ impl Cells {
         islands::fill(&mut cells, evidence);
         islands::cut_spurs(&mut cells, evidence);
         cells
+    }
+
+    /// Cells of which nothing is known: all are outside.
+    pub fn of(lines: [Vec<f64>; 2]) -> Cells {
+        let count = (lines[0].len() - 1) * (lines[1].len() - 1);
+        let owners = vec![Vec::new(); count];
+        Cells { lines, inside: vec![false; count], pillars: vec![false; count], owners }
     }
 
     /// Returns the evidence of wall up to the ceiling whose other face is at a side of a cell.
@@ -260,11 +264,8 @@ impl Cells {
                     let facing = of_line.iter().filter(|face| face.facing.up == up);
                     facing.map(|face| face.fraction(from_m, to_m)).fold(0.0, f64::max)
                 });
-                let ends = [from_m, to_m].map(|along_m| {
-                    let mut end = [along_m; 2];
-                    end[axis] = self.lines[axis][line];
-                    Point2::from(end)
-                });
+                let ends =
+                    [from_m, to_m].map(|along_m| Point2::from(place(axis, self.lines[axis][line], along_m)));
                 let seen = [false, true].map(|up| {
                     let steps = oblique.iter().map(|face| face.step_fraction(axis, up, ends));
                     steps.fold(straight[usize::from(up)], f64::max)
@@ -274,12 +275,7 @@ impl Cells {
                     seen[usize::from(up)].max(BACK * opposite)
                 });
                 let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;
-                let cell = |before: usize| {
-                    let mut place = [step; 2];
-                    place[axis] = line - before;
-                    self.index(place)
-                };
-                let (low, high) = (cell(1), cell(0));
+                let [low, high] = [line - 1, line].map(|across| self.index(place(axis, across, step)));
                 // A face that looks up has its room above it.
                 let [down, up] = seen.map(|seen| 1.0 - seen + ANY_WALL);
                 graph.add_border(high, low, cost(up), cost(down));
@@ -343,8 +339,7 @@ mod tests {
     #[test]
     fn centres_between_coordinates_are_found_by_the_lines() {
         let lines = [vec![0.0, 1.0, 1.2, 3.0, 3.1, 5.0], vec![0.0, 1.0]];
-        let cells =
-            Cells { lines, inside: vec![true; 5], pillars: vec![false; 5], owners: vec![Vec::new(); 5] };
+        let cells = Cells::of(lines);
         for (from, to) in (-10..62).flat_map(|from| (from..62).map(move |to| (from, to))) {
             let [low, high] = [from, to].map(|tenths| f64::from(tenths) / 10.0);
             let found = cells.between(0, [high, low].into_iter());

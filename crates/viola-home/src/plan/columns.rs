@@ -1,5 +1,7 @@
 //! Columns of upright surface that faces one of four directions, in bins of the plan.
 
+use std::ops::RangeInclusive;
+
 /// Bins across a wall face and along it.
 const ACROSS_M: f64 = 0.01;
 const ALONG_M: f64 = 0.05;
@@ -48,15 +50,24 @@ impl Columns {
 
     /// Returns the bits at a place along the face, between two places across it.
     pub fn between(&self, ends_m: [f64; 2], along_m: f64) -> u32 {
-        let row =
-            |metres: f64| (((metres - self.low_m[0]) / self.across_m).max(0.0) as usize).min(self.across - 1);
         let column = (((along_m - self.low_m[1]) / self.along_m).max(0.0) as usize).min(self.along - 1);
-        let [low, high] = [ends_m[0].min(ends_m[1]), ends_m[0].max(ends_m[1])].map(row);
-        self.band(low, high, column)
+        self.band(self.rows(ends_m), column)
     }
 
-    /// Returns the bits of a column within rows `low..=high`.
-    pub fn band(&self, low: usize, high: usize, column: usize) -> u32 {
-        (low..=high.min(self.across - 1)).fold(0, |bits, row| bits | self.bits[row * self.along + column])
+    /// Returns the rows from one place across the face to another one, in any order; the first or the last row for those beyond.
+    pub fn rows(&self, ends_m: [f64; 2]) -> RangeInclusive<usize> {
+        let row =
+            |metres: f64| (((metres - self.low_m[0]) / self.across_m).max(0.0) as usize).min(self.across - 1);
+        row(ends_m[0].min(ends_m[1]))..=row(ends_m[0].max(ends_m[1]))
+    }
+
+    /// Returns the number of columns before a place along the face, whose nearest border counts.
+    pub fn columns_before(&self, along_m: f64) -> usize {
+        (((along_m - self.low_m[1]) / self.along_m).round().max(0.0) as usize).min(self.along)
+    }
+
+    /// Returns the bits of a column within rows.
+    pub fn band(&self, rows: RangeInclusive<usize>, column: usize) -> u32 {
+        rows.fold(0, |bits, row| bits | self.bits[row * self.along + column])
     }
 }

@@ -23,20 +23,16 @@ impl Graph {
     /// Adds the costs of a node: if it ends outside, and if it ends inside.
     pub fn add_node(&mut self, node: usize, if_outside: i64, if_inside: i64) {
         if if_outside > 0 {
-            self.add(self.source, node, if_outside, 0);
+            self.add_border(self.source, node, if_outside, 0);
         }
         if if_inside > 0 {
-            self.add(node, self.sink, if_inside, 0);
+            self.add_border(node, self.sink, if_inside, 0);
         }
     }
 
     /// Adds the cost of `inside` ending inside while `outside` ends outside, and of the reverse.
     pub fn add_border(&mut self, inside: usize, outside: usize, cost: i64, reverse: i64) {
-        self.add(inside, outside, cost, reverse);
-    }
-
-    fn add(&mut self, from: usize, to: usize, capacity: i64, reverse: i64) {
-        for (from, to, left) in [(from, to, capacity), (to, from, reverse)] {
+        for (from, to, left) in [(inside, outside, cost), (outside, inside, reverse)] {
             self.of_node[from].push(self.arcs.len() as u32);
             self.arcs.push(Arc { to: to as u32, left });
         }

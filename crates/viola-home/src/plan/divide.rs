@@ -1,7 +1,8 @@
 //! Rooms that people divided: the plan is made with each of them in one, and is then cut along their lines, which need not
 //! be parallel to any wall.
 
-use super::masonry::{self, pieces, polygon, span};
+use super::axes::{self, span};
+use super::masonry::{pieces, polygon};
 use super::model::{Plan, PlanRoom, Wall};
 use crate::corrections::RoomDivision;
 use crate::rooms::Room;
@@ -156,7 +157,7 @@ fn common_m2(piece: &Polygon, member: &Polygon) -> f64 {
 
 /// Returns whether the boxes around two polygons are apart.
 fn are_apart(a: &Polygon, b: &Polygon) -> bool {
-    masonry::are_apart(
+    axes::are_apart(
         &[a, b].map(|polygon| span(polygon.exterior().0.iter().map(|corner| [corner.x, corner.y]))),
     )
 }

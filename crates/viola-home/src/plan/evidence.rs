@@ -315,18 +315,9 @@ impl<'a> Evidence<'a> {
         is: impl Fn(u32) -> bool,
     ) -> f64 {
         let columns = &self.columns[facing.index()];
-        let row = |metres: f64| {
-            let row = (line_m + facing.sign() * metres - columns.low_m[0]) / columns.across_m;
-            (row.max(0.0) as usize).min(columns.across - 1)
-        };
-        let column = |metres: f64| {
-            let column = (metres - columns.low_m[1]) / columns.along_m;
-            (column.round().max(0.0) as usize).min(columns.along)
-        };
-        let rows = band_m.map(row);
-        let (low, high) = (rows[0].min(rows[1]), rows[0].max(rows[1]));
-        let (from, to) = (column(span_m[0]), column(span_m[1]));
-        let shown = (from..to).filter(|column| is(columns.band(low, high, *column))).count();
+        let rows = columns.rows(band_m.map(|metres| line_m + facing.sign() * metres));
+        let [from, to] = span_m.map(|metres| columns.columns_before(metres));
+        let shown = (from..to).filter(|column| is(columns.band(rows.clone(), *column))).count();
         shown as f64 / (to - from.min(to)).max(1) as f64
     }
 

@@ -1,5 +1,6 @@
 //! Straight faces of walls along the plan's axes, fitted to the columns of the evidence.
 
+use super::axes::place;
 use super::columns::Columns;
 use super::evidence::{Evidence, Facing, above, by_lidar, fraction, heights, is_lintel, is_opening};
 use super::glazed;
@@ -104,12 +105,10 @@ pub(super) struct Run {
 fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
     let half = ((BAND_M / seen.across_m).round() as usize).max(1);
     let mut left = Columns { bits: seen.bits.clone(), ..*seen };
-    let best_of =
-        |columns: &Columns, row: usize| {
-            best_run((0..columns.along).map(|column| {
-                fraction(columns.band(row.saturating_sub(half), row + half, column)) - GAP_LOSS
-            }))
-        };
+    let best_of = |columns: &Columns, row: usize| {
+        let rows = row.saturating_sub(half)..=(row + half).min(columns.across - 1);
+        best_run((0..columns.along).map(|column| fraction(columns.band(rows.clone(), column)) - GAP_LOSS))
+    };
     let mut best: Vec<Run> = (0..seen.across).map(|row| best_of(&left, row)).collect();
     let mut faces = Vec::new();
     while faces.len() < MAX_FACES {
@@ -123,10 +122,8 @@ fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
         }
         let (line_m, weight) = fitted(&left, row, half, &run);
         faces.push(Face::new(facing, line_m, seen, &run, weight));
-        let near = |metres: f64| {
-            (((line_m + metres - seen.low_m[0]) / seen.across_m).max(0.0) as usize).min(seen.across - 1)
-        };
-        let (low, high) = (near(-CLEAR_M).min(row), near(CLEAR_M).max(row));
+        let near = seen.rows([line_m - CLEAR_M, line_m + CLEAR_M]);
+        let (low, high) = (row.min(*near.start()), row.max(*near.end()));
         for row in low..=high {
             left.bits[row * seen.along + run.from..row * seen.along + run.to].fill(0);
         }
@@ -204,14 +201,9 @@ fn straighten(faces: &mut [Face]) {
 /// Measures the evidence of each column of a face.
 fn cover(face: &mut Face, evidence: &Evidence) {
     let columns = &evidence.columns[face.facing.index()];
-    let row = |metres: f64| {
-        let row = (face.line_m + metres - columns.low_m[0]) / columns.across_m;
-        (row.max(0.0) as usize).min(columns.across - 1)
-    };
     // Rows from one distance before the face to another; behind it is negative.
     let rows = |behind_m: f64, before_m: f64| {
-        let ends = [behind_m, before_m].map(|metres| row(face.facing.sign() * metres));
-        [ends[0].min(ends[1]), ends[0].max(ends[1])]
+        columns.rows([behind_m, before_m].map(|metres| face.line_m + face.facing.sign() * metres))
     };
     let own = rows(-BAND_M - 0.02, BAND_M + 0.02);
     let deep = rows(-BEHIND_M, BEFORE_M);
@@ -221,24 +213,21 @@ fn cover(face: &mut Face, evidence: &Evidence) {
     let count = ((face.to_m - face.from_m) / columns.along_m).round() as usize;
     face.cover = (first..first + count)
         .map(|column| {
-            let bits = columns.band(own[0], own[1], column);
-            let mut place = [columns.low_m[1] + (column as f64 + 0.5) * columns.along_m; 2];
-            place[face.facing.axis] = face.line_m;
-            if is_lintel(bits) && evidence.is_floor(&Point2::from(place)) {
+            let bits = columns.band(own.clone(), column);
+            let along_m = columns.low_m[1] + (column as f64 + 0.5) * columns.along_m;
+            let place = Point2::from(place(face.facing.axis, face.line_m, along_m));
+            if is_lintel(bits) && evidence.is_floor(&place) {
                 return 0.0;
             }
-            let is_standing = by_lidar(bits) && heights(bits) < WALL_HEIGHTS && {
-                let most = (behind[0]..=behind[1]).map(|row| heights(columns.band(row, row, column))).max();
-                most.unwrap_or(0) >= WALL_HEIGHTS
-            };
-            let is_front = heights(bits) >= WALL_HEIGHTS && {
-                let taller =
-                    (far[0]..=far[1]).map(|row| heights(columns.band(row, row, column) & above(bits))).max();
-                taller.unwrap_or(0) >= HIGHER
-            };
+            let of_row = |row: usize| columns.band(row..=row, column);
+            let is_standing = by_lidar(bits)
+                && heights(bits) < WALL_HEIGHTS
+                && behind.clone().any(|row| heights(of_row(row)) >= WALL_HEIGHTS);
+            let is_front = heights(bits) >= WALL_HEIGHTS
+                && far.clone().any(|row| heights(of_row(row) & above(bits)) >= HIGHER);
             let seen = if is_standing || is_front { STANDING_FRACTION } else { fraction(bits) };
-            let opens = is_opening(columns.band(deep[0], deep[1], column))
-                && !is_leaf(face.facing, &Point2::from(place), evidence);
+            let opens =
+                is_opening(columns.band(deep.clone(), column)) && !is_leaf(face.facing, &place, evidence);
             if opens { seen.max(OPENING_FRACTION) } else { seen }
         })
         .collect();

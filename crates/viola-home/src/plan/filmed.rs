@@ -78,12 +78,8 @@ pub(super) fn parts(walls: &[Wall], ways: &[Opening], evidence: &Evidence) -> Ve
             parts.push(wall.clone());
             continue;
         }
-        let length_m = wall.length_m();
-        let place = |along_m: f64| {
-            [0, 1].map(|axis| wall.from_m[axis] + along_m / length_m * (wall.to_m[axis] - wall.from_m[axis]))
-        };
         for ends in ends_m.windows(2) {
-            let mut part = Wall { from_m: place(ends[0]), to_m: place(ends[1]), ..wall.clone() };
+            let mut part = Wall { from_m: wall.at(ends[0]), to_m: wall.at(ends[1]), ..wall.clone() };
             part.filmed_fraction = fraction(&part, ways, evidence);
             parts.push(part);
         }
@@ -134,15 +130,8 @@ mod tests {
 
     #[test]
     fn a_wall_has_its_parts_between_other_walls() {
-        let wall = |from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64| Wall {
-            id: String::new(),
-            from_m,
-            to_m,
-            thickness_m,
-            is_measured: false,
-            filmed_fraction: 0.0,
-            rooms: Vec::new(),
-        };
+        let wall =
+            |from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64| Wall::new([from_m, to_m], thickness_m);
         // A facade below three rooms, its corners, two partitions, and walls that do not meet it.
         let walls = [
             wall([0.0, -0.1], [9.0, -0.1], 0.2),

@@ -6,6 +6,7 @@ mod leaf;
 mod near;
 mod opening;
 
+use super::axes::span;
 use super::model::{Opening, OpeningKind, Plan, PlanRoom, Wall};
 use crate::map_point::MapPoint;
 use along::{place, within};
@@ -192,7 +193,8 @@ fn is_leaf(wall: &Wall, rooms: &[PlanRoom]) -> bool {
     let length_m = wall.length_m();
     let has_free_end = || {
         let ends = [-BEYOND_END_M, length_m + BEYOND_END_M];
-        ends.iter().any(|along_m| is_in_its_rooms(wall, rooms, place(wall, *along_m, 0.0)))
+        ends.iter()
+            .any(|along_m| is_in_its_rooms(wall, rooms, place(wall.from_m, wall.to_m, [*along_m, 0.0])))
     };
     wall.is_measured && wall.rooms.len() == 1 && length_m <= LEAF_M && has_free_end()
 }
@@ -204,8 +206,9 @@ fn room_side(wall: &Wall, rooms: &[PlanRoom]) -> Option<f64> {
     let count = |sign: f64| {
         let across_m = sign * (wall.thickness_m / 2.0 + DOOR_OFF_M);
         let along_m = |sample: usize| (sample as f64 + 0.5) / SAMPLES as f64 * wall.length_m();
-        let is_in_room =
-            |sample: &usize| is_in_its_rooms(wall, rooms, place(wall, along_m(*sample), across_m));
+        let is_in_room = |sample: &usize| {
+            is_in_its_rooms(wall, rooms, place(wall.from_m, wall.to_m, [along_m(*sample), across_m]))
+        };
         (0..SAMPLES).filter(is_in_room).count()
     };
     match count(1.0).cmp(&count(-1.0)) {
@@ -313,14 +316,8 @@ fn runs(
 
 /// Returns whether two openings meet.
 fn meet(a: &Opening, b: &Opening) -> bool {
-    let bounds = |opening: &Opening, axis: usize| {
-        let along = opening.corners_m().map(|corner| corner[axis]);
-        (along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max))
-    };
-    (0..2).all(|axis| {
-        let ((a_low, a_high), (b_low, b_high)) = (bounds(a, axis), bounds(b, axis));
-        a_low < b_high - 0.02 && b_low < a_high - 0.02
-    })
+    let [a, b] = [a, b].map(|opening| span(opening.corners_m()));
+    (0..2).all(|axis| a[axis][0] < b[axis][1] - 0.02 && b[axis][0] < a[axis][1] - 0.02)
 }
 
 #[cfg(test)]

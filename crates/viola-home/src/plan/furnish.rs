@@ -1,10 +1,14 @@
 //! Furniture of the plan: objects along its axes, within their rooms. None is over another, except where objects may share their
 //! place.
 
+mod corner;
+
+use super::axes::span;
 use super::model::{Furniture, PlanRoom};
 use crate::map_point::MapPoint;
-use crate::objects::{Nesting, Object, is_furniture, nesting, surrounds};
-use crate::rooms::outline::{contains, distance_m, off_m};
+use crate::objects::{Nesting, Object, UprightBox, is_furniture, nesting, surrounds};
+use crate::rooms::outline::{distance_m, off_m};
+use corner::corner;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -146,12 +150,10 @@ pub(super) fn furniture(
             placed.push(next);
         }
     }
-    let layers: Vec<u8> = placed.iter().map(|piece| layer(piece, &placed, &seats)).collect();
-    let mut pieces: Vec<(u8, Furniture)> =
-        layers.into_iter().zip(placed.into_iter().map(|p| p.piece)).collect();
+    let mut pieces: Vec<(u8, &Placed)> =
+        placed.iter().map(|piece| (layer(piece, &placed, &seats), piece)).collect();
     pieces.sort_by_key(|(layer, _)| *layer);
-    let drawn = |(layer, piece): (u8, Furniture)| Furniture { is_set_in: layer > STANDING, ..piece };
-    pieces.into_iter().map(drawn).collect()
+    pieces.into_iter().map(|(_, placed)| placed.piece.clone()).collect()
 }
 
 /// Layers of the drawing, from below: chairs and what is below the filled top of another piece, other standing pieces, worktops
@@ -190,24 +192,25 @@ fn piece(object: &Object, seats: &Seats, rooms: &[PlanRoom], plan_from_map: &Pos
     let [x, y] = [object.size_m[0], object.size_m[1]].map(|side| side.max(MIN_SIDE_M));
     let size_m = if turns.rem_euclid(2.0) < 0.5 { [x, y] } else { [y, x] };
     let yaw_rad = if off.abs() <= SNAP_RAD.min(FRAC_PI_4) { 0.0 } else { off };
+    let (bounds, places) = (object.bounds(), seats.of(object));
+    let corner = if object.class == Class::Sofa { corner(&places, &bounds) } else { None };
+    let back = corner.map(|corner| corner.back).or_else(|| seen_back(&bounds, places));
     Some(Furniture {
         id: object.id.clone(),
         class: object.class,
         centre_m: [at.x, at.y],
         size_m,
         yaw_rad,
-        back: seen_back(object, seats).map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
-        is_set_in: false,
+        back: back.map(|side| (side + turns.rem_euclid(4.0) as u8) % 4),
+        recess: corner.map(|corner| corner.recess),
     })
 }
 
 /// Returns the side of a seat's backrest, in quarter turns of the object's own frame from -y: the side to which
 /// the highest points are displaced. None without enough points, and for a stool.
-fn seen_back(object: &Object, seats: &Seats) -> Option<u8> {
-    let bounds = object.bounds();
+fn seen_back(bounds: &UprightBox, places: Vec<[f64; 3]>) -> Option<u8> {
     let backrest_m = BACKREST * bounds.top_m();
-    let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) =
-        seats.of(object).into_iter().partition(|at| at[2] > backrest_m);
+    let (high, low): (Vec<[f64; 3]>, Vec<[f64; 3]>) = places.into_iter().partition(|at| at[2] > backrest_m);
     if high.len().min(low.len()) < MIN_POINTS {
         return None;
     }
@@ -227,14 +230,8 @@ fn seen_back(object: &Object, seats: &Seats) -> Option<u8> {
 }
 
 fn bounds(piece: &Furniture) -> Bounds {
-    let corners = piece.corners_m();
-    let fold = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        corners.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    Bounds {
-        low: [0, 1].map(|axis| fold(axis, f64::min, f64::INFINITY)),
-        high: [0, 1].map(|axis| fold(axis, f64::max, f64::NEG_INFINITY)),
-    }
+    let [x, y] = span(piece.corners_m());
+    Bounds { low: [x[0], y[0]], high: [x[1], y[1]] }
 }
 
 /// Moves and cuts a piece until it is in a room and over no other, except those with which it may share its place; none if that
@@ -298,8 +295,8 @@ fn fit<'a>(
     } else {
         [now.size(0), now.size(1)]
     };
-    // Chairs face their tables, whatever wall is near.
-    if !is_turned && piece.class != Class::Chair {
+    // Chairs face their tables, whatever wall is near, and corner sofas their recess.
+    if !is_turned && piece.class != Class::Chair && piece.recess.is_none() {
         piece.back = back(&piece, room);
     }
     Some(Placed { object, piece, bounds: now })
@@ -307,8 +304,7 @@ fn fit<'a>(
 
 /// Moves a box out of the walls of a room: away from the corners of the room that it reaches over.
 fn into_room(mut now: Bounds, room: &PlanRoom) -> Option<Bounds> {
-    let ring = &room.outline.ring_m;
-    let rings = std::iter::once(ring).chain(&room.outline.holes_m);
+    let rings = std::iter::once(&room.outline.ring_m).chain(&room.outline.holes_m);
     let edges: Vec<([f64; 2], [f64; 2])> =
         rings.flat_map(|ring| ring.iter().zip(ring.iter().cycle().skip(1)).map(|(a, b)| (*a, *b))).collect();
     for _ in 0..3 {
@@ -336,15 +332,11 @@ fn into_room(mut now: Bounds, room: &PlanRoom) -> Option<Bounds> {
             }
         }
     }
-    let middle = Point2::from([0, 1].map(|axis| (now.low[axis] + now.high[axis]) / 2.0));
     let steps = [0.02, 0.5, 0.98];
     let is_inside = steps.iter().all(|i| {
-        steps.iter().all(|j| {
-            let corner = Point2::new(now.low[0] + i * now.size(0), now.low[1] + j * now.size(1));
-            contains(ring, &corner) && !room.outline.holes_m.iter().any(|hole| contains(hole, &corner))
-        })
+        steps.iter().all(|j| room.contains([now.low[0] + i * now.size(0), now.low[1] + j * now.size(1)]))
     });
-    (contains(ring, &middle) && is_inside && now.size(0) > 0.0 && now.size(1) > 0.0).then_some(now)
+    (is_inside && now.size(0) > 0.0 && now.size(1) > 0.0).then_some(now)
 }
 
 /// Returns the side of a piece that stands at a wall, else the one that was seen. Beds and toilets have a short side

@@ -2,9 +2,11 @@
 
 mod slanted;
 
+use super::axes::place;
 use super::cells::{Cells, on_line};
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
+use super::model::length_m;
 use super::oblique::Oblique;
 
 /// Thickness of walls between rooms.
@@ -54,8 +56,7 @@ impl Gap {
     }
 
     pub fn width_m(&self) -> f64 {
-        let [a, b] = self.ends_m;
-        (b[0] - a[0]).hypot(b[1] - a[1])
+        length_m(self.ends_m[0], self.ends_m[1])
     }
 
     /// Returns whether its width is that of a doorway or of an open plan.
@@ -86,18 +87,13 @@ impl Span {
     }
 
     fn at(&self, cells: &Cells, across: usize, along: usize) -> usize {
-        let mut place = [along; 2];
-        place[self.axis] = across;
-        cells.index(place)
+        cells.index(place(self.axis, across, along))
     }
 
     fn gap(&self, cells: &Cells, evidence: &Evidence) -> Gap {
         let across = self.lines.map(|line| cells.lines[self.axis][line]);
-        let ends_m = [self.from, self.to].map(|step| {
-            let mut end = [cells.lines[1 - self.axis][step]; 2];
-            end[self.axis] = (across[0] + across[1]) / 2.0;
-            end
-        });
+        let ends_m = [self.from, self.to]
+            .map(|step| place(self.axis, (across[0] + across[1]) / 2.0, cells.lines[1 - self.axis][step]));
         Gap {
             cells: self.cells(cells),
             beside: [false, true].map(|up| self.beside(cells, up)),
@@ -122,11 +118,10 @@ impl Span {
     fn has_stub(&self, cells: &Cells, at_end: bool) -> bool {
         let (step, beyond_m) = if at_end { (self.to, STUB_M) } else { (self.from, -STUB_M) };
         let across = self.lines.map(|line| cells.lines[self.axis][line]);
-        [across[0] - STUB_M, across[1] + STUB_M].iter().any(|across_m| {
-            let mut p = [cells.lines[1 - self.axis][step] + beyond_m; 2];
-            p[self.axis] = *across_m;
-            cells.is_inside(p)
-        })
+        let along_m = cells.lines[1 - self.axis][step] + beyond_m;
+        [across[0] - STUB_M, across[1] + STUB_M]
+            .iter()
+            .any(|across_m| cells.is_inside(place(self.axis, *across_m, along_m)))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::model::{Opening, Plan};
 use super::page::image::PlanImage;
+use super::symbols::outline_m;
 use crate::rooms::outline::Outline;
 use serde_json::{Value, json};
 use viola_geometry::Point2;
@@ -64,7 +65,7 @@ pub fn plan_geojson(plan: &Plan) -> Value {
         features.push(polygon(plan, &format!("opening/{}", opening.id), &outline, properties));
     }
     for piece in &plan.furniture {
-        let outline = Outline { ring_m: piece.corners_m().to_vec(), holes_m: Vec::new() };
+        let outline = Outline { ring_m: outline_m(piece), holes_m: Vec::new() };
         let properties = json!({ "kind": "object", "class": piece.class, "object": piece.id });
         features.push(polygon(plan, &format!("object/{}", piece.id), &outline, properties));
     }
@@ -130,7 +131,7 @@ pub fn plan_json(plan: &Plan) -> Value {
             "centre_m": in_map(plan, piece.centre_m),
             "size_m": piece.size_m.map(round),
             "yaw_rad": piece.yaw_rad + plan.map_from_plan.yaw_rad,
-            "polygon_m": ring(&piece.corners_m().to_vec()),
+            "polygon_m": ring(&outline_m(piece)),
         })
     });
     json!({

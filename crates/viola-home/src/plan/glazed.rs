@@ -15,19 +15,14 @@ pub(super) fn faces(facing: Facing, seen: &Columns, faces: &[Face]) -> Vec<Face>
     if !left.contains(&true) {
         return Vec::new();
     }
-    let row =
-        |metres: f64| (((metres - seen.low_m[0]) / seen.across_m).max(0.0) as usize).min(seen.across - 1);
-    let column =
-        |metres: f64| (((metres - seen.low_m[1]) / seen.along_m).round().max(0.0) as usize).min(seen.along);
     // Windows in a face are part of its wall.
     let take = |left: &mut Vec<bool>, line_m: f64, [from, to]: [usize; 2]| {
-        let ends = [-BEHIND_M, BEFORE_M].map(|metres| row(line_m + facing.sign() * metres));
-        for row in ends[0].min(ends[1])..=ends[0].max(ends[1]) {
+        for row in seen.rows([-BEHIND_M, BEFORE_M].map(|metres| line_m + facing.sign() * metres)) {
             left[row * seen.along + from..row * seen.along + to.max(from)].fill(false);
         }
     };
     for face in faces {
-        take(&mut left, face.line_m, [column(face.from_m), column(face.to_m)]);
+        take(&mut left, face.line_m, [face.from_m, face.to_m].map(|metres| seen.columns_before(metres)));
     }
     let half = ((BAND_M / seen.across_m).round() as usize).max(1);
     let mut found = Vec::new();

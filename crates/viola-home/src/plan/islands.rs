@@ -1,5 +1,6 @@
 //! Small pieces of the cut: islands and slits.
 
+use super::axes::{place, sample, slots};
 use super::cells::{Cells, TALL_FRACTION};
 use super::evidence::{Evidence, Facing};
 use super::oblique::Oblique;
@@ -36,22 +37,10 @@ const WALL_FRACTION: f64 = 0.5;
 /// Makes passages beside oblique faces that nobody fits through a part of their walls: those have holes between cells.
 pub(super) fn close_slits(cells: &mut Cells, oblique: &[Oblique]) {
     for axis in 0..2 {
-        for row in 0..cells.count(1 - axis) {
-            let at = |cells: &Cells, i: usize| cells.index(if axis == 0 { [i, row] } else { [row, i] });
-            let mut last: Option<usize> = None;
-            for i in 0..cells.count(axis) {
-                if cells.inside[at(cells, i)] {
-                    continue;
-                }
-                let width_m = |last: usize| cells.lines[axis][i] - cells.lines[axis][last + 1];
-                if let Some(last) = last.filter(|last| width_m(*last) <= SLIT_M) {
-                    for between in last + 1..i {
-                        let at = at(cells, between);
-                        cells.inside[at] &= !is_beside(cells, oblique, at);
-                    }
-                }
-                last = Some(i);
-            }
+        let lines = [&*cells.lines[0], &cells.lines[1]];
+        let slits = slots(lines, axis, SLIT_M, |place| !cells.inside[cells.index(place)]);
+        for at in slits.into_iter().map(|place| cells.index(place)).collect::<Vec<usize>>() {
+            cells.inside[at] &= !is_beside(cells, oblique, at);
         }
     }
 }
@@ -79,7 +68,7 @@ pub(super) fn cut_spurs(cells: &mut Cells, evidence: &Evidence) {
             if is_spur(cells, evidence, axis, spur) {
                 for (across, row) in (spur[0]..spur[1]).flat_map(|i| (spur[2]..spur[3]).map(move |j| (i, j)))
                 {
-                    let at = cells.index(if axis == 0 { [across, row] } else { [row, across] });
+                    let at = cells.index(place(axis, across, row));
                     cells.inside[at] = true;
                 }
             }
@@ -89,7 +78,7 @@ pub(super) fn cut_spurs(cells: &mut Cells, evidence: &Evidence) {
 
 /// Returns the pieces of a row of cells along an axis that are thin walls between inside and inside.
 fn thin_pieces(cells: &Cells, axis: usize, row: usize) -> Vec<[usize; 2]> {
-    let is_inside = |i: usize| cells.inside[cells.index(if axis == 0 { [i, row] } else { [row, i] })];
+    let is_inside = |i: usize| cells.inside[cells.index(place(axis, i, row))];
     let mut pieces = Vec::new();
     let mut from: Option<usize> = None;
     for i in 1..cells.count(axis) {
@@ -111,9 +100,8 @@ fn thin_pieces(cells: &Cells, axis: usize, row: usize) -> Vec<[usize; 2]> {
 fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, end]: [usize; 4]) -> bool {
     let lines = &cells.lines[1 - axis];
     let length_m = lines[end] - lines[first];
-    let cell = |across: usize, row: usize| if axis == 0 { [across, row] } else { [row, across] };
     // Open beyond one end, for its whole thickness.
-    let is_open = |row: usize| (from..to).all(|across| cells.inside[cells.index(cell(across, row))]);
+    let is_open = |row: usize| (from..to).all(|across| cells.inside[cells.index(place(axis, across, row))]);
     let has_end = (first > 0 && is_open(first - 1)) || (end < cells.count(1 - axis) && is_open(end));
     if !has_end || !(2.0 * SPUR_M..=LEAF_M).contains(&length_m) {
         return false;
@@ -123,9 +111,7 @@ fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, en
         let along_m = |step: usize| lines[first] + (step as f64 + 0.5) / steps as f64 * length_m;
         (0..steps).filter(|step| is(along_m(*step))).count() as f64 / steps as f64
     };
-    let at = |across_m: f64, along_m: f64| {
-        Point2::from(if axis == 0 { [across_m, along_m] } else { [along_m, across_m] })
-    };
+    let at = |across_m: f64, along_m: f64| Point2::from(place(axis, across_m, along_m));
     let faces_m = [cells.lines[axis][from], cells.lines[axis][to]];
     let sees_floor = |line_m: f64, sign: f64| {
         let is_floor = |along_m: f64| {
@@ -211,14 +197,8 @@ pub(super) fn fill(cells: &mut Cells, evidence: &Evidence) {
 fn wall_fraction(cells: &Cells, evidence: &Evidence, place: [usize; 2]) -> f64 {
     /// Samples along each side.
     const STEPS: usize = 4;
-    let is_wall = |i: &usize| {
-        let sample = [i % STEPS, i / STEPS];
-        let p = [0, 1].map(|axis| {
-            let part = (sample[axis] as f64 + 0.5) / STEPS as f64;
-            cells.lines[axis][place[axis]] + part * cells.size_m(axis, place[axis])
-        });
-        evidence.is_wall(&Point2::from(p))
-    };
+    let span = [0, 1].map(|axis| [place[axis], place[axis] + 1].map(|line| cells.lines[axis][line]));
+    let is_wall = |i: &usize| evidence.is_wall(&Point2::from(sample(span, STEPS, *i)));
     (0..STEPS * STEPS).filter(is_wall).count() as f64 / (STEPS * STEPS) as f64
 }
 

@@ -1,6 +1,7 @@
 //! Area of the walls beside oblique sides.
 
-use super::model::{Opening, OpeningKind, Wall, by_filming, strip};
+use super::axes::{are_apart, span};
+use super::model::{Opening, OpeningKind, Wall, by_filming, direction, strip};
 use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
 use geo::{Area, BooleanOps, Coord, LineString, MultiPolygon, Polygon, unary_union};
@@ -78,8 +79,7 @@ pub(super) fn pieces(area: &MultiPolygon) -> Vec<Outline> {
 
 /// Returns the area of a wall, extended at its ends.
 fn body(wall: &Wall, by_m: f64) -> Polygon {
-    let length_m = wall.length_m().max(1e-9);
-    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m * by_m);
+    let along = direction(wall.from_m, wall.to_m).map(|part| part * by_m);
     let from_m = [0, 1].map(|axis| wall.from_m[axis] - along[axis]);
     let to_m = [0, 1].map(|axis| wall.to_m[axis] + along[axis]);
     ring(&strip(from_m, to_m, wall.thickness_m + 2e-3))
@@ -87,10 +87,9 @@ fn body(wall: &Wall, by_m: f64) -> Polygon {
 
 /// Returns what lies behind the outer face of a wall, which is on the right of its way.
 fn beyond(wall: &Wall) -> Polygon {
-    let length_m = wall.length_m().max(1e-9);
-    let right = [(wall.to_m[1] - wall.from_m[1]) / length_m, -(wall.to_m[0] - wall.from_m[0]) / length_m];
+    let [x, y] = direction(wall.from_m, wall.to_m);
     let off_m = (wall.thickness_m + BEYOND_M) / 2.0;
-    let moved = |p: [f64; 2]| [0, 1].map(|axis| p[axis] + off_m * right[axis]);
+    let moved = |p: [f64; 2]| [p[0] + off_m * y, p[1] - off_m * x];
     let behind =
         Wall { from_m: moved(wall.from_m), to_m: moved(wall.to_m), thickness_m: BEYOND_M, ..wall.clone() };
     body(&behind, USUAL_M)
@@ -98,21 +97,11 @@ fn beyond(wall: &Wall) -> Polygon {
 
 /// Returns the common area of two outlines.
 pub(super) fn common_m2(a: &Outline, b: &Outline) -> f64 {
-    let spans = [a, b].map(|outline| span(outline.ring_m.iter().copied()));
-    if are_apart(&spans) { 0.0 } else { polygon(a).intersection(&polygon(b)).unsigned_area() }
-}
-
-/// Returns the lowest and the highest coordinate of corners along each axis.
-pub(super) fn span(corners: impl Iterator<Item = [f64; 2]>) -> [[f64; 2]; 2] {
-    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    corners.fold(none, |span, corner| {
-        [0, 1].map(|axis| [span[axis][0].min(corner[axis]), span[axis][1].max(corner[axis])])
-    })
-}
-
-/// Returns whether two spans have no common area.
-pub(super) fn are_apart([a, b]: &[[[f64; 2]; 2]; 2]) -> bool {
-    (0..2).any(|axis| a[axis][1] <= b[axis][0] || b[axis][1] <= a[axis][0])
+    if are_apart(&[a, b].map(|outline| span(&outline.ring_m))) {
+        0.0
+    } else {
+        polygon(a).intersection(&polygon(b)).unsigned_area()
+    }
 }
 
 fn ring(corners: &[[f64; 2]]) -> Polygon {
@@ -177,15 +166,7 @@ mod tests {
     use super::*;
 
     fn wall(from_m: [f64; 2], to_m: [f64; 2], filmed_fraction: f64) -> Wall {
-        Wall {
-            id: String::new(),
-            from_m,
-            to_m,
-            thickness_m: 0.2,
-            is_measured: false,
-            filmed_fraction,
-            rooms: vec![0],
-        }
+        Wall { filmed_fraction, ..Wall::new([from_m, to_m], 0.2) }
     }
 
     fn area_m2(outlines: &[Outline]) -> f64 {

@@ -1,5 +1,6 @@
 //! A floor plan: walls, openings, rooms and furniture, in metres.
 
+use super::axes::span;
 use crate::rooms::outline::{Outline, contains};
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
@@ -89,7 +90,7 @@ pub struct PlanRoom {
     pub label_at_m: [f64; 2],
 }
 
-/// A piece of furniture: a rectangle along the plan's axes where it nearly is.
+/// A piece of furniture: a rectangle along the plan's axes where it nearly is. Later ones are drawn over earlier ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Furniture {
     /// Id of the object.
@@ -101,8 +102,9 @@ pub struct Furniture {
     pub yaw_rad: f64,
     /// Direction of its back, in quarter turns of its own frame from -y; none if neither a wall nor its points tell it.
     pub back: Option<u8>,
-    /// True for a piece that is drawn over another one, such as a sink in a counter.
-    pub is_set_in: bool,
+    /// Fractions of its back and of the side across it that the recess of a corner sofa has; none for other pieces. The recess is
+    /// at the front, at the end of the back.
+    pub recess: Option<[f64; 2]>,
 }
 
 impl PlanRoom {
@@ -120,8 +122,20 @@ impl PlanRoom {
 }
 
 impl Wall {
+    /// A wall beside no room, of which one face was seen and nothing filmed, by the ends of its centre line.
+    pub(super) fn new([from_m, to_m]: [[f64; 2]; 2], thickness_m: f64) -> Wall {
+        let id = String::new();
+        Wall { id, from_m, to_m, thickness_m, is_measured: false, filmed_fraction: 0.0, rooms: Vec::new() }
+    }
+
     pub fn length_m(&self) -> f64 {
-        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+        length_m(self.from_m, self.to_m)
+    }
+
+    /// Returns a place on its centre line.
+    pub(super) fn at(&self, along_m: f64) -> [f64; 2] {
+        let part = along_m / self.length_m().max(1e-9);
+        [0, 1].map(|axis| self.from_m[axis] + part * (self.to_m[axis] - self.from_m[axis]))
     }
 
     fn is_filmed(&self) -> bool {
@@ -130,8 +144,14 @@ impl Wall {
 }
 
 impl Opening {
+    /// An opening without an id, heights and a leaf, by the ends of its centre line.
+    pub(super) fn new(kind: OpeningKind, [from_m, to_m]: [[f64; 2]; 2], thickness_m: f64) -> Opening {
+        let id = String::new();
+        Opening { id, kind, from_m, to_m, thickness_m, sill_m: None, head_m: None, swing: None }
+    }
+
     pub fn width_m(&self) -> f64 {
-        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+        length_m(self.from_m, self.to_m)
     }
 
     /// Returns its corners: the rectangle that it takes of its wall.
@@ -178,15 +198,8 @@ impl Plan {
     /// Returns the box of all walls and rooms.
     pub fn bounds_m(&self) -> ([f64; 2], [f64; 2]) {
         let rings = self.masonry.iter().chain(self.rooms.iter().map(|room| &room.outline));
-        let corners = rings.flat_map(|outline| &outline.ring_m);
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for corner in corners {
-            for axis in 0..2 {
-                low[axis] = low[axis].min(corner[axis]);
-                high[axis] = high[axis].max(corner[axis]);
-            }
-        }
-        if low[0] > high[0] { ([0.0; 2], [1.0; 2]) } else { (low, high) }
+        let [x, y] = span(rings.flat_map(|outline| &outline.ring_m));
+        if x[0] > x[1] { ([0.0; 2], [1.0; 2]) } else { ([x[0], y[0]], [x[1], y[1]]) }
     }
 }
 
@@ -197,11 +210,21 @@ pub(super) fn by_filming(walls: &[Wall]) -> (Vec<&Wall>, Vec<&Wall>) {
     walls.iter().partition(|wall| !is_any_filmed || wall.is_filmed())
 }
 
+/// Returns the distance between two places.
+pub(super) fn length_m(from_m: [f64; 2], to_m: [f64; 2]) -> f64 {
+    (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1])
+}
+
+/// Returns the unit vector from one place to another.
+pub(super) fn direction(from_m: [f64; 2], to_m: [f64; 2]) -> [f64; 2] {
+    let length_m = length_m(from_m, to_m).max(1e-9);
+    [0, 1].map(|axis| (to_m[axis] - from_m[axis]) / length_m)
+}
+
 /// Returns the corners of a strip around a line, counter-clockwise.
 pub(super) fn strip(from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64) -> [[f64; 2]; 4] {
-    let along = [to_m[0] - from_m[0], to_m[1] - from_m[1]];
-    let length_m = along[0].hypot(along[1]).max(1e-9);
-    let half = [-along[1] / length_m * thickness_m / 2.0, along[0] / length_m * thickness_m / 2.0];
+    let [x, y] = direction(from_m, to_m);
+    let half = [-y * thickness_m / 2.0, x * thickness_m / 2.0];
     let shifted = |p: [f64; 2], by: f64| [p[0] + by * half[0], p[1] + by * half[1]];
     [shifted(from_m, -1.0), shifted(to_m, -1.0), shifted(to_m, 1.0), shifted(from_m, 1.0)]
 }

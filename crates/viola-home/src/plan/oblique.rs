@@ -1,5 +1,6 @@
 //! Straight faces of walls that are not along the plan's axes.
 
+use super::axes::place;
 use super::evidence::{Evidence, by_lidar, fraction, heights};
 use super::faces::{Face, GAP_LOSS};
 use super::uprights::Upright;
@@ -177,12 +178,8 @@ fn directions() -> Vec<Vector2> {
 /// Takes out the faces along the axes that are steps of an oblique one.
 pub(super) fn without_steps(straight: Vec<Face>, oblique: &[Oblique]) -> Vec<Face> {
     let is_step = |face: &Face| {
-        let end = |along_m: f64| {
-            let mut end = [along_m; 2];
-            end[face.facing.axis] = face.line_m;
-            Point2::from(end)
-        };
-        let ends = [end(face.from_m), end(face.to_m)];
+        let ends = [face.from_m, face.to_m]
+            .map(|along_m| Point2::from(place(face.facing.axis, face.line_m, along_m)));
         oblique.iter().any(|oblique| {
             let is_near = ends.iter().all(|end| {
                 let [along_m, off_m] = oblique.within(end);

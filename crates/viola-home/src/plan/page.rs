@@ -11,7 +11,6 @@ pub(super) mod title;
 
 use super::model::Plan;
 use crate::svg::text_width;
-use viola_geometry::Point2;
 
 /// Scales of drawings, 1 to this.
 const SCALES: [f64; 12] = [20.0, 25.0, 50.0, 75.0, 100.0, 150.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0];
@@ -51,8 +50,6 @@ pub(super) struct Page {
     /// Upper left corner of the drawing in the plan's frame, and its place on the page.
     corner_m: [f64; 2],
     corner_mm: [f64; 2],
-    /// Box of the drawing on the page.
-    pub drawing_mm: [[f64; 2]; 2],
 }
 
 impl Page {
@@ -60,7 +57,7 @@ impl Page {
         let (low, high) = plan.bounds_m();
         let size_m = [0, 1].map(|axis| (high[axis] - low[axis]).max(1.0));
         let (scale, sheet_mm) = scale_and_sheet(size_m);
-        let [width, height] = size_m.map(|side| side * 1e3 / scale);
+        let width = size_m[0] * 1e3 / scale;
         let [width_mm, height_mm] = page_mm(size_m, scale);
         let left = BEFORE_MM + (width_mm - width - BEFORE_MM - AFTER_MM) / 2.0;
         Page {
@@ -70,7 +67,6 @@ impl Page {
             sheet_mm,
             corner_m: [low[0], high[1]],
             corner_mm: [left, BEFORE_MM],
-            drawing_mm: [[left, BEFORE_MM], [left + width, BEFORE_MM + height]],
         }
     }
 
@@ -156,8 +152,4 @@ pub(super) fn text_width_mm(words: &str, size_mm: f64, is_bold: bool) -> f64 {
 /// Returns a length in metres with two decimals.
 pub(super) fn metres(length_m: f64) -> String {
     format!("{length_m:.2}")
-}
-
-pub(super) fn point([x, y]: [f64; 2]) -> Point2 {
-    Point2::new(x, y)
 }

@@ -1,5 +1,6 @@
 //! Surface and rooms in the cells of the LiDAR map's raster.
 
+use super::axes::span;
 use super::evidence::{LOWEST_M, height, is_tall};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
@@ -119,21 +120,17 @@ pub(super) fn directions_of(normal: &Vector2) -> u8 {
 pub(super) fn owners(space: &Space, rooms: &[Room]) -> Vec<u32> {
     let mut owner = vec![0u32; space.frame.len()];
     for (number, room) in (1..).zip(rooms) {
-        let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-            room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
-        };
-        let index = |metres: f64, axis: usize, most: usize| {
-            (((metres - space.frame.origin_m[axis]) / space.frame.cell_m).max(0.0) as usize).min(most)
-        };
-        let (width, height) = (space.frame.width, space.frame.height);
-        let left = index(bound(0, f64::min, f64::INFINITY), 0, width - 1);
-        let right = index(bound(0, f64::max, f64::NEG_INFINITY), 0, width - 1);
-        let bottom = index(bound(1, f64::min, f64::INFINITY), 1, height - 1);
-        let top = index(bound(1, f64::max, f64::NEG_INFINITY), 1, height - 1);
+        let (frame, span) = (&space.frame, span(&room.polygon_m));
+        let count = [frame.width, frame.height];
+        let [columns, rows] = [0, 1].map(|axis| {
+            let cell = |metres: f64| ((metres - frame.origin_m[axis]) / frame.cell_m).max(0.0) as usize;
+            let [low, high] = span[axis].map(|metres| cell(metres).min(count[axis] - 1));
+            low..=high
+        });
         let bands = Bands::new(&room.polygon_m, &room.holes_m);
-        for y in bottom..=top {
-            for x in left..=right {
-                let at = y * width + x;
+        for y in rows {
+            for x in columns.clone() {
+                let at = y * frame.width + x;
                 if owner[at] == 0 && bands.contains(&space.centre(at)) {
                     owner[at] = number;
                 }

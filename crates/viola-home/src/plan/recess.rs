@@ -1,5 +1,6 @@
 //! Recesses of windows: a room ends at the face of its wall, and the window lies in the wall.
 
+use super::axes;
 use super::cells::Cells;
 use super::evidence::{Evidence, Facing};
 use super::ring::{Ring, rings};
@@ -57,7 +58,5 @@ fn recess(cells: &Cells, evidence: &Evidence, ring: &Ring, at: usize) -> Option<
     let back = corner(2)[across];
     let face =
         if up { corner(1)[across].min(corner(4)[across]) } else { corner(1)[across].max(corner(4)[across]) };
-    let (mut low, mut high) = ([span[0]; 2], [span[1]; 2]);
-    (low[across], high[across]) = (back.min(face), back.max(face));
-    Some([low, high])
+    Some([axes::place(across, back.min(face), span[0]), axes::place(across, back.max(face), span[1])])
 }

@@ -1,5 +1,6 @@
 //! Polygons and walls of the rooms' cells.
 
+use super::axes::{place, slots};
 use super::cells::Cells;
 use super::gaps::Gap;
 use super::model::{Opening, OpeningKind, Wall};
@@ -17,6 +18,8 @@ pub(super) const USUAL_M: f64 = 0.2;
 const DRAWN_M: f64 = 0.001;
 /// Walls in one line with less between them are one wall.
 const JOIN_M: f64 = 0.55;
+/// Narrower slots between walls are walls.
+const SLOT_M: f64 = 0.35;
 const SAME_LINE_M: f64 = 0.03;
 
 /// Returns the polygon of each room.
@@ -68,15 +71,9 @@ fn traced(lines: [&[f64]; 2], mask: Vec<bool>) -> Vec<Outline> {
 
 /// Returns the openings of the gaps, in their order.
 pub(super) fn doors(gaps: &[Gap]) -> Vec<Opening> {
-    let door = |(number, gap): (usize, &Gap)| Opening {
-        id: format!("door-{number}"),
-        kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
-        from_m: gap.ends_m[0],
-        to_m: gap.ends_m[1],
-        thickness_m: gap.thickness_m,
-        sill_m: None,
-        head_m: None,
-        swing: None,
+    let door = |(number, gap): (usize, &Gap)| {
+        let kind = if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage };
+        Opening { id: format!("door-{number}"), ..Opening::new(kind, gap.ends_m, gap.thickness_m) }
     };
     (1..).zip(gaps).map(door).collect()
 }
@@ -132,19 +129,12 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec
         .map(|mut wall| {
             wall.rooms.sort_unstable();
             wall.rooms.dedup();
-            let point = |along: f64| {
-                let mut point = [along; 2];
-                point[wall.axis] = (wall.faces_m[0] + wall.faces_m[1]) / 2.0;
-                point
-            };
+            let point = |along_m: f64| place(wall.axis, (wall.faces_m[0] + wall.faces_m[1]) / 2.0, along_m);
+            let thickness_m = wall.faces_m[1] - wall.faces_m[0];
             Wall {
-                id: String::new(),
-                from_m: point(wall.from_m),
-                to_m: point(wall.to_m),
-                thickness_m: wall.faces_m[1] - wall.faces_m[0],
                 is_measured: wall.is_measured,
-                filmed_fraction: 0.0,
                 rooms: wall.rooms,
+                ..Wall::new([point(wall.from_m), point(wall.to_m)], thickness_m)
             }
         })
         .collect()
@@ -159,12 +149,11 @@ fn is_drawn(
     [axis, line, step]: [usize; 3],
     up: bool,
 ) -> bool {
-    let mut place = [step; 2];
-    place[axis] = if up { line - 1 } else { line };
-    let room = spaces.of_cell[cells.index(place)];
-    place[axis] = if up { line } else { line - 1 };
+    let (own, other) = if up { (line - 1, line) } else { (line, line - 1) };
+    let [own, other] = [own, other].map(|across| cells.index(place(axis, across, step)));
+    let room = spaces.of_cell[own];
     // Openings do not interrupt walls, and neither do doorways within a room.
-    if room != 0 && spaces.joins[cells.index(place)] == room {
+    if room != 0 && spaces.joins[other] == room {
         return true;
     }
     let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
@@ -173,8 +162,7 @@ fn is_drawn(
     };
     // Two points: an oblique side may cross a step at one.
     [0.25, 0.75].iter().all(|part| {
-        let mut p = [from_m + part * (to_m - from_m); 2];
-        p[axis] = cells.lines[axis][line];
+        let p = place(axis, cells.lines[axis][line], from_m + part * (to_m - from_m));
         outline.is_near(&p.into(), DRAWN_M)
     })
 }
@@ -189,16 +177,21 @@ fn stretch(
     step: usize,
     up: bool,
 ) -> Option<Stretch> {
-    let room = |across: usize| {
-        let mut place = [step; 2];
-        place[axis] = across;
-        spaces.of_cell[cells.index(place)]
-    };
+    let room = |across: usize| spaces.of_cell[cells.index(place(axis, across, step))];
     let own = room(if up { line - 1 } else { line });
     let mut other = if up { line } else { line - 1 };
     if own == 0 || room(other) != 0 {
         return None;
     }
+    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
+    let of = |faces_m: [f64; 2], is_measured: bool, rooms: Vec<usize>| Stretch {
+        axis,
+        faces_m,
+        from_m,
+        to_m,
+        is_measured,
+        rooms,
+    };
     let lines = &cells.lines[axis];
     let far_m = |other: usize| if up { lines[other + 1] - lines[line] } else { lines[line] - lines[other] };
     while far_m(other) <= THICKEST_M {
@@ -208,25 +201,13 @@ fn stretch(
         if room(next) != 0 {
             let faces_m = [lines[line], lines[next]];
             let rooms = vec![own as usize - 1, room(next) as usize - 1];
-            return up.then(|| wall(cells, axis, step, faces_m, true, rooms));
+            return up.then(|| of(faces_m, true, rooms));
         }
         other = next;
     }
     let faces_m =
         if up { [lines[line], lines[line] + USUAL_M] } else { [lines[line] - USUAL_M, lines[line]] };
-    Some(wall(cells, axis, step, faces_m, false, vec![own as usize - 1]))
-}
-
-fn wall(
-    cells: &Cells,
-    axis: usize,
-    step: usize,
-    faces_m: [f64; 2],
-    is_measured: bool,
-    rooms: Vec<usize>,
-) -> Stretch {
-    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
-    Stretch { axis, faces_m, from_m, to_m, is_measured, rooms }
+    Some(of(faces_m, false, vec![own as usize - 1]))
 }
 
 /// Returns the area of the walls: what is near rooms or between them, without doors and passages.
@@ -262,26 +243,17 @@ pub(super) fn masonry(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
             }
         }
     }
+    let lines = [&*lines[0], &lines[1]];
     for axis in 0..2 {
-        for row in 0..count[1 - axis] {
-            let part = |i: usize| if axis == 0 { [i, row] } else { [row, i] };
-            let mut last: Option<usize> = None;
-            for i in 0..count[axis] {
-                let [x, y] = part(i);
-                if !is_room(x, y) {
-                    continue;
-                }
-                if let Some(last) = last.filter(|last| lines[axis][i] - lines[axis][last + 1] <= THICKEST_M) {
-                    for between in last + 1..i {
-                        let [x, y] = part(between);
-                        near[y * count[0] + x] = true;
-                    }
-                }
-                last = Some(i);
-            }
+        for [x, y] in slots(lines, axis, THICKEST_M, |[x, y]| is_room(x, y)) {
+            near[y * count[0] + x] = true;
         }
     }
-    close_slots(&mut near, [&lines[0], &lines[1]]);
+    for axis in 0..2 {
+        for [x, y] in slots(lines, axis, SLOT_M, |[x, y]| near[y * count[0] + x]) {
+            near[y * count[0] + x] = true;
+        }
+    }
     let is_open: Vec<bool> = (0..near.len())
         .map(|at| {
             let (i, j) = (at % count[0], at / count[0]);
@@ -290,30 +262,7 @@ pub(super) fn masonry(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
         .collect();
     fill_cavities(&mut near, &is_open, count);
     let solid = |at: usize| near[at] && !is_open[at];
-    traced([&lines[0], &lines[1]], (0..near.len()).map(solid).collect())
-}
-
-/// Narrower slots between walls are walls.
-const SLOT_M: f64 = 0.35;
-
-/// Closes slots between walls along both axes.
-fn close_slots(near: &mut [bool], lines: [&[f64]; 2]) {
-    let count = lines.map(|lines| lines.len() - 1);
-    for axis in 0..2 {
-        for row in 0..count[1 - axis] {
-            let at = |i: usize| if axis == 0 { row * count[0] + i } else { i * count[0] + row };
-            let mut last: Option<usize> = None;
-            for i in 0..count[axis] {
-                if !near[at(i)] {
-                    continue;
-                }
-                if let Some(last) = last.filter(|last| lines[axis][i] - lines[axis][last + 1] <= SLOT_M) {
-                    (last + 1..i).for_each(|between| near[at(between)] = true);
-                }
-                last = Some(i);
-            }
-        }
-    }
+    traced(lines, (0..near.len()).map(solid).collect())
 }
 
 /// Makes cavities walls: what neither rooms nor the outside reach.
@@ -347,12 +296,7 @@ mod tests {
         const SIDE: usize = 240;
         let lines: Vec<f64> = (0..=2 * SIDE).map(|at| at as f64 * 0.6).collect();
         let count = 4 * SIDE * SIDE;
-        let cells = Cells {
-            lines: [lines.clone(), lines.clone()],
-            inside: vec![true; count],
-            pillars: vec![false; count],
-            owners: vec![Vec::new(); count],
-        };
+        let cells = Cells { inside: vec![true; count], ..Cells::of([lines.clone(), lines.clone()]) };
         let place = |room: usize| [2 * (room % SIDE), 2 * (room / SIDE)];
         let (mut of_cell, mut joins) = (vec![0; count], vec![0; count]);
         (1..).zip(0..SIDE * SIDE).for_each(|(number, room)| of_cell[cells.index(place(room))] = number);

@@ -285,13 +285,7 @@ mod tests {
         corrected: &[u32],
     ) -> (Vec<u32>, Vec<u32>) {
         let sides = std::iter::once(0.0).chain(cells.iter().map(|(to, _)| *to)).collect();
-        let count = cells.len();
-        let mut all = Cells {
-            lines: [sides, vec![0.0, 1.0]],
-            inside: vec![true; count],
-            pillars: vec![false; count],
-            owners: vec![Vec::new(); count],
-        };
+        let mut all = Cells { inside: vec![true; cells.len()], ..Cells::of([sides, vec![0.0, 1.0]]) };
         for (at, (_, owner)) in cells.iter().enumerate() {
             all.owners[at] = vec![(*owner, all.area_m2(at))];
         }

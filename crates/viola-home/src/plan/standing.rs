@@ -1,5 +1,6 @@
 //! Ground below standing furniture: nobody saw it, but no wall is there.
 
+use super::axes;
 use crate::objects::{Object, UprightBox, is_furniture};
 use crate::rooms::space::Space;
 use viola_geometry::Point2;
@@ -81,9 +82,8 @@ fn footprint(bounds: &UprightBox, surface: &Surface) -> Option<[[f64; 2]; 2]> {
             let shows = |offs_m: &[f64], is: &dyn Fn(&Point2) -> bool| {
                 let sample = |i: usize, off_m: f64| {
                     let along = 2.0 * (i as f64 + 0.5) / SAMPLES as f64 - 1.0;
-                    let mut local = [along * half_m[1 - axis]; 2];
-                    local[axis] = sign * (half_m[axis] + off_m);
-                    place(bounds, local)
+                    let off_m = sign * (half_m[axis] + off_m);
+                    place(bounds, axes::place(axis, off_m, along * half_m[1 - axis]))
                 };
                 let seen = (0..SAMPLES).filter(|i| offs_m.iter().any(|off_m| is(&sample(*i, *off_m))));
                 2 * seen.count() >= SAMPLES

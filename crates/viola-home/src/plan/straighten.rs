@@ -1,7 +1,8 @@
 //! Oblique walls: the stairs that cells make of them become straight sides.
 
-use super::masonry::{common_m2, span};
-use super::model::Wall;
+use super::axes::span;
+use super::masonry::common_m2;
+use super::model::{Wall, direction, length_m};
 use super::oblique::Oblique;
 use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
@@ -42,14 +43,12 @@ pub(super) fn straighten(outlines: &mut [Outline], faces: &[Oblique]) -> Vec<Sid
     let mut sides = Vec::new();
     let before = outlines.to_vec();
     // A large map has very many rooms, and few are at a side.
-    let boxes: Vec<[[f64; 2]; 2]> =
-        before.iter().map(|outline| span(outline.ring_m.iter().copied())).collect();
+    let boxes: Vec<[[f64; 2]; 2]> = before.iter().map(|outline| span(&outline.ring_m)).collect();
     for (room, outline) in outlines.iter_mut().enumerate() {
         let is_shared = |side: [[f64; 2]; 2]| {
             let others = before.iter().zip(&boxes).enumerate().filter(|(other, _)| *other != room);
-            let near = others
-                .filter(|(_, (_, own))| meet_spans(own, &span(side.into_iter())))
-                .map(|(_, (other, _))| other);
+            let near =
+                others.filter(|(_, (_, own))| meet_spans(own, &span(side))).map(|(_, (other, _))| other);
             near.flat_map(rings_of).any(|ring| has_part_of(ring, side))
         };
         let rings = std::iter::once(&mut outline.ring_m).chain(&mut outline.holes_m);
@@ -229,10 +228,7 @@ fn through(line: &Line, faces: &[Oblique]) -> [[f64; 2]; 2] {
             let face = &faces[face];
             [[face.from_m.x, face.from_m.y], [face.along.x, face.along.y]]
         }
-        None => {
-            let length_m = length_m(line.from_m, line.to_m).max(1e-9);
-            [line.from_m, [0, 1].map(|axis| (line.to_m[axis] - line.from_m[axis]) / length_m)]
-        }
+        None => [line.from_m, direction(line.from_m, line.to_m)],
     }
 }
 
@@ -240,10 +236,6 @@ fn projected(line: &Line, faces: &[Oblique], p: [f64; 2]) -> [f64; 2] {
     let Some(face) = line.face else { return p };
     let at = faces[face].at(faces[face].within(&Point2::from(p))[0]);
     [at.x, at.y]
-}
-
-fn length_m(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
 /// Returns whether no two sides of a ring cross, and it has an area.
@@ -285,15 +277,8 @@ pub(super) fn walls(sides: &[Side], faces: &[Oblique]) -> Vec<Wall> {
             None => (USUAL_M, vec![side.room]),
         };
         let centre = |p: [f64; 2]| [0, 1].map(|axis| p[axis] - face.normal[axis] * thickness_m / 2.0);
-        walls.push(Wall {
-            id: String::new(),
-            from_m: centre(from_m),
-            to_m: centre(to_m),
-            thickness_m,
-            is_measured: other.is_some(),
-            filmed_fraction: 0.0,
-            rooms,
-        });
+        let wall = Wall::new([centre(from_m), centre(to_m)], thickness_m);
+        walls.push(Wall { is_measured: other.is_some(), rooms, ..wall });
     }
     walls
 }

@@ -1,5 +1,6 @@
 //! Symbols of furniture, as lines in the plan's frame.
 
+use super::axes::place;
 use super::model::Furniture;
 use std::f64::consts::TAU;
 use viola_geometry::taxonomy::Class;
@@ -18,6 +19,7 @@ struct Local {
     origin_m: [f64; 2],
     u_m: [f64; 2],
     v_m: [f64; 2],
+    recess: Option<[f64; 2]>,
     strokes: Vec<Stroke>,
 }
 
@@ -27,7 +29,15 @@ impl Local {
         let back = usize::from(piece.back.unwrap_or(0));
         let corner = |i: usize| corners[(back + i) % 4];
         let towards = |to: [f64; 2]| [to[0] - corner(0)[0], to[1] - corner(0)[1]];
-        Local { origin_m: corner(0), u_m: towards(corner(1)), v_m: towards(corner(3)), strokes: Vec::new() }
+        let [u_m, v_m] = [1, 3].map(|i| towards(corner(i)));
+        Local { origin_m: corner(0), u_m, v_m, recess: piece.recess, strokes: Vec::new() }
+    }
+
+    /// Returns the corners of the outline: of the rectangle, or of the L of a corner sofa.
+    fn corners(&self) -> Vec<[f64; 2]> {
+        let [u, v] = self.recess.unwrap_or_default().map(|part| 1.0 - part);
+        let front = if self.recess.is_some() { vec![[1.0, v], [u, v], [u, 1.0]] } else { vec![[1.0, 1.0]] };
+        [vec![[0.0, 0.0], [1.0, 0.0]], front, vec![[0.0, 1.0]]].concat()
     }
 
     fn place(&self, [u, v]: [f64; 2]) -> [f64; 2] {
@@ -45,7 +55,7 @@ impl Local {
     }
 
     fn outline(&mut self) {
-        self.add(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], true, true);
+        self.add(&self.corners(), true, true);
     }
 
     fn line(&mut self, a: [f64; 2], b: [f64; 2]) {
@@ -72,6 +82,15 @@ impl Local {
     }
 }
 
+/// Returns the corners of a piece's outline, counter-clockwise: of its rectangle, or of the L of a corner sofa.
+pub(super) fn outline_m(piece: &Furniture) -> Vec<[f64; 2]> {
+    if piece.recess.is_none() {
+        return piece.corners_m().to_vec();
+    }
+    let local = Local::of(piece);
+    local.corners().into_iter().map(|corner| local.place(corner)).collect()
+}
+
 /// Returns the lines of a piece's symbol, the outline first.
 pub(super) fn strokes(piece: &Furniture) -> Vec<Stroke> {
     let mut local = Local::of(piece);
@@ -88,7 +107,10 @@ pub(super) fn strokes(piece: &Furniture) -> Vec<Stroke> {
             local.outline();
             match class {
                 Class::Bed => bed(&mut local, long_m),
-                Class::Sofa => sofa(&mut local, long_m, deep_m),
+                Class::Sofa => match piece.recess {
+                    Some(recess) => corner_sofa(&mut local, recess),
+                    None => sofa(&mut local, long_m, deep_m),
+                },
                 Class::Chair if piece.back.is_some() => local.line([0.0, 0.22], [1.0, 0.22]),
                 Class::Cabinet => local.line([0.0, 1.0], [1.0, 0.0]),
                 Class::Shelf => shelf(&mut local, long_m),
@@ -128,14 +150,41 @@ fn bed(local: &mut Local, wide_m: f64) {
     local.line([0.0, 0.36], [1.0, 0.36]);
 }
 
+/// Thickness of the arms and of the back of a sofa.
+const ARM_M: f64 = 0.16;
+const BACK_M: f64 = 0.22;
+
 fn sofa(local: &mut Local, long_m: f64, deep_m: f64) {
-    let (arm, back) = ((0.16 / long_m).min(0.2), (0.22 / deep_m).min(0.35));
+    let (arm, back) = ((ARM_M / long_m).min(0.2), (BACK_M / deep_m).min(0.35));
     local.rectangle([arm, back], [1.0 - arm, 1.0]);
-    let seats = (((1.0 - 2.0 * arm) * long_m / 0.7).round() as u32).clamp(1, 6);
-    for i in 1..seats {
-        let u = arm + (1.0 - 2.0 * arm) * f64::from(i) / f64::from(seats);
-        local.line([u, back], [u, 1.0]);
+    seats(arm, 1.0 - 2.0 * arm, long_m).for_each(|u| local.line([u, back], [u, 1.0]));
+}
+
+/// A seat in the corner and those along both legs, with a back at each outer side and an arm at each end.
+fn corner_sofa(local: &mut Local, recess: [f64; 2]) {
+    let size_m = local.size_m();
+    let leg = recess.map(|part| 1.0 - part);
+    let back = [0, 1].map(|axis| (BACK_M / size_m[axis]).min(0.35 * leg[axis]));
+    let arm = [0, 1].map(|axis| (ARM_M / size_m[axis]).min(0.2 * recess[axis]));
+    let end = arm.map(|arm| 1.0 - arm);
+    local.add(
+        &[back, [end[0], back[1]], [end[0], leg[1]], leg, [leg[0], end[1]], [back[0], end[1]]],
+        true,
+        false,
+    );
+    for axis in 0..2 {
+        let across = 1 - axis;
+        let others = seats(leg[axis], recess[axis] - arm[axis], size_m[axis]);
+        for at in std::iter::once(leg[axis]).chain(others) {
+            local.line(place(axis, at, back[across]), place(axis, at, leg[across]));
+        }
     }
+}
+
+/// Returns where the seats along a part of a side meet. `width` is the fraction of the side.
+fn seats(from: f64, width: f64, side_m: f64) -> impl Iterator<Item = f64> {
+    let seats = ((width * side_m / 0.7).round() as u32).clamp(1, 6);
+    (1..seats).map(move |i| from + width * f64::from(i) / f64::from(seats))
 }
 
 fn shelf(local: &mut Local, long_m: f64) {

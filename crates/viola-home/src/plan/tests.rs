@@ -12,6 +12,7 @@ use super::*;
 use crate::rooms::RoomSource;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
+use viola_reconstruct::{CloudPoint, Label};
 
 /// Returns a map of walls as points 2.5 cm apart.
 fn lidar_of(walls: &[[[f64; 2]; 2]]) -> LidarMap {
@@ -26,19 +27,74 @@ fn lidar_of(walls: &[[[f64; 2]; 2]]) -> LidarMap {
     LidarMap::read(csv.as_bytes()).unwrap()
 }
 
-fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
+/// Returns the walls between the corners of a room.
+fn ring(corners: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
+    (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]]).collect()
+}
+
+/// Returns a plan of rooms alone.
+pub(super) fn plan_of_rooms(rooms: Vec<PlanRoom>) -> Plan {
+    Plan {
+        level: LevelName::MAIN,
+        home_name: None,
+        map_from_plan: Pose2::IDENTITY,
+        walls: Vec::new(),
+        masonry: Vec::new(),
+        unfilmed_masonry: Vec::new(),
+        openings: Vec::new(),
+        rooms,
+        furniture: Vec::new(),
+    }
+}
+
+/// Returns an object on the floor along x.
+pub(super) fn standing(class: Class, confidence: f64, [x, y]: [f64; 2], size_m: [f64; 3]) -> Object {
     Object {
         id: format!("{}-1", class.name()),
         class,
-        confidence: 0.8,
-        centre_m: [x, 1.0, 0.4],
-        size_m: [0.9, 0.5, 0.8],
-        yaw_rad,
+        confidence,
+        centre_m: [x, y, size_m[2] / 2.0],
+        size_m,
+        yaw_rad: 0.0,
         room: None,
         points: 100,
         clips: vec![0],
         samples: Vec::new(),
     }
+}
+
+fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
+    Object { yaw_rad, ..standing(class, 0.8, [x, 1.0], [0.9, 0.5, 0.8]) }
+}
+
+pub(super) fn point(position_m: [f64; 3], normal: [f32; 3], class: Class) -> MapPoint {
+    let point = CloudPoint {
+        position_m: position_m.map(|c| c as f32),
+        normal,
+        color: class.color(),
+        label: Label::new(class, 0.9, 3),
+        weight: 100,
+    };
+    MapPoint { point, clip: 0 }
+}
+
+/// Returns the points of an upright surface above a line: `step_m` apart along it, at heights 10 cm apart, of which the lowest one
+/// and the number are given.
+pub(super) fn upright(
+    class: Class,
+    [from_m, to_m]: [[f64; 2]; 2],
+    normal: [f32; 3],
+    step_m: f64,
+    (lowest_m, heights): (f32, usize),
+) -> Vec<MapPoint> {
+    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]);
+    let count = (length_m / step_m).round() as usize;
+    let at = |i: usize, j: usize| {
+        let part = (i as f64 + 0.5) / count as f64;
+        let [x, y] = [0, 1].map(|axis| from_m[axis] + part * (to_m[axis] - from_m[axis]));
+        point([x, y, f64::from(lowest_m + 0.1 * j as f32)], normal, class)
+    };
+    (0..count).flat_map(|i| (0..heights).map(move |j| [i, j])).map(|[i, j]| at(i, j)).collect()
 }
 
 fn plan_of(name: &str) -> Plan {
@@ -233,7 +289,7 @@ fn the_label_of_a_room_with_very_many_corners_is_found_soon() {
 #[test]
 fn a_room_that_a_person_named_is_one_without_a_wall() {
     let corners = [[0.0, 0.0], [8.0, 0.0], [8.0, 4.0], [0.0, 4.0]];
-    let lidar = lidar_of(&[0, 1, 2, 3].map(|i: usize| [corners[i], corners[(i + 1) % 4]]));
+    let lidar = lidar_of(&ring(&corners));
     for (name, want) in [(None, vec![("1", 32.0)]), (Some("Kitchen"), vec![("1", 20.0), ("2", 12.0)])] {
         let mut rooms =
             [Room::rectangle("1", [0.0, 0.0], [5.0, 4.0]), Room::rectangle("2", [5.0, 0.0], [8.0, 4.0])];

@@ -1,6 +1,7 @@
 //! The two faces of a thin wall. Noise and the cells of a LiDAR map may put them on one line or in reversed order,
 //! and no wall would remain between them.
 
+use super::axes;
 use super::evidence::Evidence;
 use super::faces::Face;
 use super::oblique::Oblique;
@@ -96,11 +97,7 @@ fn divides_rooms(a: &Face, b: &Face, [from_m, to_m]: [f64; 2], evidence: &Eviden
     let (mut seen, mut dividing) = (0usize, 0usize);
     for step in 0..((to_m - from_m) / STEP_M) as usize {
         let along_m = from_m + (step as f64 + 0.5) * STEP_M;
-        let place = |off_m: f64| {
-            let mut place = [along_m; 2];
-            place[axis] = line_m + off_m;
-            Point2::from(place)
-        };
+        let place = |off_m: f64| Point2::from(axes::place(axis, line_m + off_m, along_m));
         let is_furniture = evidence.is_level(&place(0.0)) && !evidence.is_floor_of_clips(&place(0.0));
         if [a, b].iter().any(|face| face.at(along_m) < SURE) || is_furniture {
             continue;

@@ -1,5 +1,6 @@
 //! The lines between the cells.
 
+use crate::plan::axes::place;
 use crate::plan::evidence::Evidence;
 use crate::plan::faces::Face;
 use crate::plan::oblique::Oblique;
@@ -132,10 +133,9 @@ fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
     for row in 0..count(1 - axis) {
         let (mut last, mut last_at) = (0, i64::MIN);
         for at in 0..count(axis) {
-            let mut p = [0.0; 2];
-            p[axis] = evidence.low_m[axis] + at as f64 * STEP_M;
-            p[1 - axis] = evidence.low_m[1 - axis] + row as f64 * STEP_M;
-            let point = Point2::from(p);
+            let on_axis_m = evidence.low_m[axis] + at as f64 * STEP_M;
+            let other_m = evidence.low_m[1 - axis] + row as f64 * STEP_M;
+            let point = Point2::from(place(axis, on_axis_m, other_m));
             let room = evidence.room(&point);
             if room == 0 {
                 continue;

@@ -65,12 +65,7 @@ mod tests {
             owners: vec![vec![], vec![(1, 4.0)], vec![(2, 1.0)], vec![]],
         };
         for (axis, metres) in [(0, 1.5), (0, 0.4), (1, 0.5), (1, 2.9)] {
-            let mut cells = Cells {
-                lines: before.lines.clone(),
-                inside: before.inside.clone(),
-                pillars: before.pillars.clone(),
-                owners: before.owners.clone(),
-            };
+            let mut cells = before.clone();
             cells.refine(axis, metres);
             assert_eq!(cells.inside.len(), 6);
             assert!(cells.line(axis, metres).is_some());
@@ -93,12 +88,8 @@ mod tests {
 
     #[test]
     fn the_lists_of_other_cells_are_not_copied() {
-        let mut cells = Cells {
-            lines: [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0]],
-            inside: vec![true; 4],
-            pillars: vec![false; 4],
-            owners: (1..=4).map(|owner| vec![(owner, 1.0)]).collect(),
-        };
+        let mut cells = Cells::of([vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0]]);
+        cells.owners = (1..=4).map(|owner| vec![(owner, 1.0)]).collect();
         let lists: Vec<*const (u32, f64)> = cells.owners.iter().map(|list| list.as_ptr()).collect();
         cells.refine(0, 1.5);
         // The first column is whole.

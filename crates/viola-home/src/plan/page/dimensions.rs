@@ -1,6 +1,7 @@
 //! Dimension lines: the chain of rooms and the inner size of the whole home, above and left of the drawing.
 
 use super::{Page, QUIET, metres, text_width_mm};
+use crate::plan::axes::{place, span};
 use crate::plan::model::Plan;
 use std::fmt::Write;
 
@@ -18,24 +19,18 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     if plan.rooms.is_empty() {
         return;
     }
-    for axis in 0..2 {
+    // The outer faces of outer walls are not measured.
+    let inner = span(plan.rooms.iter().flat_map(|room| &room.outline.ring_m));
+    for (axis, whole) in inner.into_iter().enumerate() {
         let chain = chain(plan, axis, low, high);
         for [from, to] in &chain {
             dimension(page, axis, [*from, *to], CHAIN_MM, out);
         }
-        // The outer faces of outer walls are not measured.
-        let whole = inner(plan, axis);
         let is_told = |[from, to]: &[f64; 2]| metres(to - from) == metres(whole[1] - whole[0]);
         if !chain.iter().any(is_told) {
             dimension(page, axis, whole, WHOLE_MM, out);
         }
     }
-}
-
-/// Returns the ends of all rooms together.
-fn inner(plan: &Plan, axis: usize) -> [f64; 2] {
-    let corners = || plan.rooms.iter().flat_map(|room| &room.outline.ring_m).map(|corner| corner[axis]);
-    [corners().fold(f64::INFINITY, f64::min), corners().fold(f64::NEG_INFINITY, f64::max)]
 }
 
 /// Returns the inner widths of the rooms that are outermost at the upper (axis 0) or the left side (axis 1).
@@ -95,58 +90,27 @@ fn crossing(a: &[f64; 2], b: &[f64; 2], axis: usize, along: f64) -> Option<f64> 
 /// Draws a dimension line above the drawing (axis 0) or left of it (axis 1).
 fn dimension(page: &Page, axis: usize, [from, to]: [f64; 2], off_mm: f64, out: &mut String) {
     let words = metres(to - from);
-    let fits = text_width_mm(&words, TEXT_MM, false) < page.mm(to - from) - 0.5;
-    let [[left, top], _] = page.drawing_mm;
-    let tick = TICK_MM;
-    if axis == 0 {
-        let y = top - off_mm;
-        let [x0, x1] = [from, to].map(|x| page.place([x, 0.0])[0]);
-        let _ = writeln!(
-            out,
-            "<path d=\"M{x0:.2} {y:.2}H{x1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{x0:.2} {:.2}V{:.2}M{x1:.2} {:.2}V{:.2}\"/>",
-            x0 - tick,
-            y + tick,
-            x0 + tick,
-            y - tick,
-            x1 - tick,
-            y + tick,
-            x1 + tick,
-            y - tick,
-            y + 1.8,
-            y - 1.4,
-            y + 1.8,
-            y - 1.4
-        );
-        if fits {
-            text(out, (x0 + x1) / 2.0, y - 1.0, None, &words);
-        }
-    } else {
-        let x = left - off_mm;
-        let [y0, y1] = [from, to].map(|y| page.place([0.0, y])[1]);
-        let _ = writeln!(
-            out,
-            "<path d=\"M{x:.2} {y0:.2}V{y1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {y0:.2}H{:.2}M{:.2} {y1:.2}H{:.2}\"/>",
-            x - tick,
-            y0 + tick,
-            x + tick,
-            y0 - tick,
-            x - tick,
-            y1 + tick,
-            x + tick,
-            y1 - tick,
-            x + 1.8,
-            x - 1.4,
-            x + 1.8,
-            x - 1.4
-        );
-        if fits {
-            text(out, x - 1.0, (y0 + y1) / 2.0, Some(-90.0), &words);
-        }
+    let across = page.corner_mm[1 - axis] - off_mm;
+    let ends = [from, to].map(|metres| place(axis, page.place([metres; 2])[axis], across));
+    let [along, aside] = place(axis, "H", "V");
+    let mut path = format!("M{:.2} {:.2}{along}{:.2}", ends[0][0], ends[0][1], ends[1][axis]);
+    for [x, y] in ends {
+        let [left, right, up, down] = [x - TICK_MM, x + TICK_MM, y - TICK_MM, y + TICK_MM];
+        path += &format!("M{left:.2} {down:.2}L{right:.2} {up:.2}");
+    }
+    for end in ends {
+        let [x, y] = place(axis, end[axis], across + 1.8);
+        path += &format!("M{x:.2} {y:.2}{aside}{:.2}", across - 1.4);
+    }
+    let _ = writeln!(out, "<path d=\"{path}\"/>");
+    if text_width_mm(&words, TEXT_MM, false) < page.mm(to - from) - 0.5 {
+        let middle = (ends[0][axis] + ends[1][axis]) / 2.0;
+        text(out, place(axis, middle, across - 1.0), axis == 1, &words);
     }
 }
 
-fn text(out: &mut String, x: f64, y: f64, turn_deg: Option<f64>, words: &str) {
-    let turn = turn_deg.map(|deg| format!(" transform=\"rotate({deg} {x:.2} {y:.2})\"")).unwrap_or_default();
+fn text(out: &mut String, [x, y]: [f64; 2], is_turned: bool, words: &str) {
+    let turn = if is_turned { format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"") } else { String::new() };
     let _ = writeln!(
         out,
         "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{TEXT_MM}\" fill=\"{QUIET}\" stroke=\"none\"{turn}>{words}</text>"
@@ -157,8 +121,8 @@ fn text(out: &mut String, x: f64, y: f64, turn_deg: Option<f64>, words: &str) {
 mod tests {
     use super::*;
     use crate::plan::model::PlanRoom;
+    use crate::plan::tests::plan_of_rooms;
     use crate::rooms::outline::Outline;
-    use viola_geometry::{LevelName, Pose2};
 
     /// A large map: each room has few steps along a side.
     #[test]
@@ -170,17 +134,7 @@ mod tests {
             let outline = Outline { ring_m, holes_m: Vec::new() };
             PlanRoom { id: None, name: None, area_m2: 2.25, label_at_m: [x + 0.75, y + 0.75], outline }
         };
-        let plan = Plan {
-            level: LevelName::MAIN,
-            home_name: None,
-            map_from_plan: Pose2::IDENTITY,
-            walls: Vec::new(),
-            masonry: Vec::new(),
-            unfilmed_masonry: Vec::new(),
-            openings: Vec::new(),
-            rooms: (0..SIDE * SIDE).map(room).collect(),
-            furniture: Vec::new(),
-        };
+        let plan = plan_of_rooms((0..SIDE * SIDE).map(room).collect());
         let (low, high) = plan.bounds_m();
         let spans: Vec<[f64; 2]> =
             (0..SIDE).map(|place| [0.0, 1.5].map(|end| place as f64 * 2.0 + end)).collect();

@@ -7,9 +7,7 @@ use crate::svg::escape;
 use std::fmt::Write;
 
 pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
-    // Parts of other pieces are drawn over these.
-    let (set_in, standing): (Vec<_>, Vec<_>) = plan.furniture.iter().partition(|piece| piece.is_set_in);
-    for piece in standing.into_iter().chain(set_in) {
+    for piece in &plan.furniture {
         let (id, class) = (escape(&piece.id), piece.class.name());
         let _ = writeln!(out, "<g class=\"{class}\" stroke=\"{FURNITURE}\"><title>{id}</title>");
         for stroke in strokes(piece) {

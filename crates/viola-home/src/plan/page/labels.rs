@@ -1,10 +1,12 @@
 //! Names, areas and sizes of rooms, where they cover as little furniture and swings of doors as possible.
 
-use super::{INK, Page, QUIET, metres, point, shortened};
+use super::{INK, Page, QUIET, metres, shortened};
+use crate::plan::axes::{sample, span};
 use crate::plan::model::{Plan, PlanRoom};
 use crate::rooms::bands::Bands;
 use crate::svg::{escape, text_width};
 use std::fmt::Write;
+use viola_geometry::Point2;
 
 /// Maximum letters of a drawn name.
 const LONGEST: usize = 28;
@@ -21,8 +23,9 @@ struct Line {
 }
 
 pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
+    let drawn = drawn(plan);
     for room in &plan.rooms {
-        let (lines, at_m) = placed(room, plan, page);
+        let (lines, at_m) = placed(room, &drawn, page);
         let [x, mut y] = page.place(at_m);
         y -= height_mm(&lines) / 2.0;
         for line in &lines {
@@ -48,19 +51,14 @@ fn name(room: &PlanRoom) -> String {
 }
 
 fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {
-    let size = |axis: usize| {
-        let along = room.outline.ring_m.iter().map(|corner| corner[axis]);
-        let (low, high) =
-            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
-        high - low
-    };
+    let [width_m, depth_m] = span(&room.outline.ring_m).map(|[low, high]| high - low);
     let line =
         |words: String, part: f64, is_name: bool| Line { words, size_mm: NAME_MM * shrink * part, is_name };
     let mut lines =
         vec![line(name(room), 1.0, true), line(format!("{:.1} m\u{b2}", room.area_m2), 0.8, false)];
     // Width and depth say something of rectangles only.
-    if room.area_m2 > 0.9 * size(0) * size(1) {
-        lines.push(line(format!("{} \u{d7} {} m", metres(size(0)), metres(size(1))), 0.65, false));
+    if room.area_m2 > 0.9 * width_m * depth_m {
+        lines.push(line(format!("{} \u{d7} {} m", metres(width_m), metres(depth_m)), 0.65, false));
     }
     lines
 }
@@ -70,75 +68,64 @@ fn height_mm(lines: &[Line]) -> f64 {
 }
 
 /// Returns the lines of a room and their middle: the largest letters that fit, where they cover least.
-fn placed(room: &PlanRoom, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
-    let mut last = (lines(room, SHRINK[SHRINK.len() - 1]), room.label_at_m);
+fn placed(room: &PlanRoom, drawn: &[[[f64; 2]; 2]], page: &Page) -> (Vec<Line>, [f64; 2]) {
+    let smallest = SHRINK[SHRINK.len() - 1];
+    let mut lines = lines(room, smallest);
     // As multiples of the letters' sizes: a text is laid out once for all of them.
-    let widths: Vec<f64> = last.0.iter().map(|line| text_width(&line.words, line.is_name)).collect();
+    let widths: Vec<f64> = lines.iter().map(|line| text_width(&line.words, line.is_name)).collect();
     let bands = Bands::new(&room.outline.ring_m, &room.outline.holes_m);
-    for shrink in SHRINK {
-        let mut lines = lines(room, shrink);
-        while !lines.is_empty() {
-            let widths_mm = lines.iter().zip(&widths).map(|(line, width)| width * line.size_mm);
-            let half_m =
-                [widths_mm.fold(0.0, f64::max) / 2.0, height_mm(&lines) / 2.0].map(|mm| page.metres(mm));
-            if let Some(at) = best_place(room, &bands, half_m, plan) {
-                return (lines, at);
-            }
-            if shrink > SHRINK[SHRINK.len() - 1] || lines.len() == 1 {
-                break;
-            }
-            lines.pop();
-            last = (vec![], room.label_at_m);
-        }
-        if last.0.is_empty() {
-            last.0 = self::lines(room, shrink);
-            last.0.truncate(1);
+    let place = |lines: &[Line]| {
+        let widths_mm = lines.iter().zip(&widths).map(|(line, width)| width * line.size_mm);
+        let half_m = [widths_mm.fold(0.0, f64::max) / 2.0, height_mm(lines) / 2.0].map(|mm| page.metres(mm));
+        best_place(room, &bands, half_m, drawn)
+    };
+    for shrink in SHRINK.into_iter().filter(|shrink| *shrink > smallest) {
+        let larger = self::lines(room, shrink);
+        if let Some(at) = place(&larger) {
+            return (larger, at);
         }
     }
-    last
+    // The name alone is drawn at any rate.
+    loop {
+        let at = place(&lines);
+        if at.is_some() || lines.len() == 1 {
+            return (lines, at.unwrap_or(room.label_at_m));
+        }
+        lines.pop();
+    }
 }
 
-/// Returns corners of the furniture and of the swings of doors.
-fn drawn(plan: &Plan) -> Vec<Vec<[f64; 2]>> {
-    let furniture = plan.furniture.iter().map(|piece| piece.corners_m().to_vec());
+/// Returns the boxes around the furniture and the swings of doors.
+fn drawn(plan: &Plan) -> Vec<[[f64; 2]; 2]> {
+    let furniture = plan.furniture.iter().map(|piece| span(piece.corners_m()));
     let swings = plan.openings.iter().filter_map(|opening| opening.swing);
-    furniture.chain(swings.map(|swing| vec![swing.hinge_m, swing.open_m, swing.closed_m])).collect()
+    furniture.chain(swings.map(|swing| span([swing.hinge_m, swing.open_m, swing.closed_m]))).collect()
 }
 
 /// Returns the place of a box within a room where it covers least furniture and swings of doors, near the room's middle.
-fn best_place(room: &PlanRoom, bands: &Bands, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]> {
-    let ring = &room.outline.ring_m;
-    let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        ring.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
-    let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+fn best_place(room: &PlanRoom, bands: &Bands, half_m: [f64; 2], drawn: &[[[f64; 2]; 2]]) -> Option<[f64; 2]> {
     let is_inside = |p: [f64; 2]| {
         let steps = [-1.0, -0.5, 0.0, 0.5, 1.0];
         steps.iter().all(|i| {
             [-1.0, 0.0, 1.0]
                 .iter()
-                .all(|j| bands.contains(&point([p[0] + i * half_m[0], p[1] + j * half_m[1]])))
+                .all(|j| bands.contains(&Point2::new(p[0] + i * half_m[0], p[1] + j * half_m[1])))
         })
     };
-    let drawn = drawn(plan);
     let covered = |p: [f64; 2]| {
-        let covered_m2 = drawn.iter().map(|corners| {
+        let covered_m2 = drawn.iter().map(|span| {
             let overlap = |axis: usize| {
-                let along = || corners.iter().map(|corner| corner[axis]);
-                let low = along().fold(f64::INFINITY, f64::min).max(p[axis] - half_m[axis]);
-                let high = along().fold(f64::NEG_INFINITY, f64::max).min(p[axis] + half_m[axis]);
-                (high - low).max(0.0)
+                let [low, high] = span[axis];
+                (high.min(p[axis] + half_m[axis]) - low.max(p[axis] - half_m[axis])).max(0.0)
             };
             overlap(0) * overlap(1)
         });
         covered_m2.sum::<f64>() / (4.0 * half_m[0] * half_m[1])
     };
+    let around = span(&room.outline.ring_m);
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..PLACES * PLACES {
-        let at = [i % PLACES, i / PLACES];
-        let p =
-            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / PLACES as f64 * (high[axis] - low[axis]));
+        let p = sample(around, PLACES, i);
         if !is_inside(p) {
             continue;
         }

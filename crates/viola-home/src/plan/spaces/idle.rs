@@ -149,12 +149,7 @@ mod tests {
         ) {
             // Areas are sums of halves, so that their order does not count.
             let line = || (0..=8).map(|at| f64::from(at) / 2.0).collect();
-            let cells = Cells {
-                lines: [line(), line()],
-                inside,
-                pillars: vec![false; 64],
-                owners: vec![Vec::new(); 64],
-            };
+            let cells = Cells { inside, ..Cells::of([line(), line()]) };
             let gap = |(x, y, height, width): (usize, usize, usize, u8)| {
                 let column = |x: usize| (y..(y + height).min(8)).map(|y| cells.index([x, y])).collect();
                 gap_of(column(x), [column(x - 1), column(x + 1)], f64::from(width) / 8.0)
@@ -172,12 +167,7 @@ mod tests {
     #[test]
     fn each_gap_is_measured_once() {
         let sides = vec![0.0, 5.0, 5.1, 5.6, 5.7, 6.2, 6.3, 12.3];
-        let cells = Cells {
-            lines: [sides, vec![0.0, 1.0]],
-            inside: vec![true; 7],
-            pillars: vec![false; 7],
-            owners: vec![Vec::new(); 7],
-        };
+        let cells = Cells { inside: vec![true; 7], ..Cells::of([sides, vec![0.0, 1.0]]) };
         let gap = |at: usize, width_m: f64| gap_of(vec![at], [vec![at - 1], vec![at + 1]], width_m);
         for (least_m2, want) in [(0.4, vec![]), (1.0, vec![3]), (2.0, vec![3, 5]), (10.0, vec![3, 5, 1])] {
             let mut closed = vec![gap(1, 0.8), gap(3, 1.0), gap(5, 0.9)];

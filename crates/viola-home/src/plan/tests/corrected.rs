@@ -92,8 +92,7 @@ fn a_thin_wall_between_rooms_that_people_merged_stays() {
 #[test]
 fn rooms_that_people_merged_across_a_wall_keep_the_floor_of_both() {
     let x = [4.0, 4.1].map(|x| [[x, 0.0], [x, 3.0]]);
-    let outer = [[0.0, 0.0], [7.1, 0.0], [7.1, 3.0], [0.0, 3.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let mut walls = ring(&[[0.0, 0.0], [7.1, 0.0], [7.1, 3.0], [0.0, 3.0]]);
     walls.extend(x);
     let lidar = lidar_of(&walls);
     assert_eq!(crate::rooms(&lidar, &[]).len(), 2);

@@ -1,29 +1,15 @@
 //! Walls that clips filmed, and walls that are in the LiDAR map only.
 
 use super::super::*;
+use super::upright;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
-use viola_reconstruct::{CloudPoint, Label};
 
 const LEGEND: &str = "not filmed: by the LiDAR map only";
 
 /// Returns the points of an upright surface above a line: 2.5 cm apart along it, up to 2.35 m.
 fn sheet(class: Class, from_m: [f64; 2], to_m: [f64; 2], normal: [f32; 3]) -> Vec<MapPoint> {
-    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]);
-    let count = (length_m / 0.025).round() as usize;
-    let point = |i: usize, j: usize| {
-        let part = (i as f64 + 0.5) / count as f64;
-        let [x, y] = [0, 1].map(|axis| (from_m[axis] + part * (to_m[axis] - from_m[axis])) as f32);
-        let point = CloudPoint {
-            position_m: [x, y, 0.15 + 0.1 * j as f32],
-            normal,
-            color: class.color(),
-            label: Label::new(class, 0.9, 3),
-            weight: 100,
-        };
-        MapPoint { point, clip: 0 }
-    };
-    (0..count).flat_map(|i| (0..23).map(move |j| [i, j])).map(|[i, j]| point(i, j)).collect()
+    upright(class, [from_m, to_m], normal, 0.025, (0.15, 23))
 }
 
 /// Returns the points of both long walls, of the left half of the wall at x = 0, and of the wall between the rooms.

@@ -1,53 +1,27 @@
 //! Plans with standing furniture.
 
 use super::super::*;
-use super::lidar_of;
+use super::{lidar_of, ring, standing, upright};
 use crate::rooms::tests::flat;
 use std::f64::consts::FRAC_PI_2;
 use viola_geometry::taxonomy::Class;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::Label;
 
 /// Returns the points of a cabinet's surface above a line: 2.5 cm apart along it, up to 2 m. Most of its labels are wrong.
 fn front(from_m: [f64; 2], to_m: [f64; 2], normal: [f32; 3]) -> Vec<MapPoint> {
-    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]);
-    let count = (length_m / 0.025).round() as usize;
-    let point = |i: usize, j: usize| {
-        let part = (i as f64 + 0.5) / count as f64;
-        let [x, y] = [0, 1].map(|axis| (from_m[axis] + part * (to_m[axis] - from_m[axis])) as f32);
-        let point = CloudPoint {
-            position_m: [x, y, 0.1 + 0.1 * j as f32],
-            normal,
-            color: Class::Other.color(),
-            label: Label::new(Class::Other, 0.9, 3),
-            weight: 100,
-        };
-        MapPoint { point, clip: 0 }
-    };
-    (0..count).flat_map(|i| (0..20).map(move |j| [i, j])).map(|[i, j]| point(i, j)).collect()
+    upright(Class::Other, [from_m, to_m], normal, 0.025, (0.1, 20))
 }
 
 /// Returns a cabinet along y.
-pub(super) fn cabinet([x, y]: [f64; 2], size_m: [f64; 3], confidence: f64) -> Object {
-    Object {
-        id: "cabinet-1".to_owned(),
-        class: Class::Cabinet,
-        confidence,
-        centre_m: [x, y, size_m[2] / 2.0],
-        size_m,
-        yaw_rad: FRAC_PI_2,
-        room: None,
-        points: 100,
-        clips: vec![0],
-        samples: Vec::new(),
-    }
+pub(super) fn cabinet(place_m: [f64; 2], size_m: [f64; 3], confidence: f64) -> Object {
+    Object { yaw_rad: FRAC_PI_2, ..standing(Class::Cabinet, confidence, place_m, size_m) }
 }
 
 /// The robot and the clips saw the front and the side of a wardrobe in a corner, and nobody the walls behind it.
 #[test]
 fn a_wardrobe_is_no_wall() {
     let outer = [[0.9, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 1.5], [0.9, 1.5]];
-    let walls: Vec<[[f64; 2]; 2]> = (0..6).map(|i| [outer[i], outer[(i + 1) % 6]]).collect();
-    let lidar = lidar_of(&walls);
+    let lidar = lidar_of(&ring(&outer));
     let mut points = front([0.9, 0.0], [0.9, 1.5], [1.0, 0.0, 0.0]);
     points.extend(front([0.9, 1.5], [0.0, 1.5], [0.0, 1.0, 0.0]));
     // Without a sure object the clips must have called its front wall.

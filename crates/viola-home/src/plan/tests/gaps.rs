@@ -1,18 +1,13 @@
 //! Plans with corridors, beams and recesses.
 
 use super::super::*;
-use super::lidar_of;
+use super::{lidar_of, point, ring};
 use viola_geometry::taxonomy::Class;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::Label;
 
 /// A corridor of 1.2 m by 8 m with two rooms on each side; the walls between the rooms are in one line.
 fn corridor() -> LidarMap {
-    let mut walls = vec![
-        [[0.0, 0.0], [8.4, 0.0]],
-        [[8.4, 0.0], [8.4, 8.0]],
-        [[8.4, 8.0], [0.0, 8.0]],
-        [[0.0, 8.0], [0.0, 0.0]],
-    ];
+    let mut walls = ring(&[[0.0, 0.0], [8.4, 0.0], [8.4, 8.0], [0.0, 8.0]]);
     // Both faces of the corridor's walls and what is between them, with a door to each room.
     for x in [3.51, 3.535, 3.56, 3.585, 3.61, 4.81, 4.835, 4.86, 4.885, 4.91] {
         walls.extend([[[x, 0.0], [x, 1.5]], [[x, 2.3], [x, 5.5]], [[x, 6.3], [x, 8.0]]]);
@@ -21,17 +16,6 @@ fn corridor() -> LidarMap {
         walls.extend([[[0.0, y], [3.51, y]], [[4.91, y], [8.4, y]]]);
     }
     lidar_of(&walls)
-}
-
-fn point(position_m: [f64; 3], normal: [f64; 3], class: Class) -> MapPoint {
-    let point = CloudPoint {
-        position_m: position_m.map(|c| c as f32),
-        normal: normal.map(|c| c as f32),
-        color: class.color(),
-        label: Label::new(class, 0.9, 3),
-        weight: 100,
-    };
-    MapPoint { point, clip: 0 }
 }
 
 #[test]
@@ -45,17 +29,9 @@ fn walls_in_one_line_do_not_divide_a_corridor() {
 
 #[test]
 fn a_room_ends_at_the_recess_of_its_window() {
-    let walls = [
-        [[0.0, 0.0], [4.0, 0.0]],
-        [[4.0, 0.0], [4.0, 3.0]],
-        [[4.0, 3.0], [2.6, 3.0]],
-        [[2.6, 3.0], [2.6, 3.3]],
-        [[2.6, 3.3], [1.2, 3.3]],
-        [[1.2, 3.3], [1.2, 3.0]],
-        [[1.2, 3.0], [0.0, 3.0]],
-        [[0.0, 3.0], [0.0, 0.0]],
-    ];
-    let lidar = lidar_of(&walls);
+    let recess = [[2.6, 3.0], [2.6, 3.3], [1.2, 3.3], [1.2, 3.0]];
+    let corners = [&[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]][..], &recess, &[[0.0, 3.0]]].concat();
+    let lidar = lidar_of(&ring(&corners));
     let panes = (0..28).flat_map(|i| (0..40).map(move |j| [1.2 + 0.05 * i as f64, 0.2 + 0.05 * j as f64]));
     let window: Vec<MapPoint> =
         panes.map(|[x, z]| point([x, 3.3, z], [0.0, -1.0, 0.0], Class::Window)).collect();
@@ -83,8 +59,7 @@ pub(super) fn face(x: f64, up: bool, ys: [f64; 2], zs: [f64; 2]) -> Vec<MapPoint
 
 #[test]
 fn a_wall_of_one_row_of_points_divides_two_rooms() {
-    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [0.0, 3.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let mut walls = ring(&[[0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [0.0, 3.0]]);
     walls.extend([[[4.0, 0.0], [4.0, 1.1]], [[4.0, 1.9], [4.0, 3.0]]]);
     let lidar = lidar_of(&walls);
     // Noise reverses the faces.
@@ -103,8 +78,7 @@ fn a_wall_of_one_row_of_points_divides_two_rooms() {
 #[test]
 fn a_room_does_not_end_at_a_wardrobe() {
     let outer = [[0.6, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 1.5], [0.6, 1.5]];
-    let walls: Vec<[[f64; 2]; 2]> = (0..6).map(|i| [outer[i], outer[(i + 1) % 6]]).collect();
-    let lidar = lidar_of(&walls);
+    let lidar = lidar_of(&ring(&outer));
     let mut points = face(0.6, true, [0.0, 1.5], [0.1, 1.8]);
     let area_m2 = |points: &[MapPoint]| {
         let plan = plan(&lidar, points, &crate::rooms(&lidar, points), &[]);
@@ -119,8 +93,7 @@ fn a_room_does_not_end_at_a_wardrobe() {
 /// The LiDAR saw an open leaf; clips saw floor on both sides of it, and nothing at the ceiling.
 #[test]
 fn an_open_leaf_is_no_wall() {
-    let outer = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let mut walls = ring(&[[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]);
     walls.push([[2.0, 0.0], [2.0, 0.7]]);
     let lidar = lidar_of(&walls);
     let corners = |points: &[MapPoint]| {
@@ -142,12 +115,7 @@ fn an_open_leaf_is_no_wall() {
 #[test]
 fn a_doorway_between_staggered_walls_divides_two_rooms() {
     // Two thin walls whose ends are 25 cm apart across the wall.
-    let mut walls = vec![
-        [[0.0, 0.0], [4.0, 0.0]],
-        [[4.0, 0.0], [4.0, 6.0]],
-        [[4.0, 6.0], [0.0, 6.0]],
-        [[0.0, 6.0], [0.0, 0.0]],
-    ];
+    let mut walls = ring(&[[0.0, 0.0], [4.0, 0.0], [4.0, 6.0], [0.0, 6.0]]);
     for off in [0.0, 0.025, 0.05, 0.075, 0.1] {
         walls.extend([[[0.0, 2.8 + off], [1.6, 2.8 + off]], [[2.35, 3.1 + off], [4.0, 3.1 + off]]]);
     }
@@ -163,8 +131,7 @@ fn a_doorway_between_staggered_walls_divides_two_rooms() {
 
 /// Two rooms of 4 m depth with a wall of several pieces between them.
 fn divided(pieces: &[[f64; 2]]) -> LidarMap {
-    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let mut walls = ring(&[[0.0, 0.0], [7.0, 0.0], [7.0, 4.0], [0.0, 4.0]]);
     for x in [4.0, 4.025, 4.05, 4.075, 4.1] {
         walls.extend(pieces.iter().map(|[from, to]| [[x, *from], [x, *to]]));
     }
@@ -213,8 +180,7 @@ fn a_door_whose_back_is_wall_is_none() {
 /// Clips saw both faces of two walls that meet at a corner, each with a doorway at its other end, but not the ceiling.
 #[test]
 fn a_corner_between_two_doors_stays() {
-    let outer = [[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    let mut walls = ring(&[[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]]);
     for at in [1.8, 1.825, 1.85, 1.875, 1.9] {
         walls.extend([[[at, 0.8], [at, 1.9]], [[0.8, at], [1.9, at]]]);
     }

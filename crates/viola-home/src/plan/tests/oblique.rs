@@ -1,7 +1,7 @@
 //! Plans with walls that are not along the home's main directions.
 
 use super::super::*;
-use super::lidar_of;
+use super::{lidar_of, ring};
 use geo::{Area, BooleanOps, LineString, MultiPolygon, Polygon};
 
 /// The oblique wall: 16.7 degrees off the axis.
@@ -12,7 +12,7 @@ const FACE: [[f64; 2]; 2] = [[3.0, 0.0], [4.2, 4.0]];
 /// Two rooms with a cut corner, divided by an oblique wall with a door of 0.8 m.
 fn slanted() -> LidarMap {
     let outer = [[0.0, 0.0], [10.0, 0.0], [10.0, 2.5], [8.8, 4.0], [0.0, 4.0]];
-    let mut walls: Vec<[[f64; 2]; 2]> = (0..5).map(|i| [outer[i], outer[(i + 1) % 5]]).collect();
+    let mut walls = ring(&outer);
     // Both faces and what is between them: no floor is seen in the wall.
     for shift_m in [0.0, 0.03, 0.06, 0.09, THICKNESS_M] {
         let at = |part: f64| [3.0 + 1.2 * part + shift_m * 1.044, 4.0 * part];
@@ -96,8 +96,7 @@ fn with_wing() -> (LidarMap, impl Fn(f64, f64) -> [f64; 2]) {
     let mut walls = vec![[[0.0, 0.0], [0.0, 3.0]], [[30.0, 0.0], [30.0, 3.0]]];
     let (sin, cos) = 75f64.to_radians().sin_cos();
     let at = move |u: f64, v: f64| [40.0 + cos * u - sin * v, 6.0 + sin * u + cos * v];
-    let wing = [at(0.0, 0.0), at(24.0, 0.0), at(24.0, 4.0), at(0.0, 4.0)];
-    walls.extend((0..4).map(|i| [wing[i], wing[(i + 1) % 4]]));
+    walls.extend(ring(&[at(0.0, 0.0), at(24.0, 0.0), at(24.0, 4.0), at(0.0, 4.0)]));
     for row_m in ROWS_M {
         // The long walls make their direction the plan's.
         walls.extend([-row_m, 3.0 + row_m].map(|y| [[0.0, y], [30.0, y]]));

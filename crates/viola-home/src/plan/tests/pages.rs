@@ -3,6 +3,7 @@
 use super::super::*;
 use super::plan_of;
 use flate2::Crc;
+use viola_geometry::taxonomy::Class;
 
 /// Returns a plan with one wall around a box.
 fn box_of(size_m: [f64; 2]) -> Plan {
@@ -228,4 +229,49 @@ fn a_drawing_opens_on_the_home() {
         }
         assert!(height_m < 1.5 * 8.0, "{height_m}");
     }
+}
+
+#[test]
+fn all_formats_draw_a_corner_sofa_as_an_l() {
+    let sofa = Furniture {
+        id: "sofa-1".to_owned(),
+        class: Class::Sofa,
+        centre_m: [2.0, 1.5],
+        size_m: [2.4, 1.6],
+        yaw_rad: 0.0,
+        back: Some(0),
+        recess: Some([0.625, 0.5]),
+    };
+    let corners = [[0.8, 0.7], [3.2, 0.7], [3.2, 1.5], [1.7, 1.5], [1.7, 2.3], [0.8, 2.3]];
+    let plan = Plan { map_from_plan: Pose2::IDENTITY, furniture: vec![sofa], ..plan_of("Kitchen") };
+    let near = |ring: &[[f64; 2]]| {
+        let off_m = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+        ring.len() == corners.len() && ring.iter().zip(&corners).map(off_m).all(|off_m| off_m < 1e-3)
+    };
+    let svg = plan_svg(&plan);
+    let (_, symbol) = svg.split_once("<title>sofa-1</title>").unwrap();
+    let outline = symbol.lines().find(|line| line.contains("fill=\"#ffffff\"")).unwrap();
+    assert_eq!(outline.matches('L').count(), 5, "{outline}");
+    let dxf = plan_dxf(&plan);
+    let (_, outline) = dxf.split_once("\nPOLYLINE\n8\nFURNITURE\n").unwrap();
+    let (outline, _) = outline.split_once("\nSEQEND\n").unwrap();
+    let lines: Vec<&str> = outline.lines().collect();
+    let values = |code: &str| -> Vec<f64> {
+        let pairs = lines.chunks(2).filter(|pair| pair[0] == code);
+        pairs.skip(1).map(|pair| pair[1].parse().unwrap()).collect()
+    };
+    let ring: Vec<[f64; 2]> = values("10").into_iter().zip(values("20")).map(|(x, y)| [x, y]).collect();
+    assert!(near(&ring), "{ring:?}");
+    // The box in the model stays.
+    let json = plan_json(&plan)["furniture"][0].clone();
+    assert_eq!((&json["size_m"], &json["centre_m"]), (&vec![2.4, 1.6].into(), &vec![2.0, 1.5].into()));
+    let geojson = plan_geojson(&plan);
+    let features = geojson["features"].as_array().unwrap();
+    let feature = features.iter().find(|feature| feature["id"] == "object/sofa-1").unwrap();
+    let mut closed: Vec<[f64; 2]> =
+        serde_json::from_value(feature["geometry"]["coordinates"][0].clone()).unwrap();
+    assert_eq!(closed.pop(), closed.first().copied());
+    assert!(near(&closed), "{closed:?}");
+    let ring: Vec<[f64; 2]> = serde_json::from_value(json["polygon_m"].clone()).unwrap();
+    assert!(near(&ring), "{ring:?}");
 }

@@ -3,13 +3,9 @@
 use super::super::*;
 use super::furniture::cabinet;
 use super::gaps::face;
-use super::lidar_of;
+use super::{lidar_of, ring};
 use viola_formats::lidar::Cell;
 use viola_geometry::{Grid, GridFrame};
-
-fn ring(corners: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
-    (0..corners.len()).map(|i| [corners[i], corners[(i + 1) % corners.len()]]).collect()
-}
 
 fn plan_with(lidar: &LidarMap, points: &[MapPoint], objects: &[Object]) -> Plan {
     plan(lidar, points, &crate::rooms(lidar, points), objects)
