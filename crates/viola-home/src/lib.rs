@@ -10,6 +10,7 @@ mod coverage;
 mod describe;
 mod features;
 mod frame_pictures;
+mod gltf;
 mod identity;
 mod info;
 mod lettering;

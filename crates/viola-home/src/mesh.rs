@@ -15,6 +15,7 @@ mod usdz;
 mod vertices;
 
 use crate::assemble::Tile;
+use crate::gltf::y_up;
 use crate::{MAP_VOXEL_M, MapPoint};
 use field::Field;
 use parts::Part;
@@ -71,9 +72,13 @@ impl Vertex {
     }
 }
 
-/// Returns a place or a direction of the map with y up, as file formats of meshes have it.
-fn y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [x, z, -y]
+/// Returns the lower and the upper corner of the box around vertices, with y up.
+fn bounds(vertices: &[Vertex]) -> [[f32; 3]; 2] {
+    let places = vertices.iter().map(|vertex| y_up(vertex.position_m));
+    places.fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], place| {
+        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| std::array::from_fn(|i| pick(a[i], place[i]));
+        [each(f32::min, low), each(f32::max, high)]
+    })
 }
 
 /// A triangle mesh with vertex colours.

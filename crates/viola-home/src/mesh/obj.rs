@@ -1,6 +1,7 @@
 //! A mesh as Wavefront OBJ, y up as in glTF. Colours follow the positions, as MeshLab and Blender read them.
 
-use super::{Mesh, Vertex, y_up};
+use super::{Mesh, Vertex};
+use crate::gltf::y_up;
 use std::fmt::Write;
 
 pub fn obj(mesh: &Mesh) -> String {
