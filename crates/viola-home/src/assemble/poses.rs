@@ -28,8 +28,6 @@ pub(super) const MIN_PLACED_PROBABILITY: f64 = 0.97;
 /// Clips count by their places among all clips of the home, placed or not.
 const FIRST_BLOCK: usize = 16;
 const BLOCK: usize = 8;
-/// Clips that are loaded at a time, to bound the memory.
-const AT_A_TIME: usize = 8;
 
 /// A clip with a pose.
 struct Known<'a, 'c> {
@@ -169,20 +167,15 @@ fn overlaps<E: From<Cancelled>>(
         if !joint::downwards(i, known.len()) {
             fresh.reverse();
         }
-        for part in fresh.chunks(AT_A_TIME) {
-            let b = cache.get(b.member)?;
-            let others: Vec<&Member> = part.iter().map(|(_, a)| a.member).collect();
-            let loaded = cache.get_all(&others)?;
-            let registered = part.par_iter().zip(loaded).map(|((at, _), a)| {
-                let pair = &pairs[*at];
-                let map_from_a = raised_pose(&pair.map_from_a, pair.rise_of_a_m);
-                let map_from_b = raised_pose(&pair.map_from_b, pair.rise_of_b_m);
-                overlap(a.surface(), b.surface(), &(map_from_b.inverse() * map_from_a))
-            });
-            let registered: Vec<Option<Overlap>> = registered.collect();
-            for ((at, _), overlap) in part.iter().zip(registered) {
-                pairs[*at].overlap = overlap;
-            }
+        let others: Vec<&Member> = fresh.iter().map(|(_, a)| a.member).collect();
+        let registered = cache.with_each(b.member, &others, |at, a, b| {
+            let pair = &pairs[fresh[at].0];
+            let map_from_a = raised_pose(&pair.map_from_a, pair.rise_of_a_m);
+            let map_from_b = raised_pose(&pair.map_from_b, pair.rise_of_b_m);
+            overlap(a.surface(), b.surface(), &(map_from_b.inverse() * map_from_a))
+        })?;
+        for ((at, _), overlap) in fresh.iter().zip(registered) {
+            pairs[*at].overlap = overlap;
         }
     }
     Ok(pairs)
