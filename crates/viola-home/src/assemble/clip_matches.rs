@@ -169,10 +169,10 @@ impl ClipMatch {
     }
 
     /// Returns the registration of the surfaces, if the match is likely and consistent with these poses.
-    pub fn overlap_at(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> Option<Overlap> {
+    pub fn overlap_at(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> Option<&Overlap> {
         let joins = forest::is_near(&map_from_a.compose(&self.b_from_a().inverse()), map_from_b);
         let is_likely = joins && self.log_odds()? > 0.0;
-        self.surfaces.as_ref()?.overlap.clone().filter(|_| is_likely)
+        self.surfaces.as_ref()?.overlap.as_ref().filter(|_| is_likely)
     }
 }
 
