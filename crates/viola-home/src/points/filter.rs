@@ -55,10 +55,7 @@ impl PointFilter {
         }
         let mut chosen = Vec::new();
         for point in tile.points.chunks_exact(POINT_BYTES) {
-            let c = |axis: usize| {
-                let at = 4 * axis;
-                f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]])
-            };
+            let c = |axis: usize| f32::from_le_bytes(point.as_chunks::<4>().0[axis]);
             let inside = |axis: usize| (min_m[axis]..=max_m[axis]).contains(&c(axis));
             if wanted.get(usize::from(point[27])).copied().unwrap_or(false) && (0..3).all(inside) {
                 chosen.extend_from_slice(point);

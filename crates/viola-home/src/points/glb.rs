@@ -28,8 +28,8 @@ pub struct Glb {
 }
 
 fn position(point: &[u8]) -> [f32; 3] {
-    let c = |at: usize| f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]]);
-    y_up([c(0), c(4), c(8)])
+    let c = |axis: usize| f32::from_le_bytes(point.as_chunks::<4>().0[axis]);
+    y_up([c(0), c(1), c(2)])
 }
 
 impl Glb {
