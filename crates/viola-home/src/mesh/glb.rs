@@ -9,11 +9,14 @@ use serde_json::{Value, json};
 const VERTEX_BYTES: usize = 32;
 const TRIANGLE_BYTES: usize = 12;
 
-pub fn glb(mesh: &Mesh) -> Vec<u8> {
-    let body = body(mesh);
-    let mut out = gltf::head(&document(mesh), body.len());
-    out.extend_from_slice(&body);
-    out
+impl Mesh {
+    /// Returns the mesh as binary glTF 2.0, with a node for each part.
+    pub fn glb(&self) -> Vec<u8> {
+        let body = body(self);
+        let mut out = gltf::head(&document(self), body.len());
+        out.extend_from_slice(&body);
+        out
+    }
 }
 
 fn body(mesh: &Mesh) -> Vec<u8> {

@@ -3,7 +3,7 @@
 
 use super::Mesh;
 use nalgebra::Vector3;
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// A step in colour from black to white, or into another class, counts as a step of this length.
@@ -50,33 +50,9 @@ impl Quadric {
     }
 }
 
-/// A possible collapse; the cheapest is the greatest.
-struct Collapse {
-    cost: f64,
-    edge: [u32; 2],
-    /// Versions of the two vertices when the cost was computed.
-    versions: [u32; 2],
-}
-
-impl Ord for Collapse {
-    fn cmp(&self, other: &Collapse) -> Ordering {
-        other.cost.total_cmp(&self.cost).then_with(|| other.edge.cmp(&self.edge))
-    }
-}
-
-impl PartialOrd for Collapse {
-    fn partial_cmp(&self, other: &Collapse) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Collapse {
-    fn eq(&self, other: &Collapse) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Collapse {}
+/// A possible collapse; the cheapest is the greatest. Its cost as bits, whose order is that of the costs, as none is
+/// negative; its edge; and the versions of the two vertices when the cost was computed.
+type Collapse = Reverse<(u64, [u32; 2], [u32; 2])>;
 
 struct Simplifier<'a> {
     mesh: &'a mut Mesh,
@@ -183,12 +159,12 @@ impl<'a> Simplifier<'a> {
         let edge = [a.min(b), a.max(b)];
         let (cost, ..) = self.best(edge[0], edge[1]);
         let versions = edge.map(|vertex| self.versions[vertex as usize]);
-        self.heap.push(Collapse { cost, edge, versions });
+        self.heap.push(Reverse((cost.to_bits(), edge, versions)));
     }
 
     fn run(&mut self, triangles: usize) {
         while self.left > triangles {
-            let Some(Collapse { edge, versions, .. }) = self.heap.pop() else { return };
+            let Some(Reverse((_, edge, versions))) = self.heap.pop() else { return };
             if versions != edge.map(|vertex| self.versions[vertex as usize]) {
                 continue;
             }

@@ -13,22 +13,25 @@ use zip::write::SimpleFileOptions;
 /// The specification aligns files to 64 bytes, so that they can be mapped into memory.
 const ALIGNMENT: u16 = 64;
 
-pub fn usdz(mesh: &Mesh) -> Vec<u8> {
-    let options = SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
-        .with_alignment(ALIGNMENT)
-        .last_modified_time(zip::DateTime::default());
-    let texture = Texture::new(mesh.triangles.len());
-    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    // Readers open the first file.
-    let written = archive
-        .start_file("home.usda", options)
-        .and_then(|()| Ok(archive.write_all(stage(mesh, &texture).as_bytes())?))
-        .and_then(|()| archive.start_file("colors.png", options))
-        .and_then(|()| Ok(archive.write_all(&texture.png(mesh))?))
-        .and_then(|()| archive.finish());
-    // Writing to memory fails only for sizes beyond the format's 4 GB.
-    written.map(Cursor::into_inner).unwrap_or_default()
+impl Mesh {
+    /// Returns the mesh as USDZ, with a mesh for each part and its colours as a picture.
+    pub fn usdz(&self) -> Vec<u8> {
+        let options = SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored)
+            .with_alignment(ALIGNMENT)
+            .last_modified_time(zip::DateTime::default());
+        let texture = Texture::new(self.triangles.len());
+        let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        // Readers open the first file.
+        let written = archive
+            .start_file("home.usda", options)
+            .and_then(|()| Ok(archive.write_all(stage(self, &texture).as_bytes())?))
+            .and_then(|()| archive.start_file("colors.png", options))
+            .and_then(|()| Ok(archive.write_all(&texture.png(self))?))
+            .and_then(|()| archive.finish());
+        // Writing to memory fails only for sizes beyond the format's 4 GB.
+        written.map(Cursor::into_inner).unwrap_or_default()
+    }
 }
 
 fn stage(mesh: &Mesh, texture: &Texture) -> String {
