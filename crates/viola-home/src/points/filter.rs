@@ -26,7 +26,7 @@ impl PointFilter {
 
     /// Returns the selected points of a tile, [`POINT_BYTES`] each, with the map's clip numbers.
     pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, UnknownFileFormat> {
-        let numbers = clips.of_tile(tile);
+        let numbers = clips.of_clips(&tile.clips);
         let mut points = self.chosen(tile).into_owned();
         for point in points.chunks_exact_mut(POINT_BYTES) {
             let local = u16::from_le_bytes([point[CLIP_AT], point[CLIP_AT + 1]]);

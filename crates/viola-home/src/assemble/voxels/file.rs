@@ -1,6 +1,6 @@
 //! Voxels under construction as bytes.
 
-use super::super::varint::{Reader, put, put_signed};
+use super::super::varint::{Reader, put, put_place, put_signed};
 use super::{NOBODY, Voxel, Voxels};
 use crate::ply::UnknownFileFormat;
 use viola_geometry::taxonomy::Class;
@@ -11,7 +11,7 @@ impl Voxels {
         let order = self.ordered(|voxel| voxel.points > 0);
         put(out, order.len() as u64);
         for (key, place) in order {
-            key.iter().for_each(|c| put_signed(out, i64::from(*c)));
+            put_place(out, key);
             self.voxels[place as usize].1.write(out);
         }
     }
@@ -23,10 +23,7 @@ impl Voxels {
     ) -> Result<Voxels, UnknownFileFormat> {
         let mut voxels = Voxels::new(side_m);
         for _ in 0..reader.count()? {
-            let mut key = [0; 3];
-            for c in &mut key {
-                *c = i32::try_from(reader.signed()?).map_err(|_| UnknownFileFormat)?;
-            }
+            let key = reader.place()?;
             let voxel = Voxel::read(reader)?;
             if usize::from(voxel.most.0) >= clips {
                 return Err(UnknownFileFormat);
