@@ -52,9 +52,7 @@ impl ClipPath {
     }
 
     fn in_space(&self) -> Pose3 {
-        let mut pose = in_space(&self.map_from_clip);
-        pose.translation.z = self.rise_m;
-        pose
+        in_space(&self.map_from_clip, self.rise_m)
     }
 }
 
@@ -170,11 +168,7 @@ impl Recording<'_> {
     /// Returns an object as its box, with its name above it.
     fn entity(&self, object: &RecordedObject) -> SceneEntity {
         let UprightBox { centre_m: [x, y, _], size_m, yaw_rad } = object.bounds;
-        let at = |z_m: f64| {
-            let mut pose = in_space(&Pose2::new(x, y, yaw_rad));
-            pose.translation.z = z_m;
-            Some(Pose::from(&pose))
-        };
+        let at = |z_m: f64| Some(Pose::from(&in_space(&Pose2::new(x, y, yaw_rad), z_m)));
         let pair = |key: &str, value: &str| KeyValuePair { key: key.to_owned(), value: value.to_owned() };
         let name = object.name.map(|name| pair("name", name));
         let [length, width, height] = size_m;

@@ -129,9 +129,9 @@ impl From<&Pose3> for Pose {
     }
 }
 
-/// Returns a motion of the plane as one of space.
-pub fn in_space(pose: &Pose2) -> Pose3 {
-    Pose3::new(Vector::new(pose.x_m, pose.y_m, 0.0), Vector::new(0.0, 0.0, pose.yaw_rad))
+/// Returns a pose of the plane, `z_m` above it.
+pub fn in_space(pose: &Pose2, z_m: f64) -> Pose3 {
+    Pose3::new(Vector::new(pose.x_m, pose.y_m, z_m), Vector::new(0.0, 0.0, pose.yaw_rad))
 }
 
 /// Returns fields of packed elements by name, offset in bytes and numeric type.
