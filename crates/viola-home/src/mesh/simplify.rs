@@ -135,12 +135,14 @@ impl<'a> Simplifier<'a> {
         [from, to].iter().for_each(|vertex| self.quadrics[*vertex as usize].add(&quadric));
     }
 
+    /// Returns the triangles that have a vertex.
+    fn at(&self, vertex: u32) -> impl Iterator<Item = u32> {
+        self.at_vertex[vertex as usize].iter().copied().filter(|index| !self.is_removed[*index as usize])
+    }
+
     /// Returns the triangles that have both vertices.
     fn shared(&self, a: u32, b: u32) -> impl Iterator<Item = u32> {
-        let of_a = self.at_vertex[a as usize].iter().copied();
-        of_a.filter(move |index| {
-            !self.is_removed[*index as usize] && self.mesh.triangles[*index as usize].contains(&b)
-        })
+        self.at(a).filter(move |index| self.mesh.triangles[*index as usize].contains(&b))
     }
 
     /// Returns the best of both ends and the middle, with its cost.
@@ -177,9 +179,8 @@ impl<'a> Simplifier<'a> {
     }
 
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
-        let triangles =
-            self.at_vertex[vertex as usize].iter().filter(|index| !self.is_removed[**index as usize]);
-        let mut all: Vec<u32> = triangles.flat_map(|index| self.mesh.triangles[*index as usize]).collect();
+        let triangles = self.at(vertex);
+        let mut all: Vec<u32> = triangles.flat_map(|index| self.mesh.triangles[index as usize]).collect();
         all.sort_unstable();
         all.dedup();
         all.retain(|other| *other != vertex);
@@ -194,11 +195,8 @@ impl<'a> Simplifier<'a> {
             return false;
         }
         [(a, b), (b, a)].into_iter().all(|(moved, other)| {
-            let triangles = self.at_vertex[moved as usize].iter().copied();
-            let mut staying = triangles.filter(|index| {
-                !self.is_removed[*index as usize] && !self.mesh.triangles[*index as usize].contains(&other)
-            });
-            staying.all(|index| self.keeps_its_side(index, moved, place))
+            let is_staying = |index: &u32| !self.mesh.triangles[*index as usize].contains(&other);
+            self.at(moved).filter(is_staying).all(|index| self.keeps_its_side(index, moved, place))
         })
     }
 
