@@ -145,24 +145,20 @@ mod tests {
     use crate::assemble::point_bytes;
     use crate::points::tests::points;
 
+    /// IEC 61966-2-1: 128 is light of 0.2159, and 150, the grey of a point that no picture showed, of 0.3050.
     #[test]
     fn colours_are_linear_light() {
-        let mut point = points(1).remove(0);
-        point.point.color = [128, 0, 255];
-        let vertex = Glb::tile(&point_bytes(&point));
-        assert_eq!(vertex.len(), VERTEX_BYTES);
-        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
-        // IEC 61966-2-1: 128 is light of 0.2159.
-        assert_eq!(light, [14_146, 0, u16::MAX, u16::MAX]);
-    }
-
-    #[test]
-    fn a_point_that_no_picture_showed_is_grey() {
-        let mut point = points(1).remove(0);
-        point.point.color = viola_reconstruct::NO_COLOR;
-        let vertex = Glb::tile(&point_bytes(&point));
-        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
-        // IEC 61966-2-1: 150 is light of 0.3050.
-        assert_eq!(light, [19_987, 19_987, 19_987, u16::MAX]);
+        for (color, light) in [
+            ([128, 0, 255], [14_146, 0, u16::MAX, u16::MAX]),
+            (viola_reconstruct::NO_COLOR, [19_987, 19_987, 19_987, u16::MAX]),
+        ] {
+            let mut point = points(1).remove(0);
+            point.point.color = color;
+            let vertex = Glb::tile(&point_bytes(&point));
+            assert_eq!(vertex.len(), VERTEX_BYTES);
+            let found: Vec<u16> =
+                vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+            assert_eq!(found, light, "{color:?}");
+        }
     }
 }
