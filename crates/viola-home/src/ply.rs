@@ -113,7 +113,7 @@ pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, UnknownF
     if numbers.encoding != Encoding::LittleEndian || count.checked_mul(vertex_bytes) != Some(body.len()) {
         return Err(UnknownFileFormat);
     }
-    let point = |vertex: &[u8]| {
+    let point = |vertex: &[u8]| -> Result<CloudPoint, UnknownFileFormat> {
         let (head, rest) = vertex.split_first_chunk().ok_or(UnknownFileFormat)?;
         let (weight, fractions) = rest.split_first_chunk().ok_or(UnknownFileFormat)?;
         let mut point = read_head(head, u16::from_le_bytes(*weight))?;

@@ -2,6 +2,7 @@
 
 use super::super::varint::{Reader, put, put_place, put_signed};
 use super::{NOBODY, Voxel, Voxels};
+use crate::MAP_VOXEL_M;
 use crate::ply::UnknownFileFormat;
 use viola_geometry::taxonomy::Class;
 
@@ -16,12 +17,8 @@ impl Voxels {
         }
     }
 
-    pub(in super::super) fn read(
-        reader: &mut Reader,
-        side_m: f64,
-        clips: usize,
-    ) -> Result<Voxels, UnknownFileFormat> {
-        let mut voxels = Voxels::new(side_m);
+    pub(in super::super) fn read(reader: &mut Reader, clips: usize) -> Result<Voxels, UnknownFileFormat> {
+        let mut voxels = Voxels::new(MAP_VOXEL_M);
         for _ in 0..reader.count()? {
             let key = reader.place()?;
             let voxel = Voxel::read(reader)?;
