@@ -163,14 +163,7 @@ pub fn likeliest<E: From<Cancelled>>(
     progress: &dyn Progress,
 ) -> Result<Vec<KnownClip>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let mut cache = Cache::new(load, progress);
-    let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
-    let clip_matches = clip_matches::clip_matches((&[], &[]), &candidates, &mut cache)?;
-    let forest = clip_matches::forest(&candidates, &clip_matches);
-    clip_matches::pass_poses(&mut candidates, &forest.branches);
-    let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons, &forest, progress)?;
-    Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
+    Ok(poses::likeliest(&Manifest::default(), &members, &mut Cache::new(load, progress))?.known)
 }
 
 #[cfg(test)]

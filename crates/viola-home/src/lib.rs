@@ -10,6 +10,7 @@ mod coverage;
 mod describe;
 mod features;
 mod frame_pictures;
+mod gltf;
 mod identity;
 mod info;
 mod lettering;
@@ -29,10 +30,10 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, ClipMatch, Comparison, Extent, FloorCorrection, Footprint, KnownClip,
-    LabelledMap, LoadClips, LookedThrough, Manifest, Marginal, Member, Mode, Motion, Overlap, POINT_BYTES,
-    Pair, PlacedBy, PlacedClip, Surfaces, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare,
-    disagreement, likeliest, point_bytes, read_point,
+    Agreement, Assembly, ClipMatch, Comparison, Extent, FloorCorrection, Footprint, KnownClip, LabelledMap,
+    LoadClips, LookedThrough, Manifest, Marginal, Member, Mode, Motion, Overlap, POINT_BYTES, Pair, PlacedBy,
+    PlacedClip, Surfaces, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare, disagreement,
+    likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
@@ -61,7 +62,7 @@ pub use plan::{
     plan_json, plan_pdf, plan_png, plan_svg,
 };
 pub use ply::{UnknownFileFormat, cloud_ply, read_cloud_ply};
-pub use points::{ClipNumbers, Glb, Ply, PointFilter, las_code, write_e57, write_laz};
+pub use points::{ClipNumbers, Glb, Ply, PointFilter, write_e57, write_laz};
 pub use recording::{ClipPath, RecordedObject, Recording};
 pub use robot::{
     CalibrationFile, Ground, MatterFile, RobotLevel, RobotObject, ValetudoFile, calibration, matter,

@@ -15,6 +15,7 @@ mod usdz;
 mod vertices;
 
 use crate::assemble::Tile;
+use crate::gltf::y_up;
 use crate::{MAP_VOXEL_M, MapPoint};
 use field::Field;
 use parts::Part;
@@ -27,12 +28,6 @@ use viola_reconstruct::CloudPoint;
 pub const MESH_TRIANGLES: usize = 200_000;
 /// Largest homes have a coarser grid: the memory of the simplification is bounded by the points of a fine one.
 const FINE_POINTS: usize = 700_000;
-
-/// A point with its normal, which is all that the shape needs.
-struct SurfacePoint {
-    position_m: [f32; 3],
-    normal: [f32; 3],
-}
 
 /// A corner of triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,9 +66,13 @@ impl Vertex {
     }
 }
 
-/// Returns a place or a direction of the map with y up, as file formats of meshes have it.
-fn y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [x, z, -y]
+/// Returns the lower and the upper corner of the box around vertices, with y up.
+fn bounds(vertices: &[Vertex]) -> [[f32; 3]; 2] {
+    let places = vertices.iter().map(|vertex| y_up(vertex.position_m));
+    places.fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], place| {
+        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| std::array::from_fn(|i| pick(a[i], place[i]));
+        [each(f32::min, low), each(f32::max, high)]
+    })
 }
 
 /// A triangle mesh with vertex colours.
@@ -89,13 +88,9 @@ impl Mesh {
     pub fn new(tiles: &[Tile], objects: &[MeshObject], triangles: usize) -> Mesh {
         let points: Vec<&CloudPoint> =
             tiles.iter().flat_map(|tile| &tile.points).map(|MapPoint { point, .. }| point).collect();
-        let surface: Vec<SurfacePoint> = points
-            .iter()
-            .map(|point| SurfacePoint { position_m: point.position_m, normal: point.normal })
-            .collect();
         let coarser = (points.len() as f64 / FINE_POINTS as f64).max(1.0).sqrt();
         let step_m = (MAP_VOXEL_M * coarser) as f32;
-        let net = nets::net(&Field::new(&surface, step_m));
+        let net = nets::net(&Field::new(&points, step_m));
         let vertices = vertices::dressed(&net.positions_m, &points, step_m);
         let mut mesh = Mesh { vertices, triangles: net.triangles, parts: Vec::new() };
         mesh.drop_unused_vertices();
@@ -116,21 +111,6 @@ impl Mesh {
     /// Returns the vertices' indices of each triangle.
     pub fn corners(&self) -> &[[u32; 3]] {
         &self.triangles
-    }
-
-    /// Returns the mesh as binary glTF 2.0, with a node for each part.
-    pub fn glb(&self) -> Vec<u8> {
-        glb::glb(self)
-    }
-
-    /// Returns the mesh as Wavefront OBJ with vertex colours, with an object and a group for each part.
-    pub fn obj(&self) -> String {
-        obj::obj(self)
-    }
-
-    /// Returns the mesh as USDZ, with a mesh for each part and its colours as a picture.
-    pub fn usdz(&self) -> Vec<u8> {
-        usdz::usdz(self)
     }
 
     fn drop_unused_vertices(&mut self) {

@@ -1,9 +1,8 @@
 //! Point clouds as PLY.
 
-use std::io::Write;
 use viola_formats::ply::{self, Encoding, Ply};
+use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Pose2, Vector3};
 use viola_reconstruct::{CloudPoint, Label, OTHER_CLASSES, PointCloud};
 
 /// Types and names of a vertex's properties.
@@ -22,8 +21,10 @@ pub(crate) const PROPERTIES: [(&str, &str); 13] = [
     ("ushort", "views"),
     ("ushort", "weight"),
 ];
+/// Bytes of the properties before the weight: a map's files have the clip's number between them.
+pub(crate) const HEAD_BYTES: usize = 34;
 /// Bytes of a vertex with [`PROPERTIES`].
-const POINT_BYTES: usize = 36;
+const POINT_BYTES: usize = HEAD_BYTES + 2;
 /// Further properties of a clip's cloud: the next classes, with probabilities in 255ths. Files of the previous
 /// version have none.
 const OTHERS: [(&str, &str); 2 * OTHER_CLASSES] = [
@@ -50,22 +51,46 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
         let (position, normal) = (point.position(), point.normal());
         let at = pose.apply(&position.xy());
         let turned = pose.rotate(&normal.xy());
-        let placed = [at.x, at.y, position.z];
-        let normal = Vector3::new(turned.x, turned.y, normal.z);
-        for value in placed.into_iter().chain(normal.iter().copied()) {
-            // Writing into a vector cannot fail.
-            let _ = out.write_all(&(value as f32).to_le_bytes());
-        }
-        out.extend_from_slice(&point.color);
-        out.push(point.label.class.id() as u8);
-        out.extend_from_slice(&point.label.probability().to_le_bytes());
-        out.extend_from_slice(&point.label.views.to_le_bytes());
+        let position_m = [at.x, at.y, position.z].map(|c| c as f32);
+        let normal = [turned.x, turned.y, normal.z].map(|c| c as f32);
+        out.extend_from_slice(&head_bytes(&CloudPoint { position_m, normal, ..*point }));
         out.extend_from_slice(&point.weight.to_le_bytes());
         for (class, fraction) in point.label.others() {
             out.extend_from_slice(&[class.id() as u8, fraction]);
         }
     }
     out
+}
+
+/// Returns the properties of a point before its weight.
+pub(crate) fn head_bytes(point: &CloudPoint) -> [u8; HEAD_BYTES] {
+    let mut bytes = [0; HEAD_BYTES];
+    let numbers = point.position_m.iter().chain(&point.normal);
+    bytes.as_chunks_mut::<4>().0.iter_mut().zip(numbers).for_each(|(four, c)| *four = c.to_le_bytes());
+    bytes[24..27].copy_from_slice(&point.color);
+    bytes[27] = point.label.class.id() as u8;
+    bytes[28..32].copy_from_slice(&point.label.probability().to_le_bytes());
+    bytes[32..].copy_from_slice(&point.label.views.to_le_bytes());
+    bytes
+}
+
+/// Inverse of [`head_bytes`]; the weight comes after these bytes.
+pub(crate) fn read_head(bytes: &[u8; HEAD_BYTES], weight: u16) -> Result<CloudPoint, UnknownFileFormat> {
+    let float = |place: usize| f32::from_le_bytes(bytes.as_chunks::<4>().0[place]);
+    let class = class_of(bytes[27])?;
+    let point = CloudPoint {
+        position_m: [float(0), float(1), float(2)],
+        normal: [float(3), float(4), float(5)],
+        color: [bytes[24], bytes[25], bytes[26]],
+        label: Label::new(class, float(7), u16::from_le_bytes([bytes[32], bytes[33]])),
+        weight,
+    };
+    let is_finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
+    is_finite.then_some(point).ok_or(UnknownFileFormat)
+}
+
+pub(crate) fn class_of(id: u8) -> Result<Class, UnknownFileFormat> {
+    Class::from_id(usize::from(id)).ok_or(UnknownFileFormat)
 }
 
 /// Error for bytes that [`cloud_ply`] did not write.
@@ -88,24 +113,16 @@ pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, UnknownF
     if numbers.encoding != Encoding::LittleEndian || count.checked_mul(vertex_bytes) != Some(body.len()) {
         return Err(UnknownFileFormat);
     }
-    let point = |vertex: &[u8]| {
-        let float =
-            |at: usize| f32::from_le_bytes([vertex[at], vertex[at + 1], vertex[at + 2], vertex[at + 3]]);
-        let class = |at: usize| Class::from_id(usize::from(vertex[at])).ok_or(UnknownFileFormat);
+    let point = |vertex: &[u8]| -> Result<CloudPoint, UnknownFileFormat> {
+        let (head, rest) = vertex.split_first_chunk().ok_or(UnknownFileFormat)?;
+        let (weight, fractions) = rest.split_first_chunk().ok_or(UnknownFileFormat)?;
+        let mut point = read_head(head, u16::from_le_bytes(*weight))?;
         let mut others = [(Class::Other, 0); OTHER_CLASSES];
-        for (place, at) in others.iter_mut().zip((POINT_BYTES..vertex.len()).step_by(2)) {
-            *place = (class(at)?, vertex[at + 1]);
+        for (place, [class, fraction]) in others.iter_mut().zip(fractions.as_chunks::<2>().0) {
+            *place = (class_of(*class)?, *fraction);
         }
-        let short = |at: usize| u16::from_le_bytes([vertex[at], vertex[at + 1]]);
-        let point = CloudPoint {
-            position_m: [float(0), float(4), float(8)],
-            normal: [float(12), float(16), float(20)],
-            color: [vertex[24], vertex[25], vertex[26]],
-            label: Label::new(class(27)?, float(28), short(32)).with_fractions(others),
-            weight: short(34),
-        };
-        let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
-        if finite { Ok(point) } else { Err(UnknownFileFormat) }
+        point.label = point.label.with_fractions(others);
+        Ok(point)
     };
     let points: Result<Vec<CloudPoint>, UnknownFileFormat> =
         body.chunks_exact(vertex_bytes).map(point).collect();

@@ -9,10 +9,10 @@ mod ply;
 pub use e57::write_e57;
 pub use filter::PointFilter;
 pub use glb::Glb;
-pub use laz::{las_code, write_laz};
+pub use laz::write_laz;
 pub use ply::Ply;
 
-use super::assemble::{Tile, TileBytes};
+use super::assemble::Tile;
 use super::map_point::MapPoint;
 use rustc_hash::FxHashMap;
 use uuid::Uuid;
@@ -35,10 +35,6 @@ impl ClipNumbers {
 
     fn of_clips(&self, clips: &[Uuid]) -> Vec<u16> {
         clips.iter().map(|clip| self.0.get(clip).copied().unwrap_or_default()).collect()
-    }
-
-    fn of_tile(&self, tile: &TileBytes) -> Vec<u16> {
-        self.of_clips(&tile.clips)
     }
 }
 

@@ -15,7 +15,6 @@ use messages::{
     CubePrimitive, FLOAT32, FrameTransform, FrameTransforms, Grid, KeyValuePair, PointCloud, Pose,
     PosesInFrame, SceneEntity, SceneUpdate, TextPrimitive, UINT8, UINT16, Vector3, color, fields, in_space,
 };
-use prost::Message;
 use prost_types::Timestamp;
 use std::io::{self, Write};
 use uuid::Uuid;
@@ -53,9 +52,7 @@ impl ClipPath {
     }
 
     fn in_space(&self) -> Pose3 {
-        let mut pose = in_space(&self.map_from_clip);
-        pose.translation.z = self.rise_m;
-        pose
+        in_space(&self.map_from_clip, self.rise_m)
     }
 }
 
@@ -91,45 +88,42 @@ impl Recording<'_> {
         points: impl IntoIterator<Item = io::Result<MapPoint>>,
     ) -> io::Result<()> {
         let time_ns = u64::try_from(self.time_ms).unwrap_or_default().saturating_mul(1_000_000);
-        let mut file = File { mcap: Mcap::new(out, time_ns)?, descriptors: schema::descriptors() };
-        file.message("/tf", "foxglove.FrameTransforms", &self.transforms())?;
+        let mut file = Mcap::new(out, time_ns, schema::descriptors(messages::schemas()))?;
+        file.message("/tf", &self.transforms())?;
         if let Some(lidar) = self.lidar {
             let grid = Grid {
                 timestamp: Some(self.timestamp()),
                 frame_id: MAP_FRAME.to_owned(),
                 ..grid::grid(lidar)
             };
-            file.message("/lidar_map", "foxglove.Grid", &grid)?;
+            file.message("/lidar_map", &grid)?;
         }
-        file.message("/objects", "foxglove.SceneUpdate", &self.scene())?;
+        file.message("/objects", &self.scene())?;
         let is_known = |path: &&ClipPath| !path.clip_from_cameras.is_empty();
         for path in self.paths.iter().filter(is_known).take(Recording::MAX_PATHS) {
-            let topic = format!("/clips/{}/path", path.clip);
-            file.message(&topic, "foxglove.PosesInFrame", &self.path(path))?;
+            file.message(&format!("/clips/{}/path", path.clip), &self.path(path))?;
         }
         let count = self.write_points(&mut file, points)?;
-        file.mcap.metadata("viola", &self.about(count))?;
-        file.mcap.finish()?;
-        Ok(())
+        file.metadata("viola", &self.about(count))?;
+        file.finish()
     }
 
     /// Writes the points in parts and returns their number.
     fn write_points<W: Write>(
         &self,
-        file: &mut File<W>,
+        file: &mut Mcap<W>,
         points: impl IntoIterator<Item = io::Result<MapPoint>>,
     ) -> io::Result<usize> {
         let mut count = 0;
-        let mut data = Vec::new();
         let mut points = points.into_iter().peekable();
         for part in 1.. {
-            data.clear();
+            let mut data = Vec::new();
             for point in points.by_ref().take(PART_POINTS) {
                 data.extend_from_slice(&point_bytes(&point?));
             }
             count += data.len() / POINT_BYTES;
             let topic = if part == 1 { "/map/points".to_owned() } else { format!("/map/points/{part}") };
-            file.message(&topic, "foxglove.PointCloud", &self.cloud(std::mem::take(&mut data)))?;
+            file.message(&topic, &self.cloud(data))?;
             if points.peek().is_none() {
                 break;
             }
@@ -167,17 +161,14 @@ impl Recording<'_> {
     }
 
     fn scene(&self) -> SceneUpdate {
-        SceneUpdate { entities: self.objects.iter().map(|object| self.entity(object)).collect() }
+        let entities = self.objects.iter().map(|object| self.entity(object)).collect();
+        SceneUpdate { entities, ..SceneUpdate::default() }
     }
 
     /// Returns an object as its box, with its name above it.
     fn entity(&self, object: &RecordedObject) -> SceneEntity {
         let UprightBox { centre_m: [x, y, _], size_m, yaw_rad } = object.bounds;
-        let at = |z_m: f64| {
-            let mut pose = in_space(&Pose2::new(x, y, yaw_rad));
-            pose.translation.z = z_m;
-            Some(Pose::from(&pose))
-        };
+        let at = |z_m: f64| Some(Pose::from(&in_space(&Pose2::new(x, y, yaw_rad), z_m)));
         let pair = |key: &str, value: &str| KeyValuePair { key: key.to_owned(), value: value.to_owned() };
         let name = object.name.map(|name| pair("name", name));
         let [length, width, height] = size_m;
@@ -185,7 +176,6 @@ impl Recording<'_> {
             timestamp: Some(self.timestamp()),
             frame_id: MAP_FRAME.to_owned(),
             id: object.id.to_owned(),
-            lifetime: None,
             frame_locked: true,
             metadata: [
                 pair("class", object.class.name()),
@@ -207,6 +197,7 @@ impl Recording<'_> {
                 color: Some(color([255; 3], 1.0)),
                 text: object.name.unwrap_or(object.id).to_owned(),
             }],
+            ..SceneEntity::default()
         }
     }
 
@@ -255,18 +246,6 @@ fn point_bytes(MapPoint { point, clip }: &MapPoint) -> [u8; POINT_BYTES] {
     bytes[20..22].copy_from_slice(&clip.to_le_bytes());
     bytes[22] = point.label.class.id() as u8;
     bytes
-}
-
-/// An MCAP file of messages of our schemas.
-struct File<W: Write> {
-    mcap: Mcap<W>,
-    descriptors: Vec<u8>,
-}
-
-impl<W: Write> File<W> {
-    fn message(&mut self, topic: &str, schema: &str, message: &impl Message) -> io::Result<()> {
-        self.mcap.message(topic, schema, &self.descriptors, &message.encode_to_vec())
-    }
 }
 
 #[cfg(test)]

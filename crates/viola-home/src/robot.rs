@@ -23,6 +23,7 @@ pub use valetudo::{ValetudoFile, valetudo};
 
 use crate::objects::UprightBox;
 use crate::rooms::Room;
+use serde::Serialize;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_geometry::taxonomy::Class;
@@ -61,6 +62,19 @@ impl RobotObject {
     /// Returns its name, by default that of its class in words.
     fn title(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.class.name().replace('_', " "))
+    }
+}
+
+/// A point in the coordinates of a robot or of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Xy {
+    pub x: f64,
+    pub y: f64,
+}
+
+impl From<[f64; 2]> for Xy {
+    fn from([x, y]: [f64; 2]) -> Xy {
+        Xy { x, y }
     }
 }
 

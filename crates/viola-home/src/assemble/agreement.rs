@@ -1,7 +1,7 @@
 //! Agreement and contradiction of two clips' surfaces, each clip at one of its possible poses.
 
 use super::sight::Sights;
-use super::surface::{Surface, SurfacePoint};
+use super::surface::{Surface, SurfacePoint, cell};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{Point3, Pose3};
@@ -55,8 +55,7 @@ impl Agreement {
             let asked_from_asking = asked.map_from_clip.inverse() * asking.map_from_clip;
             for sample in asking.surface.some(SAMPLES).filter(|sample| sample.is_upright()) {
                 let at = asking.map_from_clip * sample.position;
-                let patch = [at.x, at.y, at.z].map(|c| (c / PATCH_M).floor() as i32);
-                let votes = patches.entry(patch).or_default();
+                let votes = patches.entry(cell(&at, PATCH_M)).or_default();
                 match observed(sample, &at, &asked_from_asking, asked) {
                     Observed::Same => votes.same += 1,
                     Observed::Recolored => votes.recolored += 1,

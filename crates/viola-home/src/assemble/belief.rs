@@ -1,5 +1,7 @@
 //! Marginal probabilities of a pairwise model of discrete variables.
 
+use std::collections::BTreeMap;
+use viola_geometry::groups;
 use viola_geometry::progress::{self, Cancelled, Progress};
 
 /// Components with at most this many joint states are enumerated.
@@ -47,21 +49,15 @@ impl Model {
 
     /// Returns the connected components with at least one pair.
     fn components(&self) -> Vec<Vec<usize>> {
-        let mut first: Vec<usize> = (0..self.states.len()).collect();
-        // Few variables: repeat until nothing changes.
-        loop {
-            let mut changed = false;
-            for pair in &self.pairs {
-                let least = first[pair.a].min(first[pair.b]);
-                changed |= first[pair.a] != least || first[pair.b] != least;
-                (first[pair.a], first[pair.b]) = (least, least);
-            }
-            if !changed {
-                break;
-            }
+        let mut parents: Vec<u32> = (0..self.states.len() as u32).collect();
+        for pair in &self.pairs {
+            groups::join(&mut parents, pair.a as u32, pair.b as u32);
         }
-        let members = |root: usize| (0..first.len()).filter(|v| first[*v] == root).collect::<Vec<usize>>();
-        (0..first.len()).filter(|v| first[*v] == *v).map(members).filter(|all| all.len() > 1).collect()
+        let mut components: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for variable in 0..self.states.len() {
+            components.entry(groups::root(&mut parents, variable as u32)).or_default().push(variable);
+        }
+        components.into_values().filter(|all| all.len() > 1).collect()
     }
 
     fn part(&self, variables: &[usize]) -> Model {

@@ -5,11 +5,14 @@ use super::members::{Extent, Member};
 use super::surface::Surface;
 use super::tile::TileKey;
 use crate::contribution::ClipContribution;
+use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
 use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_reconstruct::{CloudPoint, Feature, View};
 
+/// Clips that are loaded at a time, to bound the memory.
+pub(super) const AT_A_TIME: usize = 8;
 /// Maximum size of the cached contributions.
 const MAX_KEPT_BYTES: usize = 150_000_000;
 /// Bytes of a point's surface: about every fourth point is in it.
@@ -99,6 +102,24 @@ impl<'a, E: From<Cancelled>> Cache<'a, E> {
             all.push(of_member);
         }
         self.bound();
+        Ok(all)
+    }
+
+    /// Returns the results of `work` for each of `others` beside `clip`, in their order. It gets the place of the other clip,
+    /// then both contributions, that of the other clip first.
+    pub fn with_each<R: Send>(
+        &mut self,
+        clip: &Member,
+        others: &[&Member],
+        work: impl Fn(usize, &Loaded, &Loaded) -> R + Sync,
+    ) -> Result<Vec<R>, E> {
+        let mut all = Vec::with_capacity(others.len());
+        for part in others.chunks(AT_A_TIME) {
+            let clip = self.get(clip)?;
+            let loaded = self.get_all(part)?.into_par_iter().enumerate();
+            let first = all.len();
+            all.par_extend(loaded.map(|(at, other)| work(first + at, &other, &clip)));
+        }
         Ok(all)
     }
 

@@ -25,8 +25,6 @@ use viola_geometry::progress::{self, Cancelled};
 use viola_geometry::{Pose2, Pose3};
 use viola_reconstruct::Feature;
 
-/// Clips that are loaded at a time, to bound the memory.
-const AT_A_TIME: usize = 8;
 /// Matches of a clip with earlier clips whose surfaces are compared: those of the most places.
 const MAX_COMPARED: usize = 6;
 
@@ -72,7 +70,7 @@ pub(super) fn clip_matches<E: From<Cancelled>>(
     for (pair, clip_match) in &mut found {
         clip_match.surfaces = clip_match.surfaces.take().filter(|_| compared.contains(pair));
     }
-    // By the later clip: it is loaded once, and the others a few at a time.
+    // By the later clip, which is loaded once.
     let mut fresh: Vec<(usize, usize)> = found
         .iter()
         .filter(|(pair, clip_match)| clip_match.surfaces.is_none() && compared.contains(pair))
@@ -80,19 +78,13 @@ pub(super) fn clip_matches<E: From<Cancelled>>(
         .collect();
     fresh.sort_unstable_by_key(|(a, b)| (*b, *a));
     for of_one in fresh.chunk_by(|x, y| x.1 == y.1) {
-        for part in of_one.chunks(AT_A_TIME) {
-            let b = cache.get(candidates[part[0].1].member)?;
-            let others: Vec<&Member> = part.iter().map(|(a, _)| candidates[*a].member).collect();
-            let loaded = cache.get_all(&others)?;
-            let surfaces: Vec<Option<Surfaces>> = part
-                .par_iter()
-                .zip(loaded)
-                .map(|(pair, a)| found.get(pair).map(|clip_match| Surfaces::of(&clip_match.motion, &a, &b)))
-                .collect();
-            for (pair, surfaces) in part.iter().zip(surfaces) {
-                if let Some(clip_match) = found.get_mut(pair) {
-                    clip_match.surfaces = surfaces;
-                }
+        let others: Vec<&Member> = of_one.iter().map(|(a, _)| candidates[*a].member).collect();
+        let surfaces = cache.with_each(candidates[of_one[0].1].member, &others, |at, a, b| {
+            found.get(&of_one[at]).map(|clip_match| Surfaces::of(&clip_match.motion, a, b))
+        })?;
+        for (pair, surfaces) in of_one.iter().zip(surfaces) {
+            if let Some(clip_match) = found.get_mut(pair) {
+                clip_match.surfaces = surfaces;
             }
         }
     }
@@ -177,10 +169,10 @@ impl ClipMatch {
     }
 
     /// Returns the registration of the surfaces, if the match is likely and consistent with these poses.
-    pub fn overlap_at(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> Option<Overlap> {
+    pub fn overlap_at(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> Option<&Overlap> {
         let joins = forest::is_near(&map_from_a.compose(&self.b_from_a().inverse()), map_from_b);
         let is_likely = joins && self.log_odds()? > 0.0;
-        self.surfaces.as_ref()?.overlap.clone().filter(|_| is_likely)
+        self.surfaces.as_ref()?.overlap.as_ref().filter(|_| is_likely)
     }
 }
 

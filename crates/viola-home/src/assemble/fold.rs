@@ -152,8 +152,7 @@ impl Fold {
         if sources.len() > clips.len() || !sources.iter().zip(now).all(|(then, now)| *then == now) {
             return Err(UnknownFileFormat);
         }
-        let [timeless, earlier, now] =
-            [(); 3].map(|()| Voxels::read(&mut reader, MAP_VOXEL_M, sources.len()));
+        let [timeless, earlier, now] = [(); 3].map(|()| Voxels::read(&mut reader, sources.len()));
         let time_ms = sources.last().and_then(|source| source.recorded_at_ms);
         let looked = LookedCells::read(&mut reader)?;
         if !reader.0.is_empty() {

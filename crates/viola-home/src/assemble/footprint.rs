@@ -1,6 +1,6 @@
 //! A clip's upright surface in few points: which clips see the same surface is estimated without reading them.
 
-use super::surface::Surface;
+use super::surface::{Surface, cell};
 use nalgebra::Vector2;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -28,7 +28,7 @@ impl Footprint {
     pub(super) fn of(surface: &Surface) -> Footprint {
         let mut cells: BTreeMap<[i32; 3], (Vector3, Vector3, u32)> = BTreeMap::new();
         for point in surface.points.iter().filter(|point| point.is_upright()) {
-            let (position, normal, count) = cells.entry(cell(&point.position)).or_default();
+            let (position, normal, count) = cells.entry(cell(&point.position, CELL_M)).or_default();
             *position += point.position.coords;
             *normal += point.normal;
             *count += 1;
@@ -53,15 +53,11 @@ impl Footprint {
             let at = map_from_clip.apply(&Point2::new(x, y));
             let (sin, cos) = (f64::from(*facing) / PER_RAD + map_from_clip.yaw_rad).sin_cos();
             let patch = Patch { at: Point3::new(at.x, at.y, z + rise_m), facing: Vector2::new(cos, sin) };
-            placed.cells.entry(cell(&patch.at)).or_default().push(number);
+            placed.cells.entry(cell(&patch.at, CELL_M)).or_default().push(number);
             placed.patches.push(patch);
         }
         placed
     }
-}
-
-fn cell(at: &Point3) -> [i32; 3] {
-    [at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32)
 }
 
 struct Patch {
@@ -89,7 +85,7 @@ impl PlacedFootprint {
     }
 
     fn has(&self, patch: &Patch) -> bool {
-        let [x, y, z] = cell(&patch.at);
+        let [x, y, z] = cell(&patch.at, CELL_M);
         let around = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
         around.filter_map(|key| self.cells.get(&key)).flatten().any(|number| {
             let own = &self.patches[*number as usize];

@@ -23,8 +23,6 @@ const MAX_PARTNERS: usize = 24;
 /// Maximum clips that a clip with a pose of its own is compared with of those before it that have one, too: the clip
 /// that comes last is compared with few, however many there are.
 const MAX_DECIDED: usize = 8;
-/// Clips that are loaded at a time, to bound the memory.
-const AT_A_TIME: usize = 8;
 
 /// Bounds of the log-likelihood ratio of a pair of poses, and its weight if it contradicts: clips that see the
 /// same place repeat the same contradiction. Chosen by log loss on the same homes.
@@ -129,28 +127,21 @@ pub(super) fn compare<E: From<Cancelled>>(
         }
         comparisons.push(comparison);
     }
-    // By the later clip: it is loaded once, and the others a few at a time.
+    // By the later clip, which is loaded once.
     fresh.sort_unstable();
     for of_one in fresh.chunk_by(|x, y| x.0 == y.0) {
         let mut of_one = of_one.to_vec();
         if downwards(of_one[0].0, candidates.len()) {
             of_one.reverse();
         }
-        for part in of_one.chunks(AT_A_TIME) {
-            let b = cache.get(candidates[part[0].0].member)?;
-            let others: Vec<&Member> = part.iter().map(|(_, a, _)| candidates[*a].member).collect();
-            let loaded = cache.get_all(&others)?;
-            let filled: Vec<Comparison> = part
-                .par_iter()
-                .zip(loaded)
-                .map(|((second, first, at), a)| {
-                    let clips = [(&candidates[*first], &*a), (&candidates[*second], &*b)];
-                    comparisons[*at].filled(clips)
-                })
-                .collect();
-            for ((_, _, at), comparison) in part.iter().zip(filled) {
-                comparisons[*at] = comparison;
-            }
+        let later = &candidates[of_one[0].0];
+        let others: Vec<&Member> = of_one.iter().map(|(_, a, _)| candidates[*a].member).collect();
+        let filled = cache.with_each(later.member, &others, |at, a, b| {
+            let (_, first, place) = of_one[at];
+            comparisons[place].filled([(&candidates[first], a), (later, b)])
+        })?;
+        for ((_, _, at), comparison) in of_one.iter().zip(filled) {
+            comparisons[*at] = comparison;
         }
     }
     Ok(comparisons)

@@ -3,7 +3,7 @@
 
 use super::members::PlacedClip;
 use super::tile::TileKey;
-use super::varint::{Reader, put, put_signed};
+use super::varint::{Reader, put, put_place};
 use crate::carved::{BLOCK_CELLS, CarvedSpace, block_of, cell_of, number_of};
 use crate::ply::UnknownFileFormat;
 use rustc_hash::FxHashMap;
@@ -145,7 +145,7 @@ impl LookedCells {
         blocks.sort_unstable_by_key(|(key, _)| **key);
         put(out, blocks.len() as u64);
         for (key, cells) in blocks {
-            key.iter().for_each(|c| put_signed(out, i64::from(*c)));
+            put_place(out, *key);
             for run in cells.chunk_by(|a, b| a == b) {
                 put(out, run.len() as u64);
                 run[0].iter().for_each(|clip| put(out, u64::from(clip.wrapping_add(1))));
@@ -156,10 +156,7 @@ impl LookedCells {
     pub fn read(reader: &mut Reader) -> Result<LookedCells, UnknownFileFormat> {
         let mut looked = LookedCells::default();
         for _ in 0..reader.count()? {
-            let mut key = [0; 3];
-            for c in &mut key {
-                *c = i32::try_from(reader.signed()?).map_err(|_| UnknownFileFormat)?;
-            }
+            let key = reader.place()?;
             let mut cells = Box::new([[NEVER; 2]; CELLS]);
             let mut left = &mut cells[..];
             while !left.is_empty() {

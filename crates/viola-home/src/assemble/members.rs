@@ -182,11 +182,6 @@ impl Extent {
         }))
     }
 
-    /// Returns whether two clips may overlap.
-    pub(super) fn meets(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> bool {
-        self.in_map(map_from_this).shared_m2(&other.in_map(map_from_other)) > 0.0
-    }
-
     /// Returns the area that two clips may share, by their boxes in the map's frame: that of both, with a margin.
     pub(super) fn shared_m2(&self, other: &Extent) -> f64 {
         const MARGIN_M: f64 = 0.3;

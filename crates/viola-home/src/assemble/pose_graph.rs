@@ -30,7 +30,7 @@ pub(super) struct Prior {
 }
 
 /// An overlap of two clips, by their indices in the graph.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Edge<'a> {
     pub a: usize,
     pub b: usize,
@@ -72,7 +72,7 @@ fn components<'a>(clips: &[Prior], edges: &[Edge<'a>]) -> Vec<Component<'a>> {
         let Some(open) = ends.into_iter().find(is_open) else { continue };
         let component = components.entry(groups::root(&mut parents, open as u32)).or_default();
         component.clips.extend(ends);
-        component.edges.push(edge.clone());
+        component.edges.push(*edge);
     }
     for component in components.values_mut() {
         component.clips.sort_unstable();

@@ -7,9 +7,9 @@ use super::cache::Cache;
 use super::candidates::{Candidate, KnownClip, Marginal, candidates};
 use super::clip_matches::{ClipMatch, clip_matches, forest, pass_poses};
 use super::floor_correction::{FloorCorrection, pose_in_space, raised_pose, rounded, split_pose};
-use super::footprint::{Footprint, PlacedFootprint};
+use super::footprint::PlacedFootprint;
 use super::joint::{self, Comparison};
-use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
+use super::members::{Member, Mode, PlacedBy, PlacedClip, Verdict};
 use super::neighbours::neighbours;
 use super::overlap::{Overlap, overlap};
 use super::pose_graph::{Edge, KERNELS, Prior, refine_poses};
@@ -18,8 +18,8 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::Pose2;
 use viola_geometry::progress::{self, Cancelled, Progress};
-use viola_geometry::{LevelName, Pose2};
 
 /// Minimum probability to place a clip that is not aligned by itself. In 80 simulated homes 4 % of the clips from 0.95 on
 /// were wrong, and none from 0.97 on (docs/experiments.md, Rules for placing clips together).
@@ -28,37 +28,34 @@ pub(super) const MIN_PLACED_PROBABILITY: f64 = 0.97;
 /// Clips count by their places among all clips of the home, placed or not.
 const FIRST_BLOCK: usize = 16;
 const BLOCK: usize = 8;
-/// Clips that are loaded at a time, to bound the memory.
-const AT_A_TIME: usize = 8;
 
 /// A clip with a pose.
 struct Known<'a, 'c> {
-    member: &'a Member,
+    candidate: &'c Candidate<'a>,
     /// Its place among all clips of the home.
     place: usize,
     by: PlacedBy,
     probability: Option<f64>,
-    level: LevelName,
-    alone: Pose2,
-    /// Height of the origin of its frame above the floor there.
-    rise_m: f64,
+    /// Its pose before joint refinement.
+    alone: Mode,
     /// None for a fixed pose.
     covariance: Option<Matrix3<f64>>,
-    extent: Extent,
-    footprint: &'c Footprint,
-    points: usize,
 }
 
-impl Known<'_, '_> {
+impl<'a> Known<'a, '_> {
+    fn member(&self) -> &'a Member {
+        self.candidate.member
+    }
+
     /// Returns the pair of two clips, not yet registered.
     fn pair_with(&self, b: &Known) -> Pair {
         Pair {
-            a: self.member.contribution.clone(),
-            b: b.member.contribution.clone(),
-            map_from_a: self.alone,
-            map_from_b: b.alone,
-            rise_of_a_m: self.rise_m,
-            rise_of_b_m: b.rise_m,
+            a: self.member().contribution.clone(),
+            b: b.member().contribution.clone(),
+            map_from_a: self.alone.map_from_clip,
+            map_from_b: b.alone.map_from_clip,
+            rise_of_a_m: self.alone.rise_m,
+            rise_of_b_m: b.alone.rise_m,
             overlap: None,
         }
     }
@@ -80,66 +77,65 @@ pub(super) struct Placed<'a> {
     pub clip_matches: Vec<ClipMatch>,
 }
 
-pub(super) fn place<'a, E: From<Cancelled>>(
+/// The clips with their likeliest poses by all clips of the home, before any is refined.
+pub(super) struct Likeliest<'a> {
+    candidates: Vec<Candidate<'a>>,
+    pub known: Vec<KnownClip>,
+    comparisons: Vec<Comparison>,
+    clip_matches: Vec<ClipMatch>,
+}
+
+pub(super) fn likeliest<'a, E: From<Cancelled>>(
     last: &Manifest,
     members: &'a [Member],
     cache: &mut Cache<E>,
-) -> Result<Placed<'a>, E> {
+) -> Result<Likeliest<'a>, E> {
     let mut candidates = candidates(&last.known, members, cache)?;
     let clip_matches = clip_matches((&last.known, &last.clip_matches), &candidates, cache)?;
     let forest = forest(&candidates, &clip_matches);
     pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
     let marginals = joint::marginals(&candidates, &comparisons, &forest, cache.progress)?;
-    let each = || candidates.iter().zip(&marginals);
-    let placed = each().enumerate().filter_map(|(place, (clip, marginal))| known(place, clip, *marginal));
+    let known = candidates.iter().zip(marginals).map(|(clip, marginal)| clip.known(marginal)).collect();
+    Ok(Likeliest { candidates, known, comparisons, clip_matches })
+}
+
+pub(super) fn place<'a, E: From<Cancelled>>(
+    last: &Manifest,
+    members: &'a [Member],
+    cache: &mut Cache<E>,
+) -> Result<Placed<'a>, E> {
+    let Likeliest { candidates, known, comparisons, clip_matches } = likeliest(last, members, cache)?;
+    let each = candidates.iter().zip(&known).enumerate();
+    let placed = each.filter_map(|(place, (clip, known))| with_pose(place, clip, known.marginal));
     let placed: Vec<Known> = placed.collect();
     let pairs = overlaps(last, &placed, cache)?;
     let clips = together(&placed, &pairs, &clip_matches, cache.progress)?;
     let full = block(members.len());
     let resting = placed.partition_point(|clip| block(clip.place) < full);
-    let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
     Ok(Placed { clips, resting, pairs, known, comparisons, clip_matches })
 }
 
 /// Returns a clip at its likeliest pose; none if its pose is not known. A clip that is aligned by itself, or
 /// that a person placed, always has a pose.
-fn known<'a, 'c>(
+fn with_pose<'a, 'c>(
     place: usize,
     candidate: &'c Candidate<'a>,
     marginal: Option<Marginal>,
 ) -> Option<Known<'a, 'c>> {
     /// Typical standard deviations (x_m, y_m, yaw_rad): alternatives carry no covariance.
     const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
-    let probability = marginal.map(|marginal| marginal.probability);
-    let (by, level, alone, rise_m, covariance) = match &candidate.member.verdict {
-        Verdict::Aligned { level, map_from_clip, covariance, .. } => {
-            (PlacedBy::Alignment, *level, *map_from_clip, 0.0, Some(*covariance))
-        }
-        Verdict::Chosen { level, map_from_clip, rise_m } => {
-            (PlacedBy::Person, *level, *map_from_clip, *rise_m, None)
-        }
+    // The first mode is that of the clip's own alignment, or that of the person.
+    let (by, mode, covariance) = match &candidate.member.verdict {
+        Verdict::Aligned { covariance, .. } => (PlacedBy::Alignment, 0, Some(*covariance)),
+        Verdict::Chosen { .. } => (PlacedBy::Person, 0, None),
         Verdict::Ambiguous { .. } | Verdict::Unplaced => {
             let sure = marginal.filter(|marginal| marginal.probability >= MIN_PLACED_PROBABILITY)?;
-            let spread = Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into());
-            let mode = &candidate.modes[sure.mode];
-            (PlacedBy::Neighbours, mode.level, mode.map_from_clip, mode.rise_m, Some(spread))
+            (PlacedBy::Neighbours, sure.mode, Some(Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into())))
         }
     };
-    let Candidate { member, extent, ref footprint, points, .. } = *candidate;
-    Some(Known {
-        member,
-        place,
-        by,
-        probability,
-        level,
-        alone,
-        rise_m,
-        covariance,
-        extent,
-        footprint,
-        points,
-    })
+    let probability = marginal.map(|marginal| marginal.probability);
+    Some(Known { candidate, place, by, probability, alone: candidate.modes[mode], covariance })
 }
 
 /// Returns the pairs of clips with the neighbours that they choose, in canonical order.
@@ -156,33 +152,27 @@ fn overlaps<E: From<Cancelled>>(
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
         for a in chosen.into_iter().map(|a| &known[a]) {
-            let same = before.get(&(&*a.member.contribution, &*b.member.contribution));
-            let same = same.filter(|pair| {
-                (pair.map_from_a, pair.rise_of_a_m) == (a.alone, a.rise_m)
-                    && (pair.map_from_b, pair.rise_of_b_m) == (b.alone, b.rise_m)
-            });
+            let pair = a.pair_with(b);
+            let poses = |pair: &Pair| (pair.map_from_a, pair.rise_of_a_m, pair.map_from_b, pair.rise_of_b_m);
+            let same = before.get(&(&*a.member().contribution, &*b.member().contribution));
+            let same = same.filter(|before| poses(before) == poses(&pair));
             if same.is_none() {
                 fresh.push((pairs.len(), a));
             }
-            pairs.push(same.map_or_else(|| a.pair_with(b), |pair| (*pair).clone()));
+            pairs.push(same.map_or(pair, |before| (*before).clone()));
         }
         if !joint::downwards(i, known.len()) {
             fresh.reverse();
         }
-        for part in fresh.chunks(AT_A_TIME) {
-            let b = cache.get(b.member)?;
-            let others: Vec<&Member> = part.iter().map(|(_, a)| a.member).collect();
-            let loaded = cache.get_all(&others)?;
-            let registered = part.par_iter().zip(loaded).map(|((at, _), a)| {
-                let pair = &pairs[*at];
-                let map_from_a = raised_pose(&pair.map_from_a, pair.rise_of_a_m);
-                let map_from_b = raised_pose(&pair.map_from_b, pair.rise_of_b_m);
-                overlap(a.surface(), b.surface(), &(map_from_b.inverse() * map_from_a))
-            });
-            let registered: Vec<Option<Overlap>> = registered.collect();
-            for ((at, _), overlap) in part.iter().zip(registered) {
-                pairs[*at].overlap = overlap;
-            }
+        let others: Vec<&Member> = fresh.iter().map(|(_, a)| a.member()).collect();
+        let registered = cache.with_each(b.member(), &others, |at, a, b| {
+            let pair = &pairs[fresh[at].0];
+            let map_from_a = raised_pose(&pair.map_from_a, pair.rise_of_a_m);
+            let map_from_b = raised_pose(&pair.map_from_b, pair.rise_of_b_m);
+            overlap(a.surface(), b.surface(), &(map_from_b.inverse() * map_from_a))
+        })?;
+        for ((at, _), overlap) in fresh.iter().zip(registered) {
+            pairs[*at].overlap = overlap;
         }
     }
     Ok(pairs)
@@ -193,12 +183,13 @@ fn overlaps<E: From<Cancelled>>(
 fn chosen(last: &Manifest, known: &[Known], progress: &dyn Progress) -> Result<Vec<Vec<usize>>, Cancelled> {
     let is_old = last.known.iter().any(|known| known.footprint.is_none());
     let is_same = |(clip, last): &(&Known, &PlacedClip)| {
-        clip.member.contribution == last.contribution
-            && (clip.level, clip.alone, clip.rise_m) == (last.level, last.alone, last.rise_m)
+        let Mode { level, map_from_clip, rise_m, .. } = clip.alone;
+        clip.member().contribution == last.contribution
+            && (level, map_from_clip, rise_m) == (last.level, last.alone, last.rise_m)
     };
     let same = if is_old { 0 } else { known.iter().zip(&last.clips).take_while(is_same).count() };
     let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, clip)| (&*clip.member.contribution, i)).collect();
+        known.iter().enumerate().map(|(i, clip)| (&*clip.member().contribution, i)).collect();
     let mut chosen: Vec<Vec<usize>> = vec![Vec::new(); known.len()];
     for pair in &last.pairs {
         if let (Some(a), Some(b)) = (place.get(&*pair.a), place.get(&*pair.b))
@@ -210,12 +201,14 @@ fn chosen(last: &Manifest, known: &[Known], progress: &dyn Progress) -> Result<V
     if same == known.len() {
         return Ok(chosen);
     }
-    let placed = |clip: &Known| clip.footprint.placed(&clip.alone, clip.rise_m);
+    let placed = |clip: &Known| clip.candidate.footprint.placed(&clip.alone.map_from_clip, clip.alone.rise_m);
     let placed: Vec<PlacedFootprint> = known.par_iter().map(placed).collect();
     let fresh = (same..known.len()).into_par_iter().map(|i| -> Result<Vec<usize>, Cancelled> {
         progress::check(progress)?;
         let b = &known[i];
-        let meets = |a: &Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
+        let in_map = |clip: &Known| clip.candidate.extent.in_map(&clip.alone.map_from_clip);
+        let box_of_b = in_map(b);
+        let meets = |a: &Known| a.alone.level == b.alone.level && in_map(a).shared_m2(&box_of_b) > 0.0;
         let before: Vec<(usize, &PlacedFootprint)> =
             (0..i).filter(|a| meets(&known[*a])).map(|a| (a, &placed[a])).collect();
         Ok(neighbours(&placed[i], &before))
@@ -235,13 +228,13 @@ fn together<'a>(
     let mut priors: Vec<Prior> = known
         .iter()
         .map(|clip| Prior {
-            map_from_clip: raised_pose(&clip.alone, clip.rise_m),
+            map_from_clip: clip.alone.in_space(),
             covariance: clip.covariance,
             is_fixed: true,
         })
         .collect();
     let mut with: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); known.len()];
-    for Joined { a, b, .. } in &edges {
+    for Edge { a, b, .. } in &edges {
         with[*a].insert(*b);
         with[*b].insert(*a);
     }
@@ -250,71 +243,64 @@ fn together<'a>(
         progress::check(progress)?;
         let range = poses.len()..poses.len() + block.len();
         priors[range.clone()].iter_mut().for_each(|prior| prior.is_fixed = false);
-        let of_block = edges.iter().filter(|edge| range.contains(&edge.b));
-        let of_block: Vec<Edge> =
-            of_block.map(|Joined { a, b, overlap }| Edge { a: *a, b: *b, overlap }).collect();
+        let of_block: Vec<Edge> = edges.iter().filter(|edge| range.contains(&edge.b)).copied().collect();
         let refined = refine_poses(&priors, &of_block, &KERNELS);
         for i in range {
             let (pose, correction) = if with[i].is_empty() {
-                (known[i].alone, FloorCorrection::of_rise(known[i].rise_m))
+                (known[i].alone.map_from_clip, FloorCorrection::of_rise(known[i].alone.rise_m))
             } else {
                 split_pose(&refined[i])
             };
             let (pose, correction) = rounded(&pose, &correction);
             // A person's choice stays bit-identical in the plane.
-            let pose = if known[i].covariance.is_none() { known[i].alone } else { pose };
+            let pose = if known[i].covariance.is_none() { known[i].alone.map_from_clip } else { pose };
             poses.push((pose, correction));
             priors[i].map_from_clip = pose_in_space(&pose, &correction);
             priors[i].is_fixed = true;
         }
     }
     let placed = |((clip, (pose, floor_correction)), with): ((&Known<'a, '_>, _), BTreeSet<usize>)| {
+        let member = clip.member();
         let placed = PlacedClip {
-            clip: clip.member.clip,
-            contribution: clip.member.contribution.clone(),
-            recorded_at_ms: clip.member.recorded_at_ms,
+            clip: member.clip,
+            contribution: member.contribution.clone(),
+            recorded_at_ms: member.recorded_at_ms,
             by: clip.by,
             probability: clip.probability,
-            level: clip.level,
-            alone: clip.alone,
-            rise_m: clip.rise_m,
+            level: clip.alone.level,
+            alone: clip.alone.map_from_clip,
+            rise_m: clip.alone.rise_m,
             map_from_clip: pose,
             floor_correction,
-            with: with.into_iter().map(|at| known[at].member.contribution.clone()).collect(),
-            extent: clip.extent,
+            with: with.into_iter().map(|at| known[at].member().contribution.clone()).collect(),
+            extent: clip.candidate.extent,
             tiles: Vec::new(),
-            points: clip.points,
+            points: clip.candidate.points,
         };
-        (clip.member, placed)
+        (member, placed)
     };
     Ok(known.iter().zip(poses).zip(with).map(placed).collect())
 }
 
-/// An overlap of two clips, by their indices; `a` is before `b`.
-struct Joined {
-    a: usize,
-    b: usize,
-    overlap: Overlap,
-}
-
 /// Returns the edges of the pose graph, in canonical order: the registered pairs, and the matches of clips whose own poses
-/// are too far apart.
-fn edges(known: &[Known], pairs: &[Pair], clip_matches: &[ClipMatch]) -> Vec<Joined> {
+/// are too far apart. The first clip of an edge is before the second one.
+fn edges<'o>(known: &[Known], pairs: &'o [Pair], clip_matches: &'o [ClipMatch]) -> Vec<Edge<'o>> {
     let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, k)| (&*k.member.contribution, i)).collect();
-    let mut edges: BTreeMap<(usize, usize), Overlap> = BTreeMap::new();
+        known.iter().enumerate().map(|(i, k)| (&*k.member().contribution, i)).collect();
+    let mut edges: BTreeMap<(usize, usize), &Overlap> = BTreeMap::new();
     for clip_match in clip_matches {
         let (Some(a), Some(b)) = (place.get(&*clip_match.a), place.get(&*clip_match.b)) else { continue };
-        if known[*a].level == known[*b].level
-            && let Some(overlap) = clip_match.overlap_at(&known[*a].alone, &known[*b].alone)
+        let (at_a, at_b) = (&known[*a].alone, &known[*b].alone);
+        if at_a.level == at_b.level
+            && let Some(overlap) = clip_match.overlap_at(&at_a.map_from_clip, &at_b.map_from_clip)
         {
             edges.insert((*a, *b), overlap);
         }
     }
     for pair in pairs {
         if let (Some(a), Some(b), Some(overlap)) = (place.get(&*pair.a), place.get(&*pair.b), &pair.overlap) {
-            edges.insert((*a, *b), overlap.clone());
+            edges.insert((*a, *b), overlap);
         }
     }
-    edges.into_iter().map(|((a, b), overlap)| Joined { a, b, overlap }).collect()
+    edges.into_iter().map(|((a, b), overlap)| Edge { a, b, overlap }).collect()
 }

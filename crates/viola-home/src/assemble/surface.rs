@@ -35,7 +35,8 @@ pub(super) struct Surface {
     rows: FxHashMap<[i32; 2], Range<u32>>,
 }
 
-fn cell(position: &Point3, side_m: f64) -> [i32; 3] {
+/// Returns the cell of a point in a grid whose origin is a corner of cell `[0, 0, 0]`.
+pub(super) fn cell(position: &Point3, side_m: f64) -> [i32; 3] {
     [position.x, position.y, position.z].map(|c| (c / side_m).floor() as i32)
 }
 

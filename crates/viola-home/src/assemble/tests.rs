@@ -11,47 +11,55 @@ use proptest::prelude::*;
 use uuid::Uuid;
 use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{LevelName, Pinhole, Point3, Pose3, Vector3};
+use viola_geometry::{LevelName, Pinhole, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
+
+fn point(position: [f64; 3], normal: Vector3, class: Class, color: [u8; 3]) -> CloudPoint {
+    CloudPoint {
+        position_m: position.map(|c| c as f32),
+        normal: normal.map(|c| c as f32).into(),
+        color,
+        label: Label::new(class, 0.9, 3),
+        weight: 100,
+    }
+}
+
+/// Returns the contribution of a clip at `map_from_clip` that saw these points of the map.
+fn seen(points: Vec<CloudPoint>, map_from_clip: &Pose2) -> ClipContribution {
+    let clip_from_map = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default()).inverse();
+    let cloud_in_map = PointCloud { points, voxel_m: MAP_VOXEL_M };
+    ClipContribution::new(cloud_in_map.transformed(&clip_from_map), Vec::new())
+}
 
 /// A room of 4 x 3 m with a pillar, seen by a clip at `map_from_clip`; `box_m` is the place of a crate in it.
 fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> ClipContribution {
     let mut points = Vec::new();
-    let mut add = |position: Point3, normal: Vector3, class: Class, color: [u8; 3]| {
-        let (position, normal) = (position.map(|c| c as f32), normal.map(|c| c as f32));
-        points.push(CloudPoint {
-            position_m: position.into(),
-            normal: normal.into(),
-            color,
-            label: Label::new(class, 0.9, 3),
-            weight: 100,
-        });
+    let mut add = |position: [f64; 3], normal: Vector3, class: Class, color: [u8; 3]| {
+        points.push(point(position, normal, class, color));
     };
     let step = 0.03;
     for up in 0..70 {
         let z = f64::from(up) * step;
         for along in 0..133 {
             let x = f64::from(along) * step;
-            add(Point3::new(x, 0.0, z), Vector3::y(), Class::Wall, [200, 200, 200]);
-            add(Point3::new(x, 3.0, z), -Vector3::y(), Class::Wall, [90, 120, 160]);
+            add([x, 0.0, z], Vector3::y(), Class::Wall, [200, 200, 200]);
+            add([x, 3.0, z], -Vector3::y(), Class::Wall, [90, 120, 160]);
         }
         for along in 0..100 {
             let y = f64::from(along) * step;
-            add(Point3::new(0.0, y, z), Vector3::x(), Class::Wall, [160, 90, 60]);
-            add(Point3::new(4.0, y, z), -Vector3::x(), Class::Wall, [60, 160, 90]);
+            add([0.0, y, z], Vector3::x(), Class::Wall, [160, 90, 60]);
+            add([4.0, y, z], -Vector3::x(), Class::Wall, [60, 160, 90]);
         }
         for along in 0..20 {
             let s = f64::from(along) * step;
-            add(Point3::new(1.2 + s, 1.0, z), -Vector3::y(), Class::Wall, [20, 20, 20]);
-            add(Point3::new(1.2, 1.0 + s, z), -Vector3::x(), Class::Wall, [20, 20, 20]);
+            add([1.2 + s, 1.0, z], -Vector3::y(), Class::Wall, [20, 20, 20]);
+            add([1.2, 1.0 + s, z], -Vector3::x(), Class::Wall, [20, 20, 20]);
             if let Some([x, y]) = box_m {
-                add(Point3::new(x + s, y, z), -Vector3::y(), Class::Box, [250, 10, 10]);
+                add([x + s, y, z], -Vector3::y(), Class::Box, [250, 10, 10]);
             }
         }
     }
-    let clip_from_map = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default()).inverse();
-    let cloud_in_map = PointCloud { points, voxel_m: MAP_VOXEL_M };
-    ClipContribution::new(cloud_in_map.transformed(&clip_from_map), Vec::new())
+    seen(points, map_from_clip)
 }
 
 fn member(name: &str, map_from_clip: Pose2) -> Member {
@@ -106,11 +114,13 @@ fn timed_clips() -> Vec<Clip> {
     clips
 }
 
+fn contribution<'a>(clips: impl IntoIterator<Item = &'a Clip>, member: &Member) -> ClipContribution {
+    clips.into_iter().find(|clip| clip.member == *member).unwrap().contribution.clone()
+}
+
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
-    let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
-        Ok(clips.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
-    };
+    let mut load = |member: &Member| Ok::<_, Cancelled>(contribution(clips.iter().copied(), member));
     assemble(last, members, &mut load, &Silent).unwrap()
 }
 
@@ -279,7 +289,7 @@ fn a_clip_elsewhere_is_not_read_again() {
     let mut read = Vec::new();
     let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
         read.push(member.sha256.clone());
-        Ok(all.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
+        Ok(contribution(&all, member))
     };
     assemble(&before.manifest, members, &mut load, &Silent).unwrap();
     read.sort();

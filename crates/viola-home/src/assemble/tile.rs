@@ -1,14 +1,14 @@
 //! Square tiles of the map: a local change rewrites only its own tiles.
 
 use super::content::Content;
-use crate::ply::UnknownFileFormat;
+use crate::ply::{HEAD_BYTES, UnknownFileFormat, class_of, head_bytes, read_head};
 use crate::{MAP_VOXEL_M, MapPoint};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::Label;
 use viola_reconstruct::cloud::OTHER_CLASSES;
-use viola_reconstruct::{CloudPoint, Label};
 
 /// Voxels along a tile's side (2.4 m): a room has a few tiles, and a clip touches about ten.
 pub const TILE_VOXELS: i32 = 80;
@@ -66,9 +66,9 @@ const MAGIC_01: &[u8; 8] = b"violat01";
 /// Bytes of a label by the clips: pairs of class and fraction.
 const LABEL_BYTES: usize = 2 * (1 + OTHER_CLASSES);
 /// Bytes of a point in tiles and in a map's PLY.
-pub const POINT_BYTES: usize = 38;
+pub const POINT_BYTES: usize = HEAD_BYTES + 4;
 /// Byte offset of the clip number in a point.
-pub const CLIP_AT: usize = 34;
+pub const CLIP_AT: usize = HEAD_BYTES;
 
 impl Tile {
     pub fn info(&self, key: &TileKey) -> TileInfo {
@@ -163,8 +163,8 @@ pub(super) fn label_bytes(label: &Label) -> [u8; LABEL_BYTES] {
 /// Inverse of [`label_bytes`]; the number of views is that of the point.
 fn read_label(bytes: &[u8], views: u16) -> Result<Label, UnknownFileFormat> {
     let mut fractions = [(Class::Other, 0); 1 + OTHER_CLASSES];
-    for (fraction, pair) in fractions.iter_mut().zip(bytes.chunks_exact(2)) {
-        *fraction = (Class::from_id(usize::from(pair[0])).ok_or(UnknownFileFormat)?, pair[1]);
+    for (place, [class, fraction]) in fractions.iter_mut().zip(bytes.as_chunks::<2>().0) {
+        *place = (class_of(*class)?, *fraction);
     }
     let [(class, fraction), others @ ..] = fractions;
     Ok(Label::new(class, f32::from(fraction) / 255.0, views).with_fractions(others))
@@ -174,39 +174,24 @@ fn read_label(bytes: &[u8], views: u16) -> Result<Label, UnknownFileFormat> {
 pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
     let MapPoint { point, clip } = map_point;
     let mut bytes = [0; POINT_BYTES];
-    for axis in 0..3 {
-        bytes[axis * 4..axis * 4 + 4].copy_from_slice(&point.position_m[axis].to_le_bytes());
-        bytes[12 + axis * 4..16 + axis * 4].copy_from_slice(&point.normal[axis].to_le_bytes());
-    }
-    bytes[24..27].copy_from_slice(&point.color);
-    bytes[27] = point.label.class.id() as u8;
-    bytes[28..32].copy_from_slice(&point.label.probability().to_le_bytes());
-    bytes[32..34].copy_from_slice(&point.label.views.to_le_bytes());
+    bytes[..HEAD_BYTES].copy_from_slice(&head_bytes(point));
     bytes[CLIP_AT..CLIP_AT + 2].copy_from_slice(&clip.to_le_bytes());
-    bytes[36..].copy_from_slice(&point.weight.to_le_bytes());
+    bytes[CLIP_AT + 2..].copy_from_slice(&point.weight.to_le_bytes());
     bytes
 }
 
 /// Inverse of [`point_bytes`].
 pub fn read_point(bytes: &[u8]) -> Result<MapPoint, UnknownFileFormat> {
-    let bytes: &[u8; POINT_BYTES] = bytes.try_into().map_err(|_| UnknownFileFormat)?;
-    let float = |at: usize| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-    let short = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-    let class = Class::from_id(usize::from(bytes[27])).ok_or(UnknownFileFormat)?;
-    let point = CloudPoint {
-        position_m: [float(0), float(4), float(8)],
-        normal: [float(12), float(16), float(20)],
-        color: [bytes[24], bytes[25], bytes[26]],
-        label: Label::new(class, float(28), short(32)),
-        weight: short(36),
-    };
-    let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
-    if finite { Ok(MapPoint { point, clip: short(CLIP_AT) }) } else { Err(UnknownFileFormat) }
+    let (head, rest) = bytes.split_first_chunk().ok_or(UnknownFileFormat)?;
+    let [a, b, c, d] = *rest else { return Err(UnknownFileFormat) };
+    let point = read_head(head, u16::from_le_bytes([c, d]))?;
+    Ok(MapPoint { point, clip: u16::from_le_bytes([a, b]) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use viola_reconstruct::CloudPoint;
 
     fn tile() -> Tile {
         let point = |i: u16| MapPoint {

@@ -1,7 +1,7 @@
 //! Rebuilds the tiles that a change affects, from the clips in them.
 
 use super::Manifest;
-use super::cache::{Cache, Loaded};
+use super::cache::{AT_A_TIME, Cache, Loaded};
 use super::fold::{Fold, Part};
 use super::looked::LookedThrough;
 use super::members::{Member, PlacedClip};
@@ -23,8 +23,6 @@ pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
 const TILES_AT_ONCE: usize = 16;
 /// Minimum number of clips whose sums in a tile are kept: fewer are read as quickly as their sums.
 const MIN_KEPT_CLIPS: usize = 8;
-/// Clips in use at a time.
-const CLIPS_AT_ONCE: usize = 8;
 
 /// The clips with the tiles that they affect, and the rebuilt tiles.
 pub(super) struct Rebuilt {
@@ -107,7 +105,7 @@ pub(super) fn rebuild<E: From<Cancelled>>(
         });
         let missing: Vec<usize> =
             (0..placed.len()).filter(|number| tiles.iter().any(|tile| tile.lacks(*number))).collect();
-        for numbers in missing.chunks(CLIPS_AT_ONCE) {
+        for numbers in missing.chunks(AT_A_TIME) {
             let loaded = cache.get_all(&numbers.iter().map(|at| placed[*at].0).collect::<Vec<_>>())?;
             let parts: Vec<(usize, BTreeMap<TileKey, Part>)> = numbers
                 .par_iter()
@@ -168,7 +166,7 @@ fn dirty<E: From<Cancelled>>(
             }
         }
     }
-    for numbers in moved.chunks(CLIPS_AT_ONCE) {
+    for numbers in moved.chunks(AT_A_TIME) {
         let loaded = cache.get_all(&numbers.iter().map(|at| clips[*at].0).collect::<Vec<_>>())?;
         let tiles: Vec<Vec<TileKey>> =
             numbers.par_iter().zip(loaded).map(|(at, loaded)| touched(&loaded, &clips[*at].1)).collect();

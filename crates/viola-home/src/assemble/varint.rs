@@ -15,6 +15,11 @@ pub(super) fn put_signed(out: &mut Vec<u8>, value: i64) {
     put(out, ((value << 1) ^ (value >> 63)) as u64);
 }
 
+/// The same for the three numbers of a place in a grid.
+pub(super) fn put_place(out: &mut Vec<u8>, place: [i32; 3]) {
+    place.iter().for_each(|c| put_signed(out, i64::from(*c)));
+}
+
 /// Reader of bytes from an untrusted file.
 pub(super) struct Reader<'a>(pub &'a [u8]);
 
@@ -40,6 +45,14 @@ impl<'a> Reader<'a> {
     pub fn signed(&mut self) -> Result<i64, UnknownFileFormat> {
         let value = self.number()?;
         Ok((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    pub fn place(&mut self) -> Result<[i32; 3], UnknownFileFormat> {
+        let mut place = [0; 3];
+        for c in &mut place {
+            *c = i32::try_from(self.signed()?).map_err(|_| UnknownFileFormat)?;
+        }
+        Ok(place)
     }
 
     /// Returns a number of items of at least one byte each.

@@ -232,9 +232,7 @@ impl Voxel {
             weight: self.weight.min(i64::from(u16::MAX)) as u16,
         }
     }
-}
 
-impl Voxel {
     /// Returns the mean colour of the points that have one.
     fn color(&self) -> [u8; 3] {
         let mean = |sum: i64| (sum as f64 / self.color_weight as f64).round() as u8;

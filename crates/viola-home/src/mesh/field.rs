@@ -4,9 +4,9 @@
 //! A corner of the grid sees only the points that face the same way as its nearest point. Both sides of a thin
 //! wall would cancel otherwise.
 
-use super::SurfacePoint;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use viola_reconstruct::CloudPoint;
 
 /// Corners along a block's side.
 pub const BLOCK: i32 = 8;
@@ -47,7 +47,7 @@ pub fn block_of(corner: [i32; 3]) -> [i32; 3] {
 }
 
 impl Field {
-    pub fn new(points: &[SurfacePoint], step_m: f32) -> Field {
+    pub fn new(points: &[&CloudPoint], step_m: f32) -> Field {
         let mut touching: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
         for (index, point) in points.iter().enumerate() {
             let [low, high] = corners_near(point, step_m).map(block_of);
@@ -81,17 +81,17 @@ impl Field {
 }
 
 /// Returns the first and the last corner that a point reaches.
-fn corners_near(point: &SurfacePoint, step_m: f32) -> [[i32; 3]; 2] {
+fn corners_near(point: &CloudPoint, step_m: f32) -> [[i32; 3]; 2] {
     let scaled = point.position_m.map(|c| c / step_m);
     [scaled.map(|c| (c - RADIUS).ceil() as i32), scaled.map(|c| (c + RADIUS).floor() as i32)]
 }
 
 impl Block {
-    fn new(key: [i32; 3], touching: &[u32], points: &[SurfacePoint], step_m: f32) -> Block {
+    fn new(key: [i32; 3], touching: &[u32], points: &[&CloudPoint], step_m: f32) -> Block {
         let radius2_m2 = (RADIUS * step_m).powi(2);
         let mut nearest = [(f32::INFINITY, u32::MAX); CORNERS];
         for &index in touching {
-            each_corner(key, &points[index as usize], step_m, |at, offset_m| {
+            each_corner(key, points[index as usize], step_m, |at, offset_m| {
                 let distance2 = dot(offset_m, offset_m);
                 if distance2 < radius2_m2 && distance2 < nearest[at].0 {
                     nearest[at] = (distance2, index);
@@ -100,13 +100,13 @@ impl Block {
         }
         let mut samples = [Sample::default(); CORNERS];
         for &index in touching {
-            let point = &points[index as usize];
+            let point = points[index as usize];
             each_corner(key, point, step_m, |at, offset_m| {
                 let distance2 = dot(offset_m, offset_m);
                 if distance2 >= radius2_m2 {
                     return;
                 }
-                let of_nearest = &points[nearest[at].1 as usize];
+                let of_nearest = points[nearest[at].1 as usize];
                 if dot(point.normal, of_nearest.normal) <= 0.0 {
                     return;
                 }
@@ -126,7 +126,7 @@ impl Block {
 }
 
 /// Calls back with each corner of the block near a point, and the corner's offset from the point.
-fn each_corner(key: [i32; 3], point: &SurfacePoint, step_m: f32, mut call: impl FnMut(usize, [f32; 3])) {
+fn each_corner(key: [i32; 3], point: &CloudPoint, step_m: f32, mut call: impl FnMut(usize, [f32; 3])) {
     let [low, high] = corners_near(point, step_m);
     let range = |axis: usize| {
         let first = key[axis] * BLOCK;

@@ -1,9 +1,7 @@
-//! A mesh as binary glTF 2.0 (Khronos): one node, mesh and material for each part.
-//!
-//! glTF has y up: a map point (x, y, z) becomes (x, z, -y). Its vertex colours are linear. The colours already
-//! have the light of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
+//! A mesh as binary glTF: one node, mesh and material for each part.
 
-use super::{Mesh, Vertex, y_up};
+use super::{Mesh, Vertex, bounds};
+use crate::gltf::{self, y_up};
 use crate::light::linear_u16;
 use serde_json::{Value, json};
 
@@ -11,23 +9,14 @@ use serde_json::{Value, json};
 const VERTEX_BYTES: usize = 32;
 const TRIANGLE_BYTES: usize = 12;
 
-pub fn glb(mesh: &Mesh) -> Vec<u8> {
-    let mut document = serde_json::to_vec(&document(mesh)).unwrap_or_default();
-    document.resize(document.len().next_multiple_of(4), b' ');
-    let body = body(mesh);
-    let chunk = if body.is_empty() { 0 } else { 8 + body.len() };
-    let total = 12 + 8 + document.len() + chunk;
-    let mut out = Vec::with_capacity(total);
-    out.extend_from_slice(b"glTF");
-    [2, total as u32, document.len() as u32].iter().for_each(|n| out.extend_from_slice(&n.to_le_bytes()));
-    out.extend_from_slice(b"JSON");
-    out.extend_from_slice(&document);
-    if !body.is_empty() {
-        out.extend_from_slice(&(body.len() as u32).to_le_bytes());
-        out.extend_from_slice(b"BIN\0");
+impl Mesh {
+    /// Returns the mesh as binary glTF 2.0, with a node for each part.
+    pub fn glb(&self) -> Vec<u8> {
+        let body = body(self);
+        let mut out = gltf::head(&document(self), body.len());
         out.extend_from_slice(&body);
+        out
     }
-    out
 }
 
 fn body(mesh: &Mesh) -> Vec<u8> {
@@ -49,9 +38,8 @@ fn body(mesh: &Mesh) -> Vec<u8> {
 }
 
 fn document(mesh: &Mesh) -> Value {
-    let asset = json!({ "version": "2.0", "generator": concat!("viola ", env!("CARGO_PKG_VERSION")) });
     if mesh.parts.is_empty() {
-        return json!({ "asset": asset, "scene": 0, "scenes": [{ "name": "home" }] });
+        return gltf::empty();
     }
     let indices_at = mesh.vertices.len() * VERTEX_BYTES;
     let (mut accessors, mut meshes, mut nodes, mut materials) =
@@ -59,7 +47,7 @@ fn document(mesh: &Mesh) -> Value {
     for (index, part) in mesh.parts.iter().enumerate() {
         let first = accessors.len();
         let (count, at) = (part.vertices.len(), part.vertices.start * VERTEX_BYTES);
-        let (min, max) = corners(&mesh.vertices[part.vertices.clone()]);
+        let [min, max] = bounds(&mesh.vertices[part.vertices.clone()]);
         accessors.extend([
             json!({ "bufferView": 0, "byteOffset": at, "componentType": 5126, "count": count, "type": "VEC3", "min": min, "max": max }),
             json!({ "bufferView": 0, "byteOffset": at + 12, "componentType": 5126, "count": count, "type": "VEC3" }),
@@ -78,7 +66,7 @@ fn document(mesh: &Mesh) -> Value {
     }
     let all: Vec<usize> = (0..nodes.len()).collect();
     json!({
-        "asset": asset,
+        "asset": gltf::asset(),
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{ "name": "home", "nodes": all }],
@@ -88,14 +76,5 @@ fn document(mesh: &Mesh) -> Value {
             { "buffer": 0, "byteOffset": indices_at, "byteLength": mesh.triangles.len() * TRIANGLE_BYTES, "target": 34963 },
         ],
         "buffers": [{ "byteLength": indices_at + mesh.triangles.len() * TRIANGLE_BYTES }],
-    })
-}
-
-/// Returns the corners of the box around vertices.
-fn corners(vertices: &[Vertex]) -> ([f32; 3], [f32; 3]) {
-    let places = vertices.iter().map(|vertex| y_up(vertex.position_m));
-    places.fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(min, max), place| {
-        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| std::array::from_fn(|i| pick(a[i], place[i]));
-        (each(f32::min, min), each(f32::max, max))
     })
 }

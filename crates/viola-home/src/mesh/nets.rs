@@ -15,7 +15,6 @@ const NONE: u32 = u32::MAX;
 type V = Vector3<f32>;
 
 /// Positions and triangles of a surface.
-#[derive(Default)]
 pub struct Net {
     pub positions_m: Vec<[f32; 3]>,
     /// Counter-clockwise, seen from the observed side.

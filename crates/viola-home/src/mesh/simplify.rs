@@ -3,7 +3,7 @@
 
 use super::Mesh;
 use nalgebra::Vector3;
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// A step in colour from black to white, or into another class, counts as a step of this length.
@@ -50,33 +50,9 @@ impl Quadric {
     }
 }
 
-/// A possible collapse; the cheapest is the greatest.
-struct Collapse {
-    cost: f64,
-    edge: [u32; 2],
-    /// Versions of the two vertices when the cost was computed.
-    versions: [u32; 2],
-}
-
-impl Ord for Collapse {
-    fn cmp(&self, other: &Collapse) -> Ordering {
-        other.cost.total_cmp(&self.cost).then_with(|| other.edge.cmp(&self.edge))
-    }
-}
-
-impl PartialOrd for Collapse {
-    fn partial_cmp(&self, other: &Collapse) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Collapse {
-    fn eq(&self, other: &Collapse) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Collapse {}
+/// A possible collapse; the cheapest is the greatest. Its cost as bits, whose order is that of the costs, as none is
+/// negative; its edge; and the versions of the two vertices when the cost was computed.
+type Collapse = Reverse<(u64, [u32; 2], [u32; 2])>;
 
 struct Simplifier<'a> {
     mesh: &'a mut Mesh,
@@ -159,12 +135,14 @@ impl<'a> Simplifier<'a> {
         [from, to].iter().for_each(|vertex| self.quadrics[*vertex as usize].add(&quadric));
     }
 
+    /// Returns the triangles that have a vertex.
+    fn at(&self, vertex: u32) -> impl Iterator<Item = u32> {
+        self.at_vertex[vertex as usize].iter().copied().filter(|index| !self.is_removed[*index as usize])
+    }
+
     /// Returns the triangles that have both vertices.
     fn shared(&self, a: u32, b: u32) -> impl Iterator<Item = u32> {
-        let of_a = self.at_vertex[a as usize].iter().copied();
-        of_a.filter(move |index| {
-            !self.is_removed[*index as usize] && self.mesh.triangles[*index as usize].contains(&b)
-        })
+        self.at(a).filter(move |index| self.mesh.triangles[*index as usize].contains(&b))
     }
 
     /// Returns the best of both ends and the middle, with its cost.
@@ -183,12 +161,12 @@ impl<'a> Simplifier<'a> {
         let edge = [a.min(b), a.max(b)];
         let (cost, ..) = self.best(edge[0], edge[1]);
         let versions = edge.map(|vertex| self.versions[vertex as usize]);
-        self.heap.push(Collapse { cost, edge, versions });
+        self.heap.push(Reverse((cost.to_bits(), edge, versions)));
     }
 
     fn run(&mut self, triangles: usize) {
         while self.left > triangles {
-            let Some(Collapse { edge, versions, .. }) = self.heap.pop() else { return };
+            let Some(Reverse((_, edge, versions))) = self.heap.pop() else { return };
             if versions != edge.map(|vertex| self.versions[vertex as usize]) {
                 continue;
             }
@@ -201,9 +179,8 @@ impl<'a> Simplifier<'a> {
     }
 
     fn neighbours(&self, vertex: u32) -> Vec<u32> {
-        let triangles =
-            self.at_vertex[vertex as usize].iter().filter(|index| !self.is_removed[**index as usize]);
-        let mut all: Vec<u32> = triangles.flat_map(|index| self.mesh.triangles[*index as usize]).collect();
+        let triangles = self.at(vertex);
+        let mut all: Vec<u32> = triangles.flat_map(|index| self.mesh.triangles[index as usize]).collect();
         all.sort_unstable();
         all.dedup();
         all.retain(|other| *other != vertex);
@@ -218,11 +195,8 @@ impl<'a> Simplifier<'a> {
             return false;
         }
         [(a, b), (b, a)].into_iter().all(|(moved, other)| {
-            let triangles = self.at_vertex[moved as usize].iter().copied();
-            let mut staying = triangles.filter(|index| {
-                !self.is_removed[*index as usize] && !self.mesh.triangles[*index as usize].contains(&other)
-            });
-            staying.all(|index| self.keeps_its_side(index, moved, place))
+            let is_staying = |index: &u32| !self.mesh.triangles[*index as usize].contains(&other);
+            self.at(moved).filter(is_staying).all(|index| self.keeps_its_side(index, moved, place))
         })
     }
 

@@ -1,4 +1,4 @@
-use super::{Mesh, MeshObject, SurfacePoint, Vertex, field::Field, nets, simplify::simplify};
+use super::{Mesh, MeshObject, Vertex, field::Field, nets, simplify::simplify};
 use crate::assemble::Tile;
 use crate::objects::UprightBox;
 use crate::{MAP_VOXEL_M, MapPoint};
@@ -125,10 +125,8 @@ fn a_hole_stays_a_hole_and_a_plane_needs_few_triangles() {
 /// The mesh ends within one step of the last points, however many of them a coarser grid sums.
 #[test]
 fn an_open_edge_stays_where_it_is_on_a_coarser_grid() {
-    let surface: Vec<SurfacePoint> = plane(0.01, 1.0, 0.0, Class::Floor)
-        .iter()
-        .map(|MapPoint { point, .. }| SurfacePoint { position_m: point.position_m, normal: point.normal })
-        .collect();
+    let points = plane(0.01, 1.0, 0.0, Class::Floor);
+    let surface: Vec<&CloudPoint> = points.iter().map(|MapPoint { point, .. }| point).collect();
     let last_m = surface.iter().map(|point| point.position_m[0]).fold(0.0, f32::max);
     for step_m in [0.03, 0.042, 0.05] {
         let net = nets::net(&Field::new(&surface, step_m));

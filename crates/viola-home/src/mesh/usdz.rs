@@ -3,7 +3,8 @@
 
 use super::parts::Part;
 use super::texture::Texture;
-use super::{Mesh, y_up};
+use super::{Mesh, bounds};
+use crate::gltf::y_up;
 use crate::light::linear;
 use std::fmt::Write as _;
 use std::io::{Cursor, Write as _};
@@ -12,22 +13,25 @@ use zip::write::SimpleFileOptions;
 /// The specification aligns files to 64 bytes, so that they can be mapped into memory.
 const ALIGNMENT: u16 = 64;
 
-pub fn usdz(mesh: &Mesh) -> Vec<u8> {
-    let options = SimpleFileOptions::default()
-        .compression_method(zip::CompressionMethod::Stored)
-        .with_alignment(ALIGNMENT)
-        .last_modified_time(zip::DateTime::default());
-    let texture = Texture::new(mesh.triangles.len());
-    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
-    // Readers open the first file.
-    let written = archive
-        .start_file("home.usda", options)
-        .and_then(|()| Ok(archive.write_all(stage(mesh, &texture).as_bytes())?))
-        .and_then(|()| archive.start_file("colors.png", options))
-        .and_then(|()| Ok(archive.write_all(&texture.png(mesh))?))
-        .and_then(|()| archive.finish());
-    // Writing to memory fails only for sizes beyond the format's 4 GB.
-    written.map(Cursor::into_inner).unwrap_or_default()
+impl Mesh {
+    /// Returns the mesh as USDZ, with a mesh for each part and its colours as a picture.
+    pub fn usdz(&self) -> Vec<u8> {
+        let options = SimpleFileOptions::default()
+            .compression_method(zip::CompressionMethod::Stored)
+            .with_alignment(ALIGNMENT)
+            .last_modified_time(zip::DateTime::default());
+        let texture = Texture::new(self.triangles.len());
+        let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        // Readers open the first file.
+        let written = archive
+            .start_file("home.usda", options)
+            .and_then(|()| Ok(archive.write_all(stage(self, &texture).as_bytes())?))
+            .and_then(|()| archive.start_file("colors.png", options))
+            .and_then(|()| Ok(archive.write_all(&texture.png(self))?))
+            .and_then(|()| archive.finish());
+        // Writing to memory fails only for sizes beyond the format's 4 GB.
+        written.map(Cursor::into_inner).unwrap_or_default()
+    }
 }
 
 fn stage(mesh: &Mesh, texture: &Texture) -> String {
@@ -99,16 +103,12 @@ fn write_part(out: &mut String, mesh: &Mesh, texture: &Texture, part: &Part, nam
     let vertices = &mesh.vertices[part.vertices.clone()];
     let list = |items: &mut dyn Iterator<Item = String>| items.collect::<Vec<_>>().join(", ");
     let triple = |[x, y, z]: [f32; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
-    let positions: Vec<[f32; 3]> = vertices.iter().map(|vertex| y_up(vertex.position_m)).collect();
-    let extreme = |pick: fn(f32, f32) -> f32, from: f32| {
-        std::array::from_fn::<f32, 3, _>(|axis| positions.iter().map(|place| place[axis]).fold(from, pick))
-    };
-    let [low, high] = [extreme(f32::min, f32::INFINITY), extreme(f32::max, f32::NEG_INFINITY)];
+    let [low, high] = bounds(vertices);
     let counts = list(&mut triangles.iter().map(|_| "3".to_owned()));
     let indices = list(
         &mut triangles.iter().flatten().map(|vertex| (*vertex as usize - part.vertices.start).to_string()),
     );
-    let points = list(&mut positions.iter().map(|place| triple(*place)));
+    let points = list(&mut vertices.iter().map(|vertex| triple(y_up(vertex.position_m))));
     let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| linear(c) as f32))));
     let corners = part.triangles.clone().flat_map(|triangle| texture.corners(triangle));
     let places = list(&mut corners.map(|[s, t]| format!("({s:.5}, {t:.5})")));

@@ -33,10 +33,8 @@ fn vertex<'a>(position_m: [f32; 3], radius2_m2: f32, near: impl Iterator<Item = 
             (distance2 < radius2_m2).then(|| ((1.0 - distance2 / radius2_m2).powi(2), point))
         })
         .collect();
-    let nearest = near.iter().fold(None, |best: Option<&(f32, &CloudPoint)>, other| match best {
-        Some(best) if best.0 >= other.0 => Some(best),
-        _ => Some(other),
-    });
+    // Ties go to the first point here, and to the class of the lowest id below.
+    let nearest = near.iter().rev().max_by(|a, b| a.0.total_cmp(&b.0));
     let Some((_, nearest)) = nearest else {
         return Vertex { position_m, normal: [0.0, 0.0, 1.0], color: GREY, class: Class::Other };
     };
@@ -52,14 +50,11 @@ fn vertex<'a>(position_m: [f32; 3], radius2_m2: f32, near: impl Iterator<Item = 
         votes[usize::from(point.label.class.id())] += weight * (0.05 + point.label.probability());
     }
     let length = dot(normal, normal).sqrt();
-    let best = votes
-        .iter()
-        .enumerate()
-        .fold((0, 0.0), |best, (id, vote)| if *vote > best.1 { (id, *vote) } else { best });
+    let best = votes.iter().zip(Class::ALL).rev().max_by(|a, b| a.0.total_cmp(b.0));
     Vertex {
         position_m,
         normal: if length > 1e-6 { normal.map(|c| c / length) } else { nearest.normal },
         color: if colored > 0.0 { color.map(|sum| (sum / colored).round() as u8) } else { GREY },
-        class: Class::ALL.get(best.0).copied().unwrap_or(Class::Other),
+        class: best.map_or(Class::Other, |(_, class)| *class),
     }
 }

@@ -26,7 +26,7 @@ impl PointFilter {
 
     /// Returns the selected points of a tile, [`POINT_BYTES`] each, with the map's clip numbers.
     pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, UnknownFileFormat> {
-        let numbers = clips.of_tile(tile);
+        let numbers = clips.of_clips(&tile.clips);
         let mut points = self.chosen(tile).into_owned();
         for point in points.chunks_exact_mut(POINT_BYTES) {
             let local = u16::from_le_bytes([point[CLIP_AT], point[CLIP_AT + 1]]);
@@ -55,10 +55,7 @@ impl PointFilter {
         }
         let mut chosen = Vec::new();
         for point in tile.points.chunks_exact(POINT_BYTES) {
-            let c = |axis: usize| {
-                let at = 4 * axis;
-                f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]])
-            };
+            let c = |axis: usize| f32::from_le_bytes(point.as_chunks::<4>().0[axis]);
             let inside = |axis: usize| (min_m[axis]..=max_m[axis]).contains(&c(axis));
             if wanted.get(usize::from(point[27])).copied().unwrap_or(false) && (0..3).all(inside) {
                 chosen.extend_from_slice(point);

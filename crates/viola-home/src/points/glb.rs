@@ -1,10 +1,8 @@
-//! A map's points as binary glTF 2.0 (Khronos, GLB container), with a named node, mesh and material per
-//! class, so that any viewer can distinguish, hide and colour classes.
-//!
-//! glTF has y up: a map point (x, y, z) becomes (x, z, -y). Its vertex colours are linear. They already have the light
-//! of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
+//! A map's points as binary glTF, with a named node, mesh and material per class, so that any viewer can distinguish,
+//! hide and colour classes.
 
 use crate::assemble::POINT_BYTES;
+use crate::gltf::{self, y_up};
 use crate::light::{linear_u16, shown};
 use serde_json::{Value, json};
 use viola_geometry::taxonomy::{CLASSES, Class};
@@ -30,8 +28,8 @@ pub struct Glb {
 }
 
 fn position(point: &[u8]) -> [f32; 3] {
-    let c = |at: usize| f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]]);
-    [c(0), c(8), -c(4)]
+    let c = |axis: usize| f32::from_le_bytes(point.as_chunks::<4>().0[axis]);
+    y_up([c(0), c(1), c(2)])
 }
 
 impl Glb {
@@ -70,41 +68,36 @@ impl Glb {
         self.tiles.iter().flatten().map(|part| part.points * VERTEX_BYTES).sum()
     }
 
-    fn document(&self) -> Vec<u8> {
-        let mut accessors: Vec<Value> = Vec::new();
-        let mut views: Vec<Value> = Vec::new();
+    fn document(&self) -> Value {
+        let (mut accessors, mut views) = (Vec::new(), Vec::new());
         let mut primitives: Vec<Vec<Value>> = vec![Vec::new(); CLASSES];
         let mut offset = 0;
-        let classes: Vec<Class> = Class::ALL
-            .iter()
-            .copied()
-            .filter(|class| self.tiles.iter().any(|tile| tile[usize::from(class.id())].points > 0))
-            .collect();
+        let is_there = |class: &Class| self.tiles.iter().any(|tile| tile[usize::from(class.id())].points > 0);
+        let classes: Vec<Class> = Class::ALL.iter().copied().filter(is_there).collect();
+        if classes.is_empty() {
+            return gltf::empty();
+        }
         for tile in &self.tiles {
             for (material, class) in classes.iter().enumerate() {
-                let part = &tile[usize::from(class.id())];
-                if part.points == 0 {
+                let Part { points: count, min_m, max_m } = tile[usize::from(class.id())];
+                if count == 0 {
                     continue;
                 }
                 let view = views.len();
-                let size = part.points * VERTEX_BYTES;
+                let size = count * VERTEX_BYTES;
                 views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": size,
                     "byteStride": VERTEX_BYTES, "target": 34962 }));
                 offset += size;
                 let first = accessors.len();
-                let mut accessor = |at: usize, kind: u32, shape: &str, more: Value| {
-                    let mut accessor = json!({ "bufferView": view, "byteOffset": at, "componentType": kind,
-                        "count": part.points, "type": shape });
-                    if let (Value::Object(all), Value::Object(more)) = (&mut accessor, more) {
-                        all.extend(more);
-                    }
-                    accessors.push(accessor);
-                };
-                accessor(0, 5126, "VEC3", json!({ "min": part.min_m, "max": part.max_m }));
-                accessor(12, 5126, "VEC3", json!({}));
-                accessor(24, 5123, "VEC4", json!({ "normalized": true }));
-                accessor(32, 5126, "SCALAR", json!({}));
-                accessor(36, 5123, "SCALAR", json!({}));
+                accessors.extend([
+                    json!({ "bufferView": view, "byteOffset": 0, "componentType": 5126, "count": count, "type": "VEC3",
+                        "min": min_m, "max": max_m }),
+                    json!({ "bufferView": view, "byteOffset": 12, "componentType": 5126, "count": count, "type": "VEC3" }),
+                    json!({ "bufferView": view, "byteOffset": 24, "componentType": 5123, "count": count, "type": "VEC4",
+                        "normalized": true }),
+                    json!({ "bufferView": view, "byteOffset": 32, "componentType": 5126, "count": count, "type": "SCALAR" }),
+                    json!({ "bufferView": view, "byteOffset": 36, "componentType": 5123, "count": count, "type": "SCALAR" }),
+                ]);
                 primitives[usize::from(class.id())].push(
                     json!({ "mode": 0, "material": material, "attributes": {
                     "POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2,
@@ -120,43 +113,23 @@ impl Glb {
         };
         let mesh = |class: &Class| json!({ "name": class.name(), "primitives": primitives[usize::from(class.id())] });
         let node = |(i, class): (usize, &Class)| json!({ "name": class.name(), "mesh": i });
-        let mut document = json!({
-            "asset": { "version": "2.0", "generator": concat!("viola ", env!("CARGO_PKG_VERSION")) },
+        json!({
+            "asset": gltf::asset(),
             "scene": 0,
-            "scenes": [{ "name": "home" }],
-        });
-        if let (Value::Object(document), false) = (&mut document, classes.is_empty()) {
-            let nodes: Vec<usize> = (0..classes.len()).collect();
-            document.insert("scenes".into(), json!([{ "name": "home", "nodes": nodes }]));
-            document.insert("extensionsUsed".into(), json!(["KHR_materials_unlit"]));
-            document.insert("nodes".into(), classes.iter().enumerate().map(node).collect());
-            document.insert("meshes".into(), classes.iter().map(mesh).collect());
-            document.insert("materials".into(), classes.iter().map(material).collect());
-            document.insert("accessors".into(), accessors.into());
-            document.insert("bufferViews".into(), views.into());
-            document.insert("buffers".into(), json!([{ "byteLength": offset }]));
-        }
-        let mut text = serde_json::to_vec(&document).unwrap_or_default();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        text
+            "scenes": [{ "name": "home", "nodes": (0..classes.len()).collect::<Vec<_>>() }],
+            "extensionsUsed": ["KHR_materials_unlit"],
+            "nodes": classes.iter().enumerate().map(node).collect::<Vec<_>>(),
+            "meshes": classes.iter().map(mesh).collect::<Vec<_>>(),
+            "materials": classes.iter().map(material).collect::<Vec<_>>(),
+            "accessors": accessors,
+            "bufferViews": views,
+            "buffers": [{ "byteLength": offset }],
+        })
     }
 
     /// Returns the header and the JSON chunk: all bytes before the points.
     pub fn head(&self) -> Vec<u8> {
-        let document = self.document();
-        let body = self.body_bytes();
-        let chunk = if body > 0 { 8 } else { 0 };
-        let total = 12 + 8 + document.len() + chunk + body;
-        let mut out = Vec::with_capacity(document.len() + 28);
-        out.extend_from_slice(b"glTF");
-        [2, total as u32, document.len() as u32].iter().for_each(|n| out.extend_from_slice(&n.to_le_bytes()));
-        out.extend_from_slice(b"JSON");
-        out.extend_from_slice(&document);
-        if body > 0 {
-            out.extend_from_slice(&(body as u32).to_le_bytes());
-            out.extend_from_slice(b"BIN\0");
-        }
-        out
+        gltf::head(&self.document(), self.body_bytes())
     }
 
     /// Returns the file's size; none if it exceeds the GLB limit of 4 GiB.
@@ -172,24 +145,20 @@ mod tests {
     use crate::assemble::point_bytes;
     use crate::points::tests::points;
 
+    /// IEC 61966-2-1: 128 is light of 0.2159, and 150, the grey of a point that no picture showed, of 0.3050.
     #[test]
     fn colours_are_linear_light() {
-        let mut point = points(1).remove(0);
-        point.point.color = [128, 0, 255];
-        let vertex = Glb::tile(&point_bytes(&point));
-        assert_eq!(vertex.len(), VERTEX_BYTES);
-        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
-        // IEC 61966-2-1: 128 is light of 0.2159.
-        assert_eq!(light, [14_146, 0, u16::MAX, u16::MAX]);
-    }
-
-    #[test]
-    fn a_point_that_no_picture_showed_is_grey() {
-        let mut point = points(1).remove(0);
-        point.point.color = viola_reconstruct::NO_COLOR;
-        let vertex = Glb::tile(&point_bytes(&point));
-        let light: Vec<u16> = vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
-        // IEC 61966-2-1: 150 is light of 0.3050.
-        assert_eq!(light, [19_987, 19_987, 19_987, u16::MAX]);
+        for (color, light) in [
+            ([128, 0, 255], [14_146, 0, u16::MAX, u16::MAX]),
+            (viola_reconstruct::NO_COLOR, [19_987, 19_987, 19_987, u16::MAX]),
+        ] {
+            let mut point = points(1).remove(0);
+            point.point.color = color;
+            let vertex = Glb::tile(&point_bytes(&point));
+            assert_eq!(vertex.len(), VERTEX_BYTES);
+            let found: Vec<u16> =
+                vertex[24..32].as_chunks().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+            assert_eq!(found, light, "{color:?}");
+        }
     }
 }

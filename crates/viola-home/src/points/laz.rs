@@ -27,7 +27,7 @@ const EXTRA: [(u8, u16, &str, &str); 2] = [
 ];
 
 /// Returns the classification code of a class: ground, unclassified, or a user-defined code.
-pub fn las_code(class: Class) -> u8 {
+fn las_code(class: Class) -> u8 {
     match class {
         Class::Other => 1,
         Class::Floor => 2,

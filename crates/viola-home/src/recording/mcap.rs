@@ -3,7 +3,9 @@
 //! The `mcap` crate would bring nine further crates, one of them no longer maintained, for the nine kinds of records
 //! that are written here.
 
+use super::schema::Kind;
 use flate2::Crc;
+use prost::Message;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
@@ -73,20 +75,22 @@ impl Fields {
 #[derive(Default)]
 struct Chunk {
     records: Vec<u8>,
-    /// Offsets of messages by channel.
-    messages: BTreeMap<u16, Vec<u64>>,
+    /// The channel and the offset of each message.
+    messages: Vec<(u16, u64)>,
 }
 
 /// Writer of a file whose messages have one time, and whose topics have one message each.
 pub struct Mcap<W: Write> {
     out: W,
     time_ns: u64,
+    /// The schemas of all messages.
+    descriptors: Vec<u8>,
     /// Bytes written, and their sum.
     end: u64,
     sum: Crc,
     chunk: Chunk,
     /// Names of the schemas; the place of a name is the schema's id less 1.
-    schemas: Vec<String>,
+    schemas: Vec<&'static str>,
     messages: u16,
     chunks: u32,
     metadata: u32,
@@ -95,10 +99,11 @@ pub struct Mcap<W: Write> {
 }
 
 impl<W: Write> Mcap<W> {
-    pub fn new(out: W, time_ns: u64) -> io::Result<Mcap<W>> {
+    pub fn new(out: W, time_ns: u64, descriptors: Vec<u8>) -> io::Result<Mcap<W>> {
         let mut file = Mcap {
             out,
             time_ns,
+            descriptors,
             end: 0,
             sum: Crc::new(),
             chunk: Chunk::default(),
@@ -114,18 +119,18 @@ impl<W: Write> Mcap<W> {
         Ok(file)
     }
 
-    /// Writes the only message of a topic, of the schema called `schema` in `descriptors`.
-    pub fn message(&mut self, topic: &str, schema: &str, descriptors: &[u8], data: &[u8]) -> io::Result<()> {
+    /// Writes the only message of a topic.
+    pub fn message<M: Message + Kind>(&mut self, topic: &str, message: &M) -> io::Result<()> {
         // Channels are numbered as their messages are.
         let channel = self.messages;
         let count =
             channel.checked_add(1).ok_or_else(|| io::Error::other("a recording has at most 65535 topics"))?;
-        let schema_id = self.schema(schema, descriptors);
+        let schema_id = self.schema(M::MESSAGE);
         let record = Fields::default().u16(channel).u16(schema_id).text(topic).text("protobuf").bytes(&[]);
         self.definition(op::CHANNEL, &record.record(op::CHANNEL));
-        let place = self.chunk.records.len() as u64;
-        self.chunk.messages.entry(channel).or_default().push(place);
-        let record = Fields::default().u16(channel).u32(0).u64(self.time_ns).u64(self.time_ns).raw(data);
+        self.chunk.messages.push((channel, self.chunk.records.len() as u64));
+        let record = Fields::default().u16(channel).u32(0).u64(self.time_ns).u64(self.time_ns);
+        let record = record.raw(&message.encode_to_vec());
         self.chunk.records.extend_from_slice(&record.record(op::MESSAGE));
         self.messages = count;
         if self.chunk.records.len() >= CHUNK_BYTES { self.write_chunk() } else { Ok(()) }
@@ -142,8 +147,8 @@ impl<W: Write> Mcap<W> {
         self.write(&record)
     }
 
-    /// Writes the index and returns the file.
-    pub fn finish(mut self) -> io::Result<W> {
+    /// Writes the index.
+    pub fn finish(mut self) -> io::Result<()> {
         self.write_chunk()?;
         let data_sum = self.sum.sum();
         self.write(&Fields::default().u32(data_sum).record(op::DATA_END))?;
@@ -166,8 +171,7 @@ impl<W: Write> Mcap<W> {
         let summary_sum = self.sum.sum();
         self.write(&summary_sum.to_le_bytes())?;
         self.write(MAGIC)?;
-        self.out.flush()?;
-        Ok(self.out)
+        self.out.flush()
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
@@ -178,13 +182,13 @@ impl<W: Write> Mcap<W> {
     }
 
     /// Returns the id of a schema, which is defined by its first use.
-    fn schema(&mut self, name: &str, descriptors: &[u8]) -> u16 {
-        if let Some(place) = self.schemas.iter().position(|known| known == name) {
+    fn schema(&mut self, name: &'static str) -> u16 {
+        if let Some(place) = self.schemas.iter().position(|known| *known == name) {
             return place as u16 + 1;
         }
-        self.schemas.push(name.to_owned());
+        self.schemas.push(name);
         let id = self.schemas.len() as u16;
-        let record = Fields::default().u16(id).text(name).text("protobuf").bytes(descriptors);
+        let record = Fields::default().u16(id).text(name).text("protobuf").bytes(&self.descriptors);
         self.definition(op::SCHEMA, &record.record(op::SCHEMA));
         id
     }
@@ -208,10 +212,10 @@ impl<W: Write> Mcap<W> {
         self.write(&chunk.u64(bytes).raw(&records).record(op::CHUNK))?;
         let length = self.end - at;
         let mut places = Fields::default();
-        for (channel, offsets) in messages {
+        for (channel, offset) in messages {
             places = places.u16(channel).u64(self.end);
-            let offsets = offsets.iter().fold(Fields::default(), |all, offset| all.u64(time_ns).u64(*offset));
-            self.write(&Fields::default().u16(channel).bytes(&offsets.0).record(op::MESSAGE_INDEX))?;
+            let message = Fields::default().u64(time_ns).u64(offset);
+            self.write(&Fields::default().u16(channel).bytes(&message.0).record(op::MESSAGE_INDEX))?;
         }
         let index = Fields::default().u64(time_ns).u64(time_ns).u64(at).u64(length).bytes(&places.0);
         let index = index.u64(self.end - at - length).text("").u64(bytes).u64(bytes);

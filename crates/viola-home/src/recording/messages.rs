@@ -1,201 +1,117 @@
-//! Messages of Foxglove's schemas (package `foxglove`) that a recording has.
+//! Messages of Foxglove's schemas (package `foxglove`), and their schemas.
+//!
+//! Messages that a recording lacks, but that are part of one it has, are here too: viewers expect all fields.
 
+use super::schema::{Kind, field, message};
 use prost::Message;
-use prost_types::{Duration, Timestamp};
+use prost_types::field_descriptor_proto::Type;
+use prost_types::{DescriptorProto, Duration, Timestamp};
 use viola_geometry::{Pose2, Pose3, Vector3 as Vector};
 
-#[derive(Clone, PartialEq, Message)]
-pub struct Vector2 {
-    #[prost(double, tag = "1")]
-    pub x: f64,
-    #[prost(double, tag = "2")]
-    pub y: f64,
+/// Defines messages by their fields, which are numbered from 1; a field has the encoding of `prost` and its type.
+macro_rules! messages {
+    ($($message:ident { $(($($encoding:tt)+) $field:ident: $type:ty),+ $(,)? })+) => {
+        $(
+            #[derive(Clone, PartialEq, Message)]
+            pub struct $message {
+                $(#[prost($($encoding)+)] pub $field: $type,)+
+            }
+
+            impl Kind for $message {
+                const TYPE: Type = Type::Message;
+                const MESSAGE: &'static str = concat!("foxglove.", stringify!($message));
+            }
+        )+
+
+        /// Returns the schemas of all messages.
+        pub fn schemas() -> Vec<DescriptorProto> {
+            vec![$(message(stringify!($message), vec![$(field::<$type>(stringify!($field))),+])),+]
+        }
+    };
 }
 
-#[derive(Clone, PartialEq, Message)]
-pub struct Vector3 {
-    #[prost(double, tag = "1")]
-    pub x: f64,
-    #[prost(double, tag = "2")]
-    pub y: f64,
-    #[prost(double, tag = "3")]
-    pub z: f64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct Quaternion {
-    #[prost(double, tag = "1")]
-    pub x: f64,
-    #[prost(double, tag = "2")]
-    pub y: f64,
-    #[prost(double, tag = "3")]
-    pub z: f64,
-    #[prost(double, tag = "4")]
-    pub w: f64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct Pose {
-    #[prost(message, optional, tag = "1")]
-    pub position: Option<Vector3>,
-    #[prost(message, optional, tag = "2")]
-    pub orientation: Option<Quaternion>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct Color {
-    #[prost(double, tag = "1")]
-    pub r: f64,
-    #[prost(double, tag = "2")]
-    pub g: f64,
-    #[prost(double, tag = "3")]
-    pub b: f64,
-    #[prost(double, tag = "4")]
-    pub a: f64,
+messages! {
+    Vector2 { (double) x: f64, (double) y: f64 }
+    Vector3 { (double) x: f64, (double) y: f64, (double) z: f64 }
+    Point3 { (double) x: f64, (double) y: f64, (double) z: f64 }
+    Quaternion { (double) x: f64, (double) y: f64, (double) z: f64, (double) w: f64 }
+    Pose { (message, optional) position: Option<Vector3>, (message, optional) orientation: Option<Quaternion> }
+    Color { (double) r: f64, (double) g: f64, (double) b: f64, (double) a: f64 }
+    PackedElementField { (string) name: String, (fixed32) offset: u32, (int32) r#type: i32 }
+    PointCloud {
+        (message, optional) timestamp: Option<Timestamp>, (string) frame_id: String, (message, optional) pose: Option<Pose>,
+        (fixed32) point_stride: u32, (message, repeated) fields: Vec<PackedElementField>, (bytes = "vec") data: Vec<u8>,
+    }
+    Grid {
+        (message, optional) timestamp: Option<Timestamp>, (string) frame_id: String, (message, optional) pose: Option<Pose>,
+        (fixed32) column_count: u32, (message, optional) cell_size: Option<Vector2>, (fixed32) row_stride: u32,
+        (fixed32) cell_stride: u32, (message, repeated) fields: Vec<PackedElementField>, (bytes = "vec") data: Vec<u8>,
+    }
+    PosesInFrame {
+        (message, optional) timestamp: Option<Timestamp>, (string) frame_id: String, (message, repeated) poses: Vec<Pose>,
+    }
+    FrameTransform {
+        (message, optional) timestamp: Option<Timestamp>, (string) parent_frame_id: String, (string) child_frame_id: String,
+        (message, optional) translation: Option<Vector3>, (message, optional) rotation: Option<Quaternion>,
+    }
+    FrameTransforms { (message, repeated) transforms: Vec<FrameTransform> }
+    KeyValuePair { (string) key: String, (string) value: String }
+    ArrowPrimitive {
+        (message, optional) pose: Option<Pose>, (double) shaft_length: f64, (double) shaft_diameter: f64,
+        (double) head_length: f64, (double) head_diameter: f64, (message, optional) color: Option<Color>,
+    }
+    CubePrimitive {
+        (message, optional) pose: Option<Pose>, (message, optional) size: Option<Vector3>,
+        (message, optional) color: Option<Color>,
+    }
+    SpherePrimitive {
+        (message, optional) pose: Option<Pose>, (message, optional) size: Option<Vector3>,
+        (message, optional) color: Option<Color>,
+    }
+    CylinderPrimitive {
+        (message, optional) pose: Option<Pose>, (message, optional) size: Option<Vector3>, (double) bottom_scale: f64,
+        (double) top_scale: f64, (message, optional) color: Option<Color>,
+    }
+    LinePrimitive {
+        (int32) r#type: i32, (message, optional) pose: Option<Pose>, (double) thickness: f64, (bool) scale_invariant: bool,
+        (message, repeated) points: Vec<Point3>, (message, optional) color: Option<Color>,
+        (message, repeated) colors: Vec<Color>, (fixed32, repeated) indices: Vec<u32>,
+    }
+    TriangleListPrimitive {
+        (message, optional) pose: Option<Pose>, (message, repeated) points: Vec<Point3>,
+        (message, optional) color: Option<Color>, (message, repeated) colors: Vec<Color>,
+        (fixed32, repeated) indices: Vec<u32>,
+    }
+    TextPrimitive {
+        (message, optional) pose: Option<Pose>, (bool) billboard: bool, (double) font_size: f64,
+        (bool) scale_invariant: bool, (message, optional) color: Option<Color>, (string) text: String,
+    }
+    ModelPrimitive {
+        (message, optional) pose: Option<Pose>, (message, optional) scale: Option<Vector3>,
+        (message, optional) color: Option<Color>, (bool) override_color: bool, (string) url: String,
+        (string) media_type: String, (bytes = "vec") data: Vec<u8>,
+    }
+    SceneEntity {
+        (message, optional) timestamp: Option<Timestamp>, (string) frame_id: String, (string) id: String,
+        (message, optional) lifetime: Option<Duration>, (bool) frame_locked: bool,
+        (message, repeated) metadata: Vec<KeyValuePair>, (message, repeated) arrows: Vec<ArrowPrimitive>,
+        (message, repeated) cubes: Vec<CubePrimitive>, (message, repeated) spheres: Vec<SpherePrimitive>,
+        (message, repeated) cylinders: Vec<CylinderPrimitive>, (message, repeated) lines: Vec<LinePrimitive>,
+        (message, repeated) triangles: Vec<TriangleListPrimitive>, (message, repeated) texts: Vec<TextPrimitive>,
+        (message, repeated) models: Vec<ModelPrimitive>,
+    }
+    SceneEntityDeletion {
+        (message, optional) timestamp: Option<Timestamp>, (int32) r#type: i32, (string) id: String,
+    }
+    SceneUpdate {
+        (message, repeated) deletions: Vec<SceneEntityDeletion>, (message, repeated) entities: Vec<SceneEntity>,
+    }
 }
 
 /// Numeric types of [`PackedElementField`].
 pub const UINT8: i32 = 1;
 pub const UINT16: i32 = 3;
 pub const FLOAT32: i32 = 7;
-
-#[derive(Clone, PartialEq, Message)]
-pub struct PackedElementField {
-    #[prost(string, tag = "1")]
-    pub name: String,
-    #[prost(fixed32, tag = "2")]
-    pub offset: u32,
-    #[prost(int32, tag = "3")]
-    pub r#type: i32,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct PointCloud {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(message, optional, tag = "3")]
-    pub pose: Option<Pose>,
-    #[prost(fixed32, tag = "4")]
-    pub point_stride: u32,
-    #[prost(message, repeated, tag = "5")]
-    pub fields: Vec<PackedElementField>,
-    #[prost(bytes = "vec", tag = "6")]
-    pub data: Vec<u8>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct Grid {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(message, optional, tag = "3")]
-    pub pose: Option<Pose>,
-    #[prost(fixed32, tag = "4")]
-    pub column_count: u32,
-    #[prost(message, optional, tag = "5")]
-    pub cell_size: Option<Vector2>,
-    #[prost(fixed32, tag = "6")]
-    pub row_stride: u32,
-    #[prost(fixed32, tag = "7")]
-    pub cell_stride: u32,
-    #[prost(message, repeated, tag = "8")]
-    pub fields: Vec<PackedElementField>,
-    #[prost(bytes = "vec", tag = "9")]
-    pub data: Vec<u8>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct PosesInFrame {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(message, repeated, tag = "3")]
-    pub poses: Vec<Pose>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct FrameTransform {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub parent_frame_id: String,
-    #[prost(string, tag = "3")]
-    pub child_frame_id: String,
-    #[prost(message, optional, tag = "4")]
-    pub translation: Option<Vector3>,
-    #[prost(message, optional, tag = "5")]
-    pub rotation: Option<Quaternion>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct FrameTransforms {
-    #[prost(message, repeated, tag = "1")]
-    pub transforms: Vec<FrameTransform>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct KeyValuePair {
-    #[prost(string, tag = "1")]
-    pub key: String,
-    #[prost(string, tag = "2")]
-    pub value: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct CubePrimitive {
-    #[prost(message, optional, tag = "1")]
-    pub pose: Option<Pose>,
-    #[prost(message, optional, tag = "2")]
-    pub size: Option<Vector3>,
-    #[prost(message, optional, tag = "3")]
-    pub color: Option<Color>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct TextPrimitive {
-    #[prost(message, optional, tag = "1")]
-    pub pose: Option<Pose>,
-    #[prost(bool, tag = "2")]
-    pub billboard: bool,
-    #[prost(double, tag = "3")]
-    pub font_size: f64,
-    #[prost(bool, tag = "4")]
-    pub scale_invariant: bool,
-    #[prost(message, optional, tag = "5")]
-    pub color: Option<Color>,
-    #[prost(string, tag = "6")]
-    pub text: String,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct SceneEntity {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(string, tag = "3")]
-    pub id: String,
-    #[prost(message, optional, tag = "4")]
-    pub lifetime: Option<Duration>,
-    #[prost(bool, tag = "5")]
-    pub frame_locked: bool,
-    #[prost(message, repeated, tag = "6")]
-    pub metadata: Vec<KeyValuePair>,
-    #[prost(message, repeated, tag = "8")]
-    pub cubes: Vec<CubePrimitive>,
-    #[prost(message, repeated, tag = "13")]
-    pub texts: Vec<TextPrimitive>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct SceneUpdate {
-    #[prost(message, repeated, tag = "2")]
-    pub entities: Vec<SceneEntity>,
-}
 
 impl From<Vector> for Vector3 {
     fn from(vector: Vector) -> Vector3 {
@@ -213,9 +129,9 @@ impl From<&Pose3> for Pose {
     }
 }
 
-/// Returns a motion of the plane as one of space.
-pub fn in_space(pose: &Pose2) -> Pose3 {
-    Pose3::new(Vector::new(pose.x_m, pose.y_m, 0.0), Vector::new(0.0, 0.0, pose.yaw_rad))
+/// Returns a pose of the plane, `z_m` above it.
+pub fn in_space(pose: &Pose2, z_m: f64) -> Pose3 {
+    Pose3::new(Vector::new(pose.x_m, pose.y_m, z_m), Vector::new(0.0, 0.0, pose.yaw_rad))
 }
 
 /// Returns fields of packed elements by name, offset in bytes and numeric type.

@@ -1,5 +1,6 @@
 use super::*;
 use crate::points::tests::{Full, points};
+use prost::Message;
 use std::io::Cursor;
 use viola_geometry::Vector3 as Vector;
 

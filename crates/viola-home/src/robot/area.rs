@@ -28,9 +28,17 @@ pub struct Cover {
     pub covered: f64,
 }
 
-/// Returns the rings of a room.
-pub fn rings(room: &Room) -> Vec<&[[f64; 2]]> {
-    std::iter::once(&room.polygon_m).chain(&room.holes_m).map(Vec::as_slice).collect()
+/// Returns the border and the holes of an area.
+pub fn rings<'a>(border_m: &'a [[f64; 2]], holes_m: &'a [Vec<[f64; 2]>]) -> Vec<&'a [[f64; 2]]> {
+    std::iter::once(border_m).chain(holes_m.iter().map(Vec::as_slice)).collect()
+}
+
+/// Returns the lower and the upper corner of the box around points.
+pub fn box_around(points_m: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    let extreme = |pick: fn(f64, f64) -> f64, start: f64| {
+        [0, 1].map(|axis| points_m.iter().map(|point| point[axis]).fold(start, pick))
+    };
+    [extreme(f64::min, f64::INFINITY), extreme(f64::max, f64::NEG_INFINITY)]
 }
 
 /// Returns where the edges of rings cross the height `y`, in ascending order. A point is inside if an odd number of
@@ -75,7 +83,7 @@ fn is_inside(crossings: &[f64], low: f64, high: f64) -> bool {
 pub fn owners(frame: GridFrame, rooms: &[Room]) -> Grid<u16> {
     let mut owners = Grid::filled(frame, 0u16);
     for (number, room) in (1..).zip(rooms) {
-        for_cells(&frame, &rings(room), |index| owners.cells[index] = number);
+        for_cells(&frame, &rings(&room.polygon_m, &room.holes_m), |index| owners.cells[index] = number);
     }
     owners
 }
@@ -85,11 +93,9 @@ pub fn cover(low_m: [f64; 2], high_m: [f64; 2], room: Option<&Room>) -> Cover {
     let Some(room) = room else {
         return Cover { rectangles: vec![Rectangle { low_m, high_m }], covered: 1.0 };
     };
-    let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    let low = [0, 1].map(|axis| low_m[axis].max(bound(axis, f64::min, f64::INFINITY)));
-    let high = [0, 1].map(|axis| high_m[axis].min(bound(axis, f64::max, f64::NEG_INFINITY)));
+    let [room_low_m, room_high_m] = box_around(&room.polygon_m);
+    let low = [0, 1].map(|axis| low_m[axis].max(room_low_m[axis]));
+    let high = [0, 1].map(|axis| high_m[axis].min(room_high_m[axis]));
     let size = [0, 1].map(|axis| high[axis] - low[axis]);
     // Also false for a room without corners.
     if !(size[0] > 0.0 && size[1] > 0.0) {
@@ -98,7 +104,7 @@ pub fn cover(low_m: [f64; 2], high_m: [f64; 2], room: Option<&Room>) -> Cover {
     let cell_m = CELL_M.max((size[0] * size[1] / MAX_CELLS).sqrt());
     let [width, height] = size.map(|side| (side / cell_m - 1e-9).ceil().max(1.0) as usize);
     let frame = GridFrame { origin_m: low, cell_m, width, height };
-    let mut inside = inside(&frame, high, &rings(room));
+    let mut inside = inside(&frame, high, &rings(&room.polygon_m, &room.holes_m));
     let all = inside.cells.iter().filter(|cell| **cell).count();
     let mut cover = Cover::default();
     let mut covered = 0;

@@ -6,7 +6,7 @@ use super::drive::GoalArea;
 use super::places::{Place, Places};
 use super::segments::{Segment, segments};
 use super::titles::Titles;
-use super::{RobotLevel, round};
+use super::{RobotLevel, Xy, round};
 use crate::plan::PlanImage;
 use crate::rooms::{Room, rooms};
 use serde::Serialize;
@@ -42,12 +42,6 @@ pub struct CalibrationPoint {
     pub vacuum: Xy,
     /// Pixels from the upper-left corner of the picture, y down.
     pub map: Xy,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Xy {
-    pub x: f64,
-    pub y: f64,
 }
 
 /// A mode of the card: one of its templates with selections.
@@ -144,12 +138,8 @@ fn points(level: &RobotLevel, image: &PlanImage) -> [CalibrationPoint; 3] {
     [low, [high[0], low[1]], [low[0], high[1]]].map(|corner_m| {
         let vacuum = frame.rounded(corner_m);
         let pixel = image.pixel(frame.to_map(vacuum)).map(round);
-        CalibrationPoint { vacuum: xy(vacuum), map: xy(pixel) }
+        CalibrationPoint { vacuum: vacuum.into(), map: pixel.into() }
     })
-}
-
-fn xy([x, y]: [f64; 2]) -> Xy {
-    Xy { x, y }
 }
 
 /// Returns the selection of a segment: the outline of its own cells with its title, which is that of its room. `own` are

@@ -1,6 +1,6 @@
 //! Free space of a robot, and poses in it.
 
-use super::area::for_cells;
+use super::area::{box_around, for_cells};
 use super::no_go::forbidden;
 use super::{RobotLevel, RobotObject, round};
 use crate::objects::UprightBox;
@@ -64,7 +64,7 @@ impl Drive {
         let frame = space.frame;
         let mut blocked = Grid { frame, cells: space.free.iter().map(|free| !free).collect() };
         for object in level.objects.iter().filter(|object| is_obstacle(object)) {
-            for (x, y) in cells_around(&frame, &object.bounds, 0.0) {
+            for (x, y) in cells_between(&frame, &object.bounds.corners(), 0.0) {
                 if outside_m(&object.bounds, &frame.centre(x, y)) == 0.0 {
                     blocked.set(x, y, true);
                 }
@@ -91,40 +91,37 @@ impl Drive {
     pub fn beside(&self, object: &RobotObject, room: Option<&Room>) -> Option<Pose2> {
         let bounds = &object.bounds;
         let middle = Point2::new(bounds.centre_m[0], bounds.centre_m[1]);
-        let mut best: Option<(f64, Point2)> = None;
-        for (x, y) in cells_around(&self.reachable.frame, bounds, REACH_M) {
-            if !self.reachable.get(x, y) {
-                continue;
-            }
-            let at = self.reachable.frame.centre(x, y);
-            let off_m = outside_m(bounds, &at);
-            let cost = off_m + PER_METRE_ASIDE * (at - middle).norm();
-            let is_beside = (RADIUS_M..=REACH_M).contains(&off_m);
-            if is_beside
-                && best.is_none_or(|(least, _)| cost < least - 1e-9)
-                && room.is_none_or(|room| room.contains(&at))
-            {
-                best = Some((cost, at));
-            }
-        }
-        let (_, at) = best?;
+        let cost = |at: &Point2| outside_m(bounds, at) + PER_METRE_ASIDE * (at - middle).norm();
+        let is_allowed = |at: &Point2| {
+            (RADIUS_M..=REACH_M).contains(&outside_m(bounds, at)) && room.is_none_or(|room| room.contains(at))
+        };
+        let at = self.cheapest(&bounds.corners(), REACH_M, cost, is_allowed)?;
         Some(Pose2::new(at.x, at.y, (middle.y - at.y).atan2(middle.x - at.x)))
     }
 
     /// Returns the point of a room's free space that is nearest to the room's inner point.
     pub fn inside(&self, room: &Room) -> Option<Point2> {
-        let frame = &self.reachable.frame;
         let label = Point2::from(room.label_at_m);
         let bands = Bands::new(&room.polygon_m, &room.holes_m);
+        self.cheapest(&room.polygon_m, 0.0, |at| (at - label).norm(), |at| bands.contains(at))
+    }
+
+    /// Returns the centre with the least cost of the reachable cells in the box around corners that is grown by `by_m`. Only
+    /// cheaper ones than the best so far are asked whether they are allowed, which takes longer.
+    fn cheapest(
+        &self,
+        corners: &[[f64; 2]],
+        by_m: f64,
+        cost: impl Fn(&Point2) -> f64,
+        is_allowed: impl Fn(&Point2) -> bool,
+    ) -> Option<Point2> {
+        let frame = &self.reachable.frame;
         let mut best: Option<(f64, Point2)> = None;
-        for (x, y) in cells_between(frame, &room.polygon_m, 0.0) {
+        for (x, y) in cells_between(frame, corners, by_m).filter(|(x, y)| self.reachable.get(*x, *y)) {
             let at = frame.centre(x, y);
-            let off_m = (at - label).norm();
-            if self.reachable.get(x, y)
-                && best.is_none_or(|(least, _)| off_m < least - 1e-9)
-                && bands.contains(&at)
-            {
-                best = Some((off_m, at));
+            let cost = cost(&at);
+            if best.is_none_or(|(least, _)| cost < least - 1e-9) && is_allowed(&at) {
+                best = Some((cost, at));
             }
         }
         best.map(|(_, at)| at)
@@ -145,27 +142,18 @@ fn outside_m(bounds: &UprightBox, at: &Point2) -> f64 {
     dx.hypot(dy)
 }
 
-/// Returns the cells of the box around a footprint that is grown by `by_m`.
-fn cells_around(
-    frame: &GridFrame,
-    bounds: &UprightBox,
-    by_m: f64,
-) -> impl Iterator<Item = (usize, usize)> + use<> {
-    cells_between(frame, &bounds.corners(), by_m)
-}
-
 /// Returns the cells of the box around corners that is grown by `by_m`, row by row.
 fn cells_between(
     frame: &GridFrame,
     corners: &[[f64; 2]],
     by_m: f64,
 ) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let [low, high] = box_around(corners);
     let range = |axis: usize, cells: usize| {
         let of = |m: f64| (m - frame.origin_m[axis]) / frame.cell_m;
-        let low = corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - by_m;
-        let high = corners.iter().map(|c| c[axis]).fold(f64::NEG_INFINITY, f64::max) + by_m;
         // Casts saturate, even for boxes far away.
-        (of(low).floor() as usize).min(cells)..(of(high).ceil().max(0.0) as usize).min(cells)
+        let first = (of(low[axis] - by_m).floor() as usize).min(cells);
+        first..(of(high[axis] + by_m).ceil().max(0.0) as usize).min(cells)
     };
     let (columns, rows) = (range(0, frame.width), range(1, frame.height));
     rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))

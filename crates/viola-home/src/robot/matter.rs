@@ -9,7 +9,6 @@ use super::{RobotLevel, RobotObject};
 use crate::rooms::Room;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use tags::Landmark;
 use viola_geometry::LevelName;
 use viola_geometry::taxonomy::Class;
 
@@ -57,7 +56,7 @@ pub struct LocationInfo {
 #[serde(rename_all = "camelCase")]
 pub struct LandmarkInfo {
     pub landmark_tag: u8,
-    pub relative_position_tag: Option<u8>,
+    pub relative_position_tag: u8,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -123,15 +122,9 @@ pub fn matter(levels: &[RobotLevel]) -> MatterFile {
         for (object, title) in objects {
             let room = object.room.as_deref();
             let place = location(level, room, title);
-            let Some(Landmark { tag, position }) = tags::landmark(object, place.area_type) else { continue };
-            let landmark = LandmarkInfo { landmark_tag: tag, relative_position_tag: Some(position) };
-            add(
-                level,
-                *map_id,
-                room,
-                Some(&object.id),
-                AreaInfo { location_info: place, landmark_info: Some(landmark) },
-            );
+            let Some(landmark) = tags::landmark(object, place.area_type) else { continue };
+            let info = AreaInfo { location_info: place, landmark_info: Some(landmark) };
+            add(level, *map_id, room, Some(&object.id), info);
         }
     }
     file

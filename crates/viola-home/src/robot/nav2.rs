@@ -13,14 +13,10 @@ use viola_formats::lidar::LidarError;
 use viola_geometry::{Grid, GridFrame};
 use zip::write::SimpleFileOptions;
 
-/// Mode of a map: the meaning of its grey values.
-#[derive(Clone, Copy)]
-enum Mode {
-    /// The value is the darkness in hundredths, so that a costmap filter reads 0 to 100.
-    Scale,
-    /// The value is the grey value itself; above 100 it is unknown.
-    Raw,
-}
+/// Mode of a map whose values are the darkness in hundredths, so that a costmap filter reads 0 to 100.
+const SCALE: &str = "scale";
+/// Mode of a map whose values are the grey values themselves; above 100 they are unknown.
+const RAW: &str = "raw";
 
 /// Returns the files of a level by name. `ground` has its rugs and stairs.
 pub fn nav2_files(
@@ -36,11 +32,11 @@ pub fn nav2_files(
     Ok(vec![
         ("map.yaml", map.yaml),
         ("map.pgm", map.pgm),
-        ("keepout_mask.yaml", yaml("keepout_mask.pgm", &frame, Mode::Scale)),
+        ("keepout_mask.yaml", yaml("keepout_mask.pgm", &frame, SCALE)),
         ("keepout_mask.pgm", pgm(&keepout, darkness)),
-        ("semantic_mask.yaml", yaml("semantic_mask.pgm", &frame, Mode::Raw)),
+        ("semantic_mask.yaml", yaml("semantic_mask.pgm", &frame, RAW)),
         ("semantic_mask.pgm", pgm(&labels.classes, |value| value)),
-        ("room_mask.yaml", yaml("room_mask.pgm", &frame, Mode::Raw)),
+        ("room_mask.yaml", yaml("room_mask.pgm", &frame, RAW)),
         ("room_mask.pgm", pgm(&labels.rooms, |value| value)),
         ("labels.json", text(&json!(Legend::of(level)))),
         ("no_go_zones.json", text(&json!({ "frame": level.lidar.info.frame, "zones": zones }))),
@@ -60,12 +56,8 @@ pub fn nav2_zip(files: &[(&'static str, Vec<u8>)]) -> Vec<u8> {
     written.and_then(|()| archive.finish()).map(Cursor::into_inner).unwrap_or_default()
 }
 
-fn yaml(image: &str, frame: &GridFrame, mode: Mode) -> Vec<u8> {
+fn yaml(image: &str, frame: &GridFrame, mode: &str) -> Vec<u8> {
     let [x_m, y_m] = frame.written_origin_m();
-    let mode = match mode {
-        Mode::Scale => "scale",
-        Mode::Raw => "raw",
-    };
     // Black is above one threshold and white below the other for every reader; between them grey is linear.
     format!(
         "image: {image}\nmode: {mode}\nresolution: {}\norigin: [{x_m:?}, {y_m:?}, 0.0]\nnegate: 0\n\

@@ -1,6 +1,6 @@
 //! Suggested no-go zones: areas in which a robot gets stuck, falls, or must not go.
 
-use super::area::for_cells;
+use super::area::{self, for_cells};
 use super::ground::Ground;
 use super::labels::REACH_M;
 use super::{RobotLevel, RobotObject, round_all};
@@ -60,11 +60,7 @@ pub struct NoGoZone {
 }
 
 impl NoGoZone {
-    fn new(level: &RobotLevel, reason: NoGoReason, polygon_m: &[[f64; 2]]) -> NoGoZone {
-        NoGoZone::with_holes(level, reason, polygon_m, &[])
-    }
-
-    fn with_holes(
+    fn new(
         level: &RobotLevel,
         reason: NoGoReason,
         polygon_m: &[[f64; 2]],
@@ -89,13 +85,13 @@ impl NoGoZone {
             return None;
         }
         let (reason, by_m) = reason(object.class)?;
-        let zone = NoGoZone::new(level, reason, &grown(&object.bounds, by_m).corners());
+        let zone = NoGoZone::new(level, reason, &grown(&object.bounds, by_m).corners(), &[]);
         Some(NoGoZone { object: Some(object.id.clone()), class: Some(object.class), ..zone })
     }
 
     /// Returns the border and the holes.
     pub fn rings(&self) -> Vec<&[[f64; 2]]> {
-        std::iter::once(&self.polygon_m).chain(&self.holes_m).map(Vec::as_slice).collect()
+        area::rings(&self.polygon_m, &self.holes_m)
     }
 }
 
@@ -109,7 +105,7 @@ pub fn forbidden(level: &RobotLevel) -> Vec<NoGoZone> {
 /// Returns the zones of a level. `ground` has its rugs and stairs.
 pub fn no_go_zones(level: &RobotLevel, ground: &Ground) -> Vec<NoGoZone> {
     let outlined = |reason: NoGoReason, outline: &Outline| {
-        NoGoZone::with_holes(level, reason, &outline.ring_m, &outline.holes_m)
+        NoGoZone::new(level, reason, &outline.ring_m, &outline.holes_m)
     };
     let mut zones = of_map(level);
     zones.extend(ground.stairs().iter().map(|outline| outlined(NoGoReason::Stairs, outline)));
@@ -124,7 +120,7 @@ pub fn no_go_zones(level: &RobotLevel, ground: &Ground) -> Vec<NoGoZone> {
 /// Returns what the robot's own map has: zones, virtual walls, carpets that a person drew.
 fn of_map(level: &RobotLevel) -> Vec<NoGoZone> {
     let mut zones = Vec::new();
-    let mut add = |reason, polygon_m: &[[f64; 2]]| zones.push(NoGoZone::new(level, reason, polygon_m));
+    let mut add = |reason, polygon_m: &[[f64; 2]]| zones.push(NoGoZone::new(level, reason, polygon_m, &[]));
     let marks = &level.lidar.info.marks;
     for zone in &marks.zones {
         match zone.kind {

@@ -1,6 +1,6 @@
 //! The places of a level to clean and to drive to: each room and each object.
 
-use super::area::{Cover, cover};
+use super::area::{Cover, box_around, cover};
 use super::drive::{Drive, GoalArea};
 use super::labels::REACH_M;
 use super::titles::Titles;
@@ -71,17 +71,14 @@ pub fn places(level: &RobotLevel) -> Places {
 
 fn of_object(level: &RobotLevel, object: &RobotObject, title: String, drive: &Drive) -> Place {
     let room = level.room(object.room.as_deref());
-    let corners = object.bounds.corners();
-    let low = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - AROUND_M);
-    let high =
-        [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::NEG_INFINITY, f64::max) + AROUND_M);
+    let [low, high] = box_around(&object.bounds.corners());
     Place {
         id: object.id.clone(),
         name: Some(title.clone()),
         title,
         class: Some(object.class),
         room: room.map(|room| room.id.clone()),
-        zone: cover(low, high, room),
+        zone: cover(low.map(|c| c - AROUND_M), high.map(|c| c + AROUND_M), room),
         goal: drive.beside(object, room).map(|pose| Goal {
             x_m: round(pose.x_m),
             y_m: round(pose.y_m),

@@ -4,10 +4,7 @@ use super::RobotLevel;
 use super::area::owners;
 use super::round;
 use crate::rooms::Room;
-use viola_geometry::{Grid, GridFrame, Point2};
-
-/// Side of the raster's cells for maps without cells.
-const CELL_M: f64 = 0.05;
+use viola_geometry::{Grid, Point2};
 
 /// A segment of the robot's map and its room.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,17 +17,11 @@ pub struct Segment<'a> {
     pub overlap: f64,
 }
 
-/// Returns the segments of a level's LiDAR map, in its order.
+/// Returns the segments of a level's LiDAR map, in its order. Maps without cells have none.
 pub fn segments<'a>(level: &'a RobotLevel) -> Vec<Segment<'a>> {
-    let owners = owners(frame(level), &level.rooms);
+    let Some(cells) = &level.lidar.cells else { return Vec::new() };
+    let owners = owners(cells.frame, &level.rooms);
     level.lidar.rooms.iter().map(|segment| owner(&segment.id, &segment.cells_m, level, &owners)).collect()
-}
-
-fn frame(level: &RobotLevel) -> GridFrame {
-    match &level.lidar.cells {
-        Some(cells) => cells.frame,
-        None => GridFrame::covering(level.lidar.info.min_m, level.lidar.info.max_m, 0.0, CELL_M),
-    }
 }
 
 fn owner<'a>(id: &'a str, cells_m: &[Point2], level: &'a RobotLevel, owners: &Grid<u16>) -> Segment<'a> {

@@ -12,6 +12,7 @@ use super::places::{Place, places};
 use super::*;
 use crate::plan::{PlanImage, plan};
 use serde_json::{Value, json};
+use std::sync::LazyLock;
 use viola_formats::lidar::{Cell, LidarError, valetudo_json};
 use viola_geometry::{DistanceField, Grid, Point2};
 
@@ -58,6 +59,8 @@ fn valetudo_map() -> Vec<u8> {
     .into_bytes()
 }
 
+static LIDAR: LazyLock<LidarMap> = LazyLock::new(|| LidarMap::read(&valetudo_map()).unwrap());
+
 fn object(id: &str, class: Class, centre: [f64; 2], size_m: [f64; 3], room: &str) -> RobotObject {
     RobotObject {
         id: id.to_owned(),
@@ -94,6 +97,11 @@ fn nav2_files(level: &RobotLevel, ground: &Ground) -> Result<Vec<(&'static str, 
     super::nav2_files(level, &places(level), ground)
 }
 
+/// Returns the picture of a level's plan.
+fn image(level: &RobotLevel) -> PlanImage {
+    PlanImage::of(&plan(level.lidar, &[], &level.rooms, &[]))
+}
+
 fn json_of(value: &impl serde::Serialize) -> Value {
     serde_json::to_value(value).unwrap()
 }
@@ -101,8 +109,7 @@ fn json_of(value: &impl serde::Serialize) -> Value {
 #[test]
 fn the_map_comes_back_with_the_names_of_rooms() {
     let file = valetudo_map();
-    let lidar = LidarMap::read(&file).unwrap();
-    let answer = valetudo(&level(&lidar), valetudo_json(&file).as_deref());
+    let answer = valetudo(&level(&LIDAR), valetudo_json(&file).as_deref());
     assert_eq!(answer.map_absent, None);
     let mut want: Value = serde_json::from_slice(&file).unwrap();
     want["layers"][1]["metaData"]["name"] = json!("Kitchen");
@@ -110,20 +117,19 @@ fn the_map_comes_back_with_the_names_of_rooms() {
     assert_eq!(answer.map.as_ref(), Some(&want));
     // The robot's state has the map in it.
     let state = json!({"attributes": [], "map": serde_json::from_slice::<Value>(&file).unwrap()}).to_string();
-    let of_state = valetudo(&level(&lidar), valetudo_json(state.as_bytes()).as_deref());
+    let of_state = valetudo(&level(&LIDAR), valetudo_json(state.as_bytes()).as_deref());
     assert_eq!(of_state.map, answer.map);
     // Our reader takes the names.
     let read = LidarMap::read(answer.map.unwrap().to_string().as_bytes()).unwrap();
     let names: Vec<_> = read.rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();
     assert_eq!(names, [("16", Some("Kitchen")), ("17", Some("Bedroom"))]);
-    assert_eq!(read.cells, lidar.cells);
+    assert_eq!(read.cells, LIDAR.cells);
 }
 
 #[test]
 fn a_segment_belongs_to_the_room_with_most_of_its_cells() {
     let file = valetudo_map();
-    let lidar = LidarMap::read(&file).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     // The first room has a quarter of segment 16, the second one the rest and all of 17.
     level.rooms =
         vec![Room::rectangle("a", [1.0, 1.0], [2.0, 4.0]), Room::rectangle("b", [2.0, 1.0], [8.1, 4.0])];
@@ -159,8 +165,7 @@ fn all_layers_of_a_segment_have_its_name() {
 #[test]
 fn zones_and_goals_are_bodies_for_valetudo() {
     let file = valetudo_map();
-    let lidar = LidarMap::read(&file).unwrap();
-    let answer = json_of(&valetudo(&level(&lidar), Some(&file)));
+    let answer = json_of(&valetudo(&level(&LIDAR), Some(&file)));
     assert_eq!(
         answer["coordinates"],
         json!({"format": "valetudo", "is_valetudo": true, "unit": "cm", "is_y_down": true})
@@ -190,9 +195,8 @@ fn zones_and_goals_are_bodies_for_valetudo() {
 
 #[test]
 fn goals_are_in_free_space_beside_the_object_and_face_it() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = level(&lidar);
-    let cells = lidar.cells.as_ref().unwrap();
+    let level = level(&LIDAR);
+    let cells = LIDAR.cells.as_ref().unwrap();
     let occupied =
         Grid { frame: cells.frame, cells: cells.cells.iter().map(|cell| *cell != Cell::Free).collect() };
     let field = DistanceField::new(&occupied);
@@ -237,11 +241,10 @@ fn goals_are_on_both_sides_of_a_door_that_looks_just_too_narrow() {
 
 #[test]
 fn no_goal_is_where_the_robot_may_not_go() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.objects.push(object("desk-1", Class::Desk, [1.8, 3.6], [1.4, 0.7, 0.7], "16"));
     level.objects.push(object("chair-1", Class::Chair, [1.8, 3.3], [0.4, 0.4, 0.9], "16"));
-    let frame = lidar.cells.as_ref().unwrap().frame;
+    let frame = LIDAR.cells.as_ref().unwrap().frame;
     let mut mask = Grid::filled(frame, false);
     for zone in forbidden(&level) {
         for_cells(&frame, &zone.rings(), |index| mask.cells[index] = true);
@@ -256,8 +259,7 @@ fn no_goal_is_where_the_robot_may_not_go() {
 
 #[test]
 fn an_object_without_free_space_around_has_no_goal() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.objects.push(object("plant-1", Class::Plant, [20.0, 20.0], [0.4, 0.4, 1.0], "elsewhere"));
     let plant = places(&level).all.pop().unwrap();
     assert_eq!((plant.goal, plant.room), (None, None));
@@ -290,9 +292,8 @@ fn a_map_of_points_has_metres_and_no_segments() {
 
 #[test]
 fn three_points_calibrate_the_plan() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = level(&lidar);
-    let plan = plan(&lidar, &[], &level.rooms, &[]);
+    let level = level(&LIDAR);
+    let plan = plan(&LIDAR, &[], &level.rooms, &[]);
     let image = PlanImage::of(&plan);
     let file = calibration(&level, &image);
     assert_eq!((file.vacuum.unit, file.vacuum.is_y_down), ("cm", true));

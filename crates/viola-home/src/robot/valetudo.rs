@@ -1,12 +1,12 @@
 //! For Valetudo: the robot's map with the names of rooms, and bodies of its REST calls for rooms and objects
 //! (Hypfer/Valetudo, `ZoneCleaningCapabilityRouter.js` and `GoToLocationCapabilityRouter.js`).
 
-use super::RobotLevel;
 use super::area::Rectangle;
 use super::drive::GoalArea;
 use super::places::{Goal, Place, Places};
 use super::segments::{Segment, segments};
 use super::titles::Titles;
+use super::{RobotLevel, Xy};
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -95,22 +95,16 @@ pub struct Zone {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Corners {
-    pub p_a: At,
-    pub p_b: At,
-    pub p_c: At,
-    pub p_d: At,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct At {
-    pub x: f64,
-    pub y: f64,
+    pub p_a: Xy,
+    pub p_b: Xy,
+    pub p_c: Xy,
+    pub p_d: Xy,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GoTo {
     pub action: &'static str,
-    pub coordinates: At,
+    pub coordinates: Xy,
 }
 
 /// Returns the answer for a level. `json` is the uploaded Valetudo map, if it is one.
@@ -217,27 +211,17 @@ fn target(place: &Place, frame: &RobotFrame) -> Target {
         room,
         zone_cleaning: (!zones.is_empty()).then_some(ZoneCleaning { action: "clean", zones }),
         covered: super::round(zone.covered),
-        go_to: goal.map(|goal| GoTo { action: "goto", coordinates: at(frame, [goal.x_m, goal.y_m]) }),
+        go_to: goal
+            .map(|goal| GoTo { action: "goto", coordinates: frame.rounded([goal.x_m, goal.y_m]).into() }),
         goal,
     }
 }
 
 fn of_rectangle(rectangle: &Rectangle, frame: &RobotFrame) -> Zone {
     let ([left, bottom], [right, top]) = (rectangle.low_m, rectangle.high_m);
-    Zone {
-        points: Corners {
-            p_a: at(frame, [left, top]),
-            p_b: at(frame, [right, top]),
-            p_c: at(frame, [right, bottom]),
-            p_d: at(frame, [left, bottom]),
-        },
-        iterations: 1,
-    }
-}
-
-fn at(frame: &RobotFrame, point_m: [f64; 2]) -> At {
-    let [x, y] = frame.rounded(point_m);
-    At { x, y }
+    let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+    let [p_a, p_b, p_c, p_d] = corners.map(|corner| frame.rounded(corner).into());
+    Zone { points: Corners { p_a, p_b, p_c, p_d }, iterations: 1 }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 use super::{Candidate, ClipMatch};
 use crate::assemble::members::Mode;
 use rustc_hash::FxHashMap;
-use viola_geometry::Pose2;
+use viola_geometry::{Pose2, groups};
 
 /// Poses that differ by less are consistent with a match.
 const NEAR_M: f64 = 0.3;
@@ -126,12 +126,8 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], clip_matches: &[Clip
         return Forest { branches: Vec::new(), alike };
     }
     branches.sort_by(|x, y| y.log_odds.total_cmp(&x.log_odds).then((x.a, x.b).cmp(&(y.a, y.b))));
-    let mut trees: Vec<usize> = (0..candidates.len()).collect();
-    branches.retain(|branch| {
-        let (from, to) = (trees[branch.b], trees[branch.a]);
-        trees.iter_mut().filter(|tree| **tree == from).for_each(|tree| *tree = to);
-        from != to
-    });
+    let mut trees: Vec<u32> = (0..candidates.len() as u32).collect();
+    branches.retain(|branch| groups::join(&mut trees, branch.a as u32, branch.b as u32));
     branches.sort_by_key(|branch| (branch.a, branch.b));
     for branch in &mut branches {
         branch.log_odds = branch.log_odds.min(most);

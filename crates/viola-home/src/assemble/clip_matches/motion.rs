@@ -3,6 +3,7 @@
 //! Every two matches propose a motion: with a few hundred proposals no sampling is needed.
 
 use super::matching::{Match, matches};
+use crate::assemble::surface::cell;
 use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{Point2, Point3, Pose2, Vector2, angle_between, wrap_angle};
@@ -127,8 +128,7 @@ fn fitted(matches: &[Match]) -> Option<(Pose2, f64)> {
 }
 
 fn distinct<'a>(points: impl Iterator<Item = &'a Point3>) -> usize {
-    let cells: FxHashSet<[i32; 3]> =
-        points.map(|p| [p.x, p.y, p.z].map(|c| (c / PLACE_M).floor() as i32)).collect();
+    let cells: FxHashSet<[i32; 3]> = points.map(|point| cell(point, PLACE_M)).collect();
     cells.len()
 }
 

@@ -6,8 +6,7 @@ struct WithFeatures(Vec<Clip>);
 
 impl LoadClips<Cancelled> for WithFeatures {
     fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Cancelled> {
-        let of = |member: &&Member| self.0.iter().find(|clip| clip.member == **member).unwrap();
-        Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
+        Ok(members.iter().map(|member| contribution(&self.0, member)).collect())
     }
 
     fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Cancelled> {

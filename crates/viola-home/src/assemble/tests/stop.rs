@@ -40,9 +40,7 @@ fn a_stop_ends_each_part_of_a_merge() {
     let clips = clips();
     let assembled = |progress: &dyn Progress| {
         let members = clips[..3].iter().map(|clip| clip.member.clone()).collect();
-        let mut load = |member: &Member| -> Result<ClipContribution, Cancelled> {
-            Ok(clips.iter().find(|clip| clip.member == *member).unwrap().contribution.clone())
-        };
+        let mut load = |member: &Member| Ok::<_, Cancelled>(contribution(&clips, member));
         assemble(&Manifest::default(), members, &mut load, progress)
     };
     let asked = check(assembled);

@@ -7,13 +7,7 @@ use std::collections::BTreeSet;
 fn corner(map_from_clip: &Pose2) -> ClipContribution {
     let mut points = Vec::new();
     let mut add = |position: [f64; 3], normal: Vector3, class: Class| {
-        points.push(CloudPoint {
-            position_m: position.map(|c| c as f32),
-            normal: normal.map(|c| c as f32).into(),
-            color: [90, 120, 160],
-            label: Label::new(class, 0.9, 3),
-            weight: 100,
-        });
+        points.push(point(position, normal, class, [90, 120, 160]));
     };
     let step = 0.03;
     for (along, up) in (0..50).flat_map(|along| (0..30).map(move |up| (along, up))) {
@@ -25,9 +19,7 @@ fn corner(map_from_clip: &Pose2) -> ClipContribution {
             add([0.6, 0.6 + s, z], -Vector3::x(), Class::Box);
         }
     }
-    let clip_from_map = floor_correction::pose_in_space(map_from_clip, &FloorCorrection::default()).inverse();
-    let cloud_in_map = PointCloud { points, voxel_m: MAP_VOXEL_M };
-    ClipContribution::new(cloud_in_map.transformed(&clip_from_map), Vec::new())
+    seen(points, map_from_clip)
 }
 
 /// Clips a minute apart, two of them at the same time. Every fifth looked through a place.
@@ -59,8 +51,7 @@ struct WithSums<'a> {
 impl LoadClips<Cancelled> for WithSums<'_> {
     fn contributions(&mut self, members: &[&Member]) -> Result<Vec<ClipContribution>, Cancelled> {
         self.read.extend(members.iter().map(|member| member.sha256.clone()));
-        let of = |member: &&Member| self.clips.iter().find(|clip| clip.member == **member).unwrap();
-        Ok(members.iter().map(|member| of(member).contribution.clone()).collect())
+        Ok(members.iter().map(|member| contribution(self.clips.iter().copied(), member)).collect())
     }
 
     fn features(&mut self, members: &[&Member]) -> Result<Vec<Vec<viola_reconstruct::Feature>>, Cancelled> {

@@ -1,7 +1,8 @@
 //! Voxels under construction as bytes.
 
-use super::super::varint::{Reader, put, put_signed};
+use super::super::varint::{Reader, put, put_place, put_signed};
 use super::{NOBODY, Voxel, Voxels};
+use crate::MAP_VOXEL_M;
 use crate::ply::UnknownFileFormat;
 use viola_geometry::taxonomy::Class;
 
@@ -11,22 +12,15 @@ impl Voxels {
         let order = self.ordered(|voxel| voxel.points > 0);
         put(out, order.len() as u64);
         for (key, place) in order {
-            key.iter().for_each(|c| put_signed(out, i64::from(*c)));
+            put_place(out, key);
             self.voxels[place as usize].1.write(out);
         }
     }
 
-    pub(in super::super) fn read(
-        reader: &mut Reader,
-        side_m: f64,
-        clips: usize,
-    ) -> Result<Voxels, UnknownFileFormat> {
-        let mut voxels = Voxels::new(side_m);
+    pub(in super::super) fn read(reader: &mut Reader, clips: usize) -> Result<Voxels, UnknownFileFormat> {
+        let mut voxels = Voxels::new(MAP_VOXEL_M);
         for _ in 0..reader.count()? {
-            let mut key = [0; 3];
-            for c in &mut key {
-                *c = i32::try_from(reader.signed()?).map_err(|_| UnknownFileFormat)?;
-            }
+            let key = reader.place()?;
             let voxel = Voxel::read(reader)?;
             if usize::from(voxel.most.0) >= clips {
                 return Err(UnknownFileFormat);

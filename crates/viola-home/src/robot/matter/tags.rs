@@ -1,6 +1,7 @@
 //! Semantic tags of Matter 1.4: the common namespaces Area (0x10), Landmark (0x11) and Relative Position (0x12).
 
 use super::super::RobotObject;
+use super::LandmarkInfo;
 use viola_geometry::taxonomy::{Class, Purposes};
 
 /// Tags of the namespace Area with their names in lower case, and other names for them, without apostrophes.
@@ -67,17 +68,10 @@ const FURNISHED: [(Class, u8); 7] = [
     (Class::Sofa, 0x32),
 ];
 
-pub const UNDER: u8 = 0x00;
-pub const NEXT_TO: u8 = 0x01;
-pub const AROUND: u8 = 0x02;
-pub const FRONT_OF: u8 = 0x05;
-
-/// A tag of the namespace Landmark, and one of Relative Position.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Landmark {
-    pub tag: u8,
-    pub position: u8,
-}
+const UNDER: u8 = 0x00;
+const NEXT_TO: u8 = 0x01;
+const AROUND: u8 = 0x02;
+const FRONT_OF: u8 = 0x05;
 
 /// Returns the area tag of a room by its name, else by the classes of its objects.
 pub fn area(name: Option<&str>, classes: &[Class]) -> Option<u8> {
@@ -101,12 +95,12 @@ fn furnished(classes: &[Class]) -> Option<u8> {
 
 /// Returns the landmark tag of an object with the position of the area that is cleaned; none for objects that the
 /// namespace lacks, and for doors, windows and mirrors, which nobody cleans around. `area` is the area tag of its room.
-pub fn landmark(object: &RobotObject, area: Option<u8>) -> Option<Landmark> {
+pub fn landmark(object: &RobotObject, area: Option<u8>) -> Option<LandmarkInfo> {
     /// Dining tables stand in dining rooms and kitchens.
     const DINING: [u8; 2] = [0x15, 0x2e];
     /// Top of a coffee table, at most.
     const COFFEE_TABLE_M: f64 = 0.55;
-    let (tag, position) = match object.class {
+    let (landmark_tag, relative_position_tag) = match object.class {
         Class::Table if object.bounds.top_m() < COFFEE_TABLE_M => (0x0b, AROUND),
         Class::Table if area.is_some_and(|area| DINING.contains(&area)) => (0x12, AROUND),
         Class::Table => (0x2d, AROUND),
@@ -126,5 +120,5 @@ pub fn landmark(object: &RobotObject, area: Option<u8>) -> Option<Landmark> {
         Class::Shower => (0x28, FRONT_OF),
         _ => return None,
     };
-    Some(Landmark { tag, position })
+    Some(LandmarkInfo { landmark_tag, relative_position_tag })
 }

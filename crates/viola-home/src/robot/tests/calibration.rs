@@ -6,14 +6,12 @@ use crate::robot::calibration::Selection;
 use crate::rooms::outline::contains;
 
 fn modes(level: &RobotLevel) -> Vec<Value> {
-    let image = PlanImage::of(&plan(level.lidar, &[], &level.rooms, &[]));
-    calibration(level, &image).map_modes.iter().map(json_of).collect()
+    calibration(level, &image(level)).map_modes.iter().map(json_of).collect()
 }
 
 #[test]
 fn each_mode_has_its_type_of_selection() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let modes = modes(&level(&lidar));
+    let modes = modes(&level(&LIDAR));
     let types: Vec<_> = modes.iter().map(|mode| (&mode["template"], &mode["selection_type"])).collect();
     let want = [
         (json!("vacuum_clean_segment"), json!("ROOM")),
@@ -26,9 +24,8 @@ fn each_mode_has_its_type_of_selection() {
 /// The card sends the zones of all selections in one call; without `max_selections` it takes 999 of them (`map-mode.ts`).
 #[test]
 fn no_choice_has_more_zones_than_a_robot_takes() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
-    let image = PlanImage::of(&plan(&lidar, &[], &level.rooms, &[]));
+    let mut level = level(&LIDAR);
+    let image = image(&level);
     // A room at an angle has the most rectangles.
     level.rooms[0].polygon_m = vec![[3.0, 1.0], [5.0, 2.5], [3.0, 4.0], [1.0, 2.5]];
     let mut most = 0;
@@ -44,7 +41,6 @@ fn no_choice_has_more_zones_than_a_robot_takes() {
 
 #[test]
 fn segments_keep_their_cells_when_people_merge_and_split_rooms() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
     let own = [
         ("16", [[100.0, 900.0], [500.0, 900.0], [500.0, 600.0], [100.0, 600.0]]),
         ("17", [[510.0, 900.0], [810.0, 900.0], [810.0, 600.0], [510.0, 600.0]]),
@@ -58,7 +54,7 @@ fn segments_keep_their_cells_when_people_merge_and_split_rooms() {
     ];
     // A person must tell the segments of one room apart.
     for (rooms, names) in [(merged, ["Flat", "Flat 2"]), (split, ["Flat", "Room 17"])] {
-        let modes = modes(&RobotLevel { rooms, ..level(&lidar) });
+        let modes = modes(&RobotLevel { rooms, ..level(&LIDAR) });
         let selections = modes[0]["predefined_selections"].as_array().unwrap();
         assert_eq!(selections.len(), 2);
         for ((selection, (id, outline)), name) in selections.iter().zip(own).zip(names) {
@@ -91,8 +87,7 @@ fn segments_have_numbers_as_ids_except_for_valetudo() {
 
 #[test]
 fn rooms_without_a_name_are_called_by_their_number_in_their_level() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.level = "upper".parse().unwrap();
     level.rooms[1].name = None;
     level.rooms[1].id = "upper~3".to_owned();

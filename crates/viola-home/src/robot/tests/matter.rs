@@ -6,11 +6,10 @@ use super::*;
 /// 0x02 and Next To 0x01 (relative positions).
 #[test]
 fn areas_have_the_tags_of_matter() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut main = level(&lidar);
+    let mut main = level(&LIDAR);
     main.objects.push(object("table-2", Class::Table, [2.0, 1.5], [0.8, 0.8, 0.75], "16"));
     main.objects.push(object("picture-1", Class::Picture, [2.0, 1.0], [0.5, 0.02, 0.5], "16"));
-    let upper = RobotLevel { level: "upper".parse().unwrap(), objects: vec![], ..level(&lidar) };
+    let upper = RobotLevel { level: "upper".parse().unwrap(), objects: vec![], ..level(&LIDAR) };
     let file = json_of(&matter(&[main.clone(), upper]));
     let maps = file["supportedMaps"].as_array().unwrap();
     assert_eq!((&maps[0]["name"], &maps[1]["name"]), (&json!("main"), &json!("upper")));
@@ -42,7 +41,6 @@ fn areas_have_the_tags_of_matter() {
 /// Living Room 0x32, Studio 0x54.
 #[test]
 fn the_type_of_an_area_follows_from_its_name_or_its_furniture() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
     let cases: &[(Option<&str>, &[Class], Option<u8>)] = &[
         (None, &[], None),
         (None, &[Class::Refrigerator, Class::Stove], Some(0x2e)),
@@ -59,7 +57,7 @@ fn the_type_of_an_area_follows_from_its_name_or_its_furniture() {
         (Some("Guest bedroom"), &[Class::Desk], Some(0x27)),
     ];
     for (name, classes, want) in cases {
-        let mut level = level(&lidar);
+        let mut level = level(&LIDAR);
         level.rooms[0].name = name.map(str::to_owned);
         let furniture = (0..).zip(*classes);
         level.objects = furniture
@@ -72,8 +70,7 @@ fn the_type_of_an_area_follows_from_its_name_or_its_furniture() {
 
 #[test]
 fn objects_above_the_robot_are_no_areas() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     for (id, x_m) in [("lamp-1", 2.0), ("lamp-2", 4.0)] {
         level.objects.push(object(id, Class::Lamp, [x_m, 1.5], [0.4, 0.4, 0.3], "16"));
     }
@@ -85,8 +82,7 @@ fn objects_above_the_robot_are_no_areas() {
 
 #[test]
 fn matter_s_lists_are_bounded() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.rooms[0].name = Some("ü".repeat(200));
     level.objects =
         (0..400).map(|i| object(&format!("chair-{i}"), Class::Chair, [2.0; 2], [0.5; 3], "16")).collect();

@@ -27,10 +27,9 @@ fn patch(class: Class, low: [f64; 2], z: f32) -> Tile {
 
 #[test]
 fn zones_to_avoid_have_their_reasons() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.objects.push(object("television-1", Class::Television, [1.2, 2.5], [1.0, 0.1, 1.2], "16"));
-    let mut ground = Ground::new(&lidar);
+    let mut ground = Ground::new(&LIDAR);
     ground.add(&patch(Class::Stairs, [7.0, 1.2], -0.2));
     ground.add(&patch(Class::Rug, [3.0, 1.2], 0.02));
     // A blanket on a sofa is no rug.
@@ -59,15 +58,14 @@ fn zones_to_avoid_have_their_reasons() {
 /// A rug of 3 m x 3 m around a square metre without one.
 #[test]
 fn a_rug_around_a_place_leaves_it_out() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = level(&lidar);
-    let mut ground = Ground::new(&lidar);
+    let level = level(&LIDAR);
+    let mut ground = Ground::new(&LIDAR);
     for (x, y) in (0..3).flat_map(|x| (0..3).map(move |y| (x, y))).filter(|at| *at != (1, 1)) {
         ground.add(&patch(Class::Rug, [1.0 + f64::from(x), 1.0 + f64::from(y)], 0.02));
     }
     let zones = no_go_zones(&level, &ground);
     let rug = zones.iter().find(|zone| zone.reason == NoGoReason::Rug).unwrap();
-    let frame = lidar.cells.as_ref().unwrap().frame;
+    let frame = LIDAR.cells.as_ref().unwrap().frame;
     let mut cells = 0;
     for_cells(&frame, &rug.rings(), |index| {
         let at = frame.centre(index % frame.width, index / frame.width);
@@ -93,9 +91,8 @@ fn occupancy(grey: u8, mode: &str) -> i32 {
 
 #[test]
 fn nav2_files_are_read_back() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = level(&lidar);
-    let mut ground = Ground::new(&lidar);
+    let level = level(&LIDAR);
+    let mut ground = Ground::new(&LIDAR);
     ground.add(&patch(Class::Rug, [3.0, 1.2], 0.02));
     let files = nav2_files(&level, &ground).unwrap();
     let read = |names: [&str; 2]| {
@@ -104,7 +101,7 @@ fn nav2_files_are_read_back() {
     };
     let map = read(["map.yaml", "map.pgm"]);
     let keepout = read(["keepout_mask.yaml", "keepout_mask.pgm"]);
-    let mut want = lidar.cells.clone().unwrap();
+    let mut want = LIDAR.cells.clone().unwrap();
     want.frame.origin_m = want.frame.written_origin_m();
     assert_eq!(map.cells, Some(want));
     // Forbidden cells are occupied for the reader: the sofa and the user's zone.
@@ -112,7 +109,7 @@ fn nav2_files_are_read_back() {
         assert_eq!(keepout.cells.as_ref().unwrap().at(&Point2::from(at)), Some(want), "{at:?}");
     }
     let find = |name: &str| &files.iter().find(|(other, _)| *other == name).unwrap().1;
-    let cells = lidar.cells.as_ref().unwrap();
+    let cells = LIDAR.cells.as_ref().unwrap();
     let value = |name: &str, mode: &str, at: [f64; 2]| {
         let head = format!("P5\n{} {}\n255\n", cells.frame.width, cells.frame.height);
         let pixels = find(name).strip_prefix(head.as_bytes()).unwrap();

@@ -4,8 +4,8 @@ use super::*;
 use crate::robot::titles::Titles;
 
 /// Returns the level with objects of the same classes, and with things on the walls.
-fn furnished(lidar: &LidarMap) -> RobotLevel<'_> {
-    let mut level = level(lidar);
+fn furnished() -> RobotLevel<'static> {
+    let mut level = level(&LIDAR);
     level.objects.extend([
         object("table-2", Class::Table, [2.0, 1.5], [0.8, 0.8, 0.75], "16"),
         object("table-3", Class::Table, [7.0, 1.5], [0.8, 0.8, 0.75], "17"),
@@ -36,8 +36,7 @@ const OBJECTS: [&str; 9] = [
 
 #[test]
 fn all_files_have_the_same_names() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = furnished(&lidar);
+    let level = furnished();
     let name_of: std::collections::BTreeMap<&str, &str> =
         level.objects.iter().map(|object| object.id.as_str()).zip(OBJECTS).collect();
 
@@ -45,7 +44,7 @@ fn all_files_have_the_same_names() {
     let found: Vec<_> = answer.objects.iter().map(|target| target.name.as_deref().unwrap()).collect();
     assert_eq!(found, OBJECTS);
 
-    let files = nav2_files(&level, &Ground::new(&lidar)).unwrap();
+    let files = nav2_files(&level, &Ground::new(&LIDAR)).unwrap();
     let goals = files.iter().find(|(name, _)| *name == "goals.json").map(|(_, bytes)| bytes).unwrap();
     let goals: Value = serde_json::from_slice(goals).unwrap();
     let goals = goals["goals"].as_array().unwrap();
@@ -69,10 +68,8 @@ fn all_files_have_the_same_names() {
 
 #[test]
 fn the_card_shows_no_things_on_walls() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = furnished(&lidar);
-    let image = PlanImage::of(&plan(&lidar, &[], &level.rooms, &[]));
-    let file = calibration(&level, &image);
+    let level = furnished();
+    let file = calibration(&level, &image(&level));
     let labels = |mode: usize| -> Vec<&str> {
         file.map_modes[mode].predefined_selections.iter().map(|one| one.label.text.as_str()).collect()
     };
@@ -85,8 +82,7 @@ fn the_card_shows_no_things_on_walls() {
 
 #[test]
 fn rooms_of_one_name_have_numbers_and_so_have_their_objects() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.rooms[0].name = Some("Bedroom".to_owned());
     level.objects[0].class = Class::Sofa;
     let titles = Titles::of(&level);
@@ -100,7 +96,6 @@ fn rooms_of_one_name_have_numbers_and_so_have_their_objects() {
 
 #[test]
 fn no_number_takes_the_name_of_another_room() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
     for (given, want) in [
         (&["Kammer", "Kammer", "Kammer 2"][..], &["Kammer", "Kammer 3", "Kammer 2"][..]),
         (&["Kammer 2", "Kammer", "Kammer"], &["Kammer 2", "Kammer", "Kammer 3"]),
@@ -114,15 +109,14 @@ fn no_number_takes_the_name_of_another_room() {
             ..Room::rectangle(&number.to_string(), [1.0, 1.0], [5.0, 4.0])
         };
         let rooms = given.iter().enumerate().map(room).collect();
-        let level = RobotLevel { rooms, objects: vec![], ..level(&lidar) };
+        let level = RobotLevel { rooms, objects: vec![], ..level(&LIDAR) };
         assert_eq!(Titles::of(&level).rooms, want);
     }
 }
 
 #[test]
 fn no_number_takes_the_name_of_another_object() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.rooms[1].name = Some("Kitchen: table 3".to_owned());
     level.objects = (0..4).map(|n| object(&n.to_string(), Class::Table, [2.0; 2], [0.5; 3], "16")).collect();
     // A person gave the last table the number that the second one would get.
@@ -133,8 +127,7 @@ fn no_number_takes_the_name_of_another_object() {
 
 #[test]
 fn the_segments_of_a_room_are_told_apart() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
+    let mut level = level(&LIDAR);
     level.rooms =
         vec![Room::rectangle("16", [1.0, 1.0], [8.1, 4.0]), Room::rectangle("9", [20.0; 2], [21.0; 2])];
     level.rooms[0].name = Some("Flat".to_owned());
@@ -145,8 +138,7 @@ fn the_segments_of_a_room_are_told_apart() {
     let map = answer.map.unwrap();
     let shown = [1, 2].map(|layer: usize| map["layers"][layer]["metaData"]["name"].clone());
     assert_eq!(shown, [json!("Flat"), json!("Flat 3")]);
-    let image = PlanImage::of(&plan(&lidar, &[], &level.rooms, &[]));
-    let card = calibration(&level, &image);
+    let card = calibration(&level, &image(&level));
     let labels: Vec<_> = card.map_modes[0].predefined_selections.iter().map(|one| &one.label.text).collect();
     assert_eq!(labels, ["Flat", "Flat 3"]);
     // Without a name the segments keep their own.
