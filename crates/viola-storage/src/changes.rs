@@ -13,7 +13,6 @@ mod position;
 
 pub use position::FeedPosition;
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
@@ -124,13 +123,13 @@ fn whole_hour(now: Timestamp) -> Timestamp {
 }
 
 pub(super) fn from_row(row: &Row) -> Result<Change, StorageError> {
-    let clip = Some(row.text("clip_id")?).filter(|id| !id.is_empty());
+    let has_clip = !row.text("clip_id")?.is_empty();
     Ok(Change {
         seq: row.number("seq")?,
         at: row.time("at")?,
         home: row.home("home_id")?,
         kind: row.name("kind")?,
-        clip: clip.map(|_| row.id("clip_id")).transpose()?,
+        clip: has_clip.then(|| row.id("clip_id")).transpose()?,
         revision: row.maybe_number("revision")?,
         state: row.maybe_name("state")?,
         deleted: row.number("deleted")? != 0,

@@ -1,6 +1,5 @@
 //! Lists of clips.
 
-use super::columns::Columns;
 use super::database::{Connection, Query, Row, query};
 use super::{Clip, ClipState, HomeId, Job, Page, Storage, StorageError, Tenant, clips, homes, jobs};
 use jiff::Timestamp;

@@ -12,7 +12,6 @@ pub(super) use insert::{NewRow, insert};
 pub use last_answer::LastAnswer;
 pub(super) use outcome::{Outcome, begin_job, change};
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};

@@ -12,7 +12,7 @@ pub use room::RoomChange;
 pub use rows::{Corrections, Kept};
 pub(super) use rows::{forget_level, of_home};
 
-use super::columns::{Columns, stored};
+use super::columns::stored;
 use super::database::{Connection, Transaction, query};
 use super::home_maps::{MapHistory, MapLevel, MapScene, map_file};
 use super::{HomeId, Storage, StorageError, homes};

@@ -18,7 +18,7 @@ pub use scene::{MapHistory, MapRoom, MapScene};
 pub(super) use state::FAILING_MERGES;
 pub use state::MapState;
 
-use super::columns::Columns;
+use super::columns::parse_time;
 use super::damage::{check_bytes, check_removed};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, copies, homes};
@@ -79,7 +79,7 @@ pub struct MapClip {
 
 impl MapClip {
     pub fn new(placed: &PlacedClip) -> Result<MapClip, StorageError> {
-        let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
+        let recorded_at_ms = placed.recorded_at_ms;
         Ok(MapClip {
             clip: placed.clip,
             level: placed.level,
@@ -87,8 +87,7 @@ impl MapClip {
             rise_m: placed.rise_m,
             by: placed.by,
             probability: placed.probability,
-            recorded_at: recorded_at
-                .map_err(|error| StorageError::Column { column: "recorded_at", detail: error.to_string() })?,
+            recorded_at: recorded_at_ms.map(|ms| parse_time("recorded_at", ms)).transpose()?,
             points: placed.points,
             moved_m: placed.map_from_clip.distance_m(&placed.alone),
             moved_deg: angle_between(placed.map_from_clip.yaw_rad, placed.alone.yaw_rad).to_degrees(),
@@ -335,13 +334,9 @@ async fn files(
     .fetch_all(connection)
     .await?;
     let file = |row: &Row| {
-        let side = |column| -> Result<Option<i32>, StorageError> {
-            let number = row.maybe_number(column)?;
-            let side = number.map(i32::try_from).transpose();
-            side.map_err(|error| StorageError::Column { column, detail: error.to_string() })
-        };
         let level = row.name("level")?;
-        let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { level, x, y });
+        let sides = row.maybe_count("tile_x")?.zip(row.maybe_count("tile_y")?);
+        let tile = sides.map(|(x, y)| TileKey { level, x, y });
         Ok(MapFile { level, tile, key: row.text("blob_key")?, size_bytes: row.count("size_bytes")? })
     };
     rows.iter().map(file).collect()

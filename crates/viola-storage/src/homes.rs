@@ -6,7 +6,6 @@ mod search;
 pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 
 use super::changes::{self, Changed};
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::home_maps::{self, FAILING_MERGES, MapState};
 use super::{ClipState, Page, Storage, StorageError, pending_deletes};

@@ -4,7 +4,7 @@ mod turns;
 
 pub(super) use turns::Priority;
 
-use super::columns::{Columns, to_json};
+use super::columns::to_json;
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, clips, clock};
 use jiff::Timestamp;

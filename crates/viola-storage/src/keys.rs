@@ -4,7 +4,6 @@ mod uses;
 
 pub(super) use uses::KeyUses;
 
-use super::columns::Columns;
 use super::database::{Row, query};
 use super::{HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
@@ -145,7 +144,7 @@ pub(super) fn from_row(row: &Row) -> Result<ApiKey, StorageError> {
         id: row.id("id")?,
         tenant: row.tenant("tenant")?,
         role: row.name("role")?,
-        home: row.maybe_text("home_id")?.map(|_| row.home("home_id")).transpose()?,
+        home: row.maybe_home("home_id")?,
         label: row.text("label")?,
         created_at: row.time("created_at")?,
         expires_at: row.maybe_time("expires_at")?,

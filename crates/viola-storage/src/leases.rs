@@ -9,7 +9,7 @@ pub use retry::{Fault, RetryPolicy};
 
 use super::clips::{self, Outcome};
 use super::clock;
-use super::columns::{Columns, to_json};
+use super::columns::to_json;
 use super::database::{Connection, Row, Transaction, query};
 use super::{
     ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps,

@@ -5,7 +5,6 @@ mod remove;
 
 pub use put::NewLidarMap;
 
-use super::columns::Columns;
 use super::damage::{check_removed, check_size};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};

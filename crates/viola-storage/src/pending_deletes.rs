@@ -2,7 +2,7 @@
 //! struck off once the store has removed them. So a deletion succeeds only when every byte is gone, a client
 //! can retry it if the store failed, and a process that dies in between leaves no unknown blobs.
 
-use super::columns::{Columns, to_json};
+use super::columns::to_json;
 use super::database::{Transaction, query};
 use super::{Storage, StorageError, Tenant};
 use jiff::Timestamp;

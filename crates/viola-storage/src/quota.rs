@@ -1,7 +1,6 @@
 //! The storage quota of a tenant.
 
 use super::StorageError;
-use super::columns::Columns;
 use super::database::{Connection, Transaction, query};
 
 /// Treatment of a new file by its tenant's quota.
@@ -34,9 +33,9 @@ pub(super) async fn check(
     quota: QuotaCheck,
 ) -> Result<(), StorageError> {
     let QuotaCheck::Enforce { max_bytes } = quota else { return Ok(()) };
-    let row = query("SELECT max_bytes FROM tenant_limits WHERE tenant = $1 AND max_bytes IS NOT NULL");
+    let row = query("SELECT max_bytes FROM tenant_limits WHERE tenant = $1");
     let row = row.bind(tenant).fetch_optional(transaction).await?;
-    let own = row.map(|row| row.count("max_bytes")).transpose()?;
+    let own = row.map(|row| row.maybe_count("max_bytes")).transpose()?.flatten();
     let Some(limit) = own.or(max_bytes) else { return Ok(()) };
     // The transactions of a tenant take turns after this statement, so that two cannot pass the check together.
     // Those of SQLite do anyway.

@@ -1,7 +1,6 @@
 //! The identity of the store of files: an id that the database and the store both have. It tells a wrong data folder, bucket or
 //! prefix, or a wrong database, from lost files.
 
-use super::columns::Columns;
 use super::database::{Connection, Transaction, query};
 use super::{Storage, StorageError, clips, lidar_maps};
 use std::sync::atomic::Ordering;

@@ -1,6 +1,5 @@
 //! Blobs that no row names: leftovers of killed processes, or of a lost database.
 
-use super::columns::Columns;
 use super::database::{Connection, query};
 use super::{Storage, StorageError};
 use jiff::Timestamp;

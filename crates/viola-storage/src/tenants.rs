@@ -4,7 +4,6 @@ mod limits;
 
 pub use limits::TenantLimits;
 
-use super::columns::Columns;
 use super::database::query;
 use super::{HomeFilter, Page, Storage, StorageError, Tenant, pending_deletes, uploads};
 use jiff::Timestamp;

@@ -16,7 +16,6 @@ pub use append::UploadWriter;
 pub use finish::UploadClaim;
 pub use join::Joining;
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::quota::{self, QuotaCheck};
 use super::{HomeId, Storage, StorageError, Tenant, homes};
@@ -184,19 +183,15 @@ impl From<sqlx::Error> for UploadError {
 }
 
 fn from_row(row: &Row) -> Result<Upload, StorageError> {
-    let length = row.maybe_number("length_bytes")?;
     Ok(Upload {
         id: row.id("id")?,
         kind: row.name("kind")?,
         state: row.name("state")?,
         tenant: row.tenant("tenant")?,
-        home: match row.maybe_text("home_id")? {
-            Some(_) => Some(row.home("home_id")?),
-            None => None,
-        },
+        home: row.maybe_home("home_id")?,
         metadata: row.text("metadata")?,
         concat: row.maybe_text("concat")?,
-        length_bytes: length.map(|_| row.count("length_bytes")).transpose()?,
+        length_bytes: row.maybe_count("length_bytes")?,
         received_bytes: row.count("received_bytes")?,
         clip: row.maybe_id("clip_id")?,
         problem: row.maybe_json("problem")?,
@@ -254,11 +249,7 @@ impl Storage {
     pub async fn upload_owner(&self, id: Uuid) -> Result<Option<(Tenant, Option<HomeId>)>, StorageError> {
         let row = query("SELECT tenant, home_id FROM uploads WHERE id = $1").bind(id.to_string());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        let owner = |row: Row| {
-            let home = row.maybe_text("home_id")?.map(|_| row.home("home_id")).transpose()?;
-            Ok((row.tenant("tenant")?, home))
-        };
-        row.map(owner).transpose()
+        row.map(|row| Ok((row.tenant("tenant")?, row.maybe_home("home_id")?))).transpose()
     }
 
     /// Returns an upload that can still be continued or used.
@@ -289,7 +280,7 @@ async fn check_counts(
         WHERE tenant = $1 AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",
     );
     let of_tenant = of_tenant.bind(tenant.name()).bind(now.as_millisecond()).fetch_one(transaction).await?;
-    let limit = of_tenant.maybe_number("own")?.map_or(limits.in_tenant, i64::unsigned_abs);
+    let limit = of_tenant.maybe_count("own")?.unwrap_or(limits.in_tenant);
     if of_tenant.count::<u64>("uploads")?.saturating_sub(joined) >= limit {
         return Err(UploadError::TooMany { limit, place: "of this tenant" });
     }

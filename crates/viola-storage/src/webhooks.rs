@@ -11,7 +11,7 @@ mod secrets;
 pub use deliveries::{Delivery, DeliveryState, RETRY_AFTER, Sending, Sent, ToSend};
 
 use super::changes::ChangeKind;
-use super::columns::{Columns, to_json};
+use super::columns::to_json;
 use super::database::{Connection, Row, query};
 use super::{Storage, StorageError, Tenant};
 use base64::Engine;

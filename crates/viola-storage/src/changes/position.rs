@@ -4,7 +4,6 @@
 //! a process begins an epoch, after the numbers assigned so far, and a position names the newest epoch of its reading. It is of
 //! the database's past if its epoch is known and no later one begins before its number.
 
-use super::super::columns::Columns;
 use super::super::database::{Connection, query};
 use super::super::{Storage, StorageError};
 use super::TOLD;

@@ -2,7 +2,7 @@
 
 use super::{Added, NewClip, find};
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Connection, Transaction, query};
 use crate::incoming::Arrived;
 use crate::jobs::{self, Priority};

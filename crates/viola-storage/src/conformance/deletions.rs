@@ -57,7 +57,6 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
 
 /// Returns the number of a tenant's rows in all tables.
 async fn rows(storage: &Storage, tenant: &Tenant) -> u64 {
-    use crate::columns::Columns;
     let mut rows = 0;
     for (statement, value) in [
         ("SELECT COUNT(*) AS n FROM homes WHERE tenant = $1", tenant.name().to_owned()),
@@ -285,7 +284,6 @@ async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storag
 }
 
 async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
-    use crate::columns::Columns;
     use crate::database::query;
     let (id, clip) = one_job(&storage).await;
     let mut transaction = storage.database.begin().await.unwrap();
@@ -315,7 +313,6 @@ async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
 
 /// Returns the number of pending deletes whose owners are like a pattern.
 async fn pending(storage: &Storage, owners: &str) -> u64 {
-    use crate::columns::Columns;
     let rows =
         crate::database::query("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE $1").bind(owners);
     rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()

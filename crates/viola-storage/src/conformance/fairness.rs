@@ -124,7 +124,6 @@ async fn nobody_waits_for_ever(storage: Storage) {
 }
 
 async fn a_new_map_queues_clips_one_behind_the_other(storage: Storage) {
-    use crate::columns::Columns;
     let home = home_with_map(&storage, "acme", "h").await;
     for n in 0..3u8 {
         add(&storage, &home, &[n]).await;

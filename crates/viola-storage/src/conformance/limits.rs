@@ -2,7 +2,6 @@
 
 use super::home_maps::{align, due, revision};
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
 use viola_home::PlacedBy;
 

@@ -2,7 +2,6 @@
 
 use super::home_maps::{current, due, finish, two_aligned};
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
 use viola_geometry::Pose2;
 use viola_testing::postgres::try_execute;

@@ -1,7 +1,6 @@
 //! Sealed secrets: not in the database in plain text, and readable with the operator's key only.
 
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
 
 on_every_back_end!(secrets_are_sealed_with_the_operators_key, older_secrets_are_sealed_at_the_next_start);

@@ -206,7 +206,6 @@ async fn an_address_that_is_away_is_not_drowned(storage: Storage) {
     }
     let waiting = crate::database::query("SELECT COUNT(*) AS n FROM webhook_deliveries");
     let waiting = waiting.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
-    use crate::columns::Columns;
     // 3000 changes; the feed holds those beyond the limit, one for each home.
     let waiting = waiting.number("n").unwrap();
     assert!((1000..=1200).contains(&waiting), "{waiting}");

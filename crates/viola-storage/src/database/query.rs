@@ -2,11 +2,10 @@
 //! integers and floating-point numbers only.
 
 use super::super::StorageError;
-use super::super::columns::Columns;
 use super::connection::{Connection, Executor};
 use sqlx::postgres::{PgArguments, PgRow};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{Arguments, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite};
+use sqlx::{Arguments, Decode, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite, Type};
 
 /// A parameter of a statement.
 pub enum Value {
@@ -127,33 +126,14 @@ impl Query {
     }
 }
 
-macro_rules! get {
-    ($row:expr, $column:expr) => {
-        match $row {
-            Row::Sqlite(row) => Ok(row.try_get($column)?),
-            Row::Postgres(row) => Ok(row.try_get($column)?),
-        }
-    };
-}
-
-impl Columns for Row {
-    fn text(&self, column: &'static str) -> Result<String, StorageError> {
-        get!(self, column)
-    }
-
-    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError> {
-        get!(self, column)
-    }
-
-    fn number(&self, column: &'static str) -> Result<i64, StorageError> {
-        get!(self, column)
-    }
-
-    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError> {
-        get!(self, column)
-    }
-
-    fn real(&self, column: &'static str) -> Result<f64, StorageError> {
-        get!(self, column)
+impl Row {
+    pub fn get<T>(&self, column: &'static str) -> Result<T, StorageError>
+    where
+        T: for<'r> Decode<'r, Sqlite> + Type<Sqlite> + for<'r> Decode<'r, Postgres> + Type<Postgres>,
+    {
+        Ok(match self {
+            Row::Sqlite(row) => row.try_get(column)?,
+            Row::Postgres(row) => row.try_get(column)?,
+        })
     }
 }

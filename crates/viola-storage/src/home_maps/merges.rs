@@ -9,7 +9,7 @@ mod rows;
 mod scenes;
 
 use super::{HomeMap, MapFile, MapLevel, MapObject, map_file, objects, places};
-use crate::columns::{Columns, to_json};
+use crate::columns::{parse_json, to_json};
 use crate::database::{Connection, Row, query};
 use crate::{
     Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
@@ -186,8 +186,7 @@ impl Storage {
         let files = self.home_map_files(home, revision, LevelName::MAIN, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
-        serde_json::from_slice(&bytes)
-            .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
+        parse_json("manifest.json", &bytes)
     }
 
     /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.

@@ -1,7 +1,7 @@
 //! Update of the clips' placements by a new revision.
 
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::{
     Choice, ClipState, HomeId, Placement, StorageError, clock, reasons_of_placement, state_by_others,

@@ -1,7 +1,7 @@
 //! Content of a home's map beyond points, and what the next revision needs of it.
 
 use super::objects::MapObject;
-use crate::columns::to_json;
+use crate::columns::{parse_json, to_json};
 use crate::{MapFile, Storage, StorageError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -125,10 +125,6 @@ impl Storage {
     /// Returns the scene of a revision; `None` if the revision was removed since.
     pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
         let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
-        let scene = serde_json::from_slice(&bytes);
-        Ok(Some(
-            scene
-                .map_err(|error| StorageError::Column { column: "scene.json", detail: error.to_string() })?,
-        ))
+        Ok(Some(parse_json("scene.json", &bytes)?))
     }
 }

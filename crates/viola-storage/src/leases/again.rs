@@ -1,7 +1,7 @@
 //! Requeueing of jobs.
 
 use super::{Fault, RetryPolicy, change_clip, fail};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::{ClipState, Storage, StorageError, clock, homes};
 use jiff::Timestamp;

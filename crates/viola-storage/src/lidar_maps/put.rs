@@ -3,7 +3,7 @@
 use super::remove::remove_to;
 use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels, owner};
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::query;
 use crate::incoming::Arrived;
 use crate::quota::{self, QuotaCheck};

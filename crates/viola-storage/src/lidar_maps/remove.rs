@@ -2,7 +2,6 @@
 
 use super::{LidarMapRevision, file_key, image_key, levels, owner};
 use crate::changes::{self, Changed};
-use crate::columns::Columns;
 use crate::database::{Transaction, query};
 use crate::{Choice, HomeId, Storage, StorageError, corrections, home_maps, homes, jobs, pending_deletes};
 use jiff::Timestamp;

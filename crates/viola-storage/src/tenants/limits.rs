@@ -1,6 +1,5 @@
 //! Limits of tenants, and what counts towards them.
 
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{Storage, StorageError, Tenant, quota};
 
@@ -19,10 +18,10 @@ impl Storage {
         let row = query("SELECT max_bytes, max_uploads FROM tenant_limits WHERE tenant = $1");
         let row = row.bind(tenant.name()).fetch_optional(&mut self.database.reader().await?).await?;
         let Some(row) = row else { return Ok(TenantLimits::default()) };
-        let limit = |name| -> Result<Option<u64>, StorageError> {
-            row.maybe_number(name)?.map(|_| row.count(name)).transpose()
-        };
-        Ok(TenantLimits { max_bytes: limit("max_bytes")?, max_uploads: limit("max_uploads")? })
+        Ok(TenantLimits {
+            max_bytes: row.maybe_count("max_bytes")?,
+            max_uploads: row.maybe_count("max_uploads")?,
+        })
     }
 
     /// Sets all limits of a tenant.

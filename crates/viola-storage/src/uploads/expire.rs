@@ -1,7 +1,6 @@
 //! Expiry of uploads.
 
 use super::{Storage, piece_keys};
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{StorageError, pending_deletes};
 use jiff::Timestamp;

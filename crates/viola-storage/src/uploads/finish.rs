@@ -3,7 +3,7 @@
 
 use super::{Storage, Upload, UploadError, from_row, later, owner, piece_keys};
 use crate::clips::{self, Added, NewClip};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Transaction, query};
 use crate::quota::QuotaCheck;
 use crate::{Arrived, HomeId, StorageError, Tenant, clock, pending_deletes};

@@ -2,7 +2,6 @@
 //! log. A delivery is sent at least once: if a process dies after sending and before recording it, it is sent
 //! again with the same id.
 
-use super::super::columns::Columns;
 use super::super::database::{Connection, Row, Transaction, query};
 use super::super::{Page, Storage, StorageError, Tenant, clock};
 use super::{WebhookSecret, fan_out};

@@ -1,7 +1,7 @@
 //! Conversion of the changes feed into deliveries for each webhook.
 
 use super::super::changes::{self, Change, ChangeKind};
-use super::super::columns::{Columns, to_json};
+use super::super::columns::to_json;
 use super::super::database::{Transaction, query};
 use super::super::{Storage, StorageError};
 use jiff::{SignedDuration, Timestamp};

@@ -1,7 +1,6 @@
 //! Sealed secrets of webhooks: in the database they are encrypted with a key of the operator's, so that a copy of the database
 //! reveals none.
 
-use super::super::columns::Columns;
 use super::super::database::{Row, query};
 use super::super::seal::SEALED;
 use super::super::{Storage, StorageError};

@@ -2,7 +2,6 @@
 //! LiDAR map, which queues all clips again, then makes one new revision, and the old one stays until then. The waiting has limits,
 //! since a home may never stop uploading: then the merge leaves out the clips that wait, and their answers make the next one due.
 
-use crate::columns::Columns;
 use crate::database::{Query, Row, Transaction, query};
 use crate::{Storage, StorageError, clock};
 use jiff::{SignedDuration, Timestamp};

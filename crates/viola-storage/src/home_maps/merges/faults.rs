@@ -2,7 +2,6 @@
 //! time must not keep a worker busy.
 
 use super::{MergeClaim, damage};
-use crate::columns::Columns;
 use crate::database::{Row, Transaction, query};
 use crate::{RetryPolicy, Storage, StorageError, clock};
 use jiff::Timestamp;
