@@ -1,5 +1,5 @@
 //! The database: SQLite in the data folder, or PostgreSQL for many processes. One type wraps both pools, and
-//! a statement has one text if both databases accept it.
+//! every statement has one text, in the words of PostgreSQL: `query` has what SQLite gets in their place.
 
 mod clock;
 mod connection;
@@ -10,7 +10,7 @@ mod tables;
 
 pub(super) use connection::{Connection, Transaction};
 pub(super) use fault::DatabaseFault;
-pub(super) use query::{Query, Row, query};
+pub(super) use query::{Query, Row, Turn, listed, query, take_turns};
 
 use super::StorageError;
 use clock::Clock;

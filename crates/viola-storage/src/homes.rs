@@ -292,19 +292,13 @@ pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<b
 /// Locks the home and its contents against changes until the transaction ends; returns false if there is no
 /// such home. Must come before any other lock in the home.
 pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM homes WHERE id = $1",
-        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE",
-    ));
+    let row = query("SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE");
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 
 /// [`lock`] that does not wait: it returns false, too, if another transaction holds the home.
 pub(super) async fn lock_if_free(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM homes WHERE id = $1",
-        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
-    ));
+    let row = query("SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED");
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 

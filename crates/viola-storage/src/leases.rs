@@ -82,15 +82,15 @@ pub enum AttemptEnd {
 
 /// Takes the next due job.
 macro_rules! claim {
-    ($lock:literal) => {
+    ($($skip:literal)?) => {
         concat!(
             "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
                 stage = NULL, early_pose = NULL, progress = 0, version = version + 1, updated_at = $1,
                 started_at = COALESCE(started_at, $1)
             WHERE id =
                 (SELECT id FROM jobs WHERE state = 'queued' AND (run_after <= $1 OR run_after > $3)
-                ORDER BY order_at, id LIMIT 1 ",
-            $lock,
+                ORDER BY order_at, id LIMIT 1 FOR UPDATE",
+            $($skip,)?
             ")
             RETURNING id, fence, attempts, max_attempts, faults, first_fault_at"
         )
@@ -105,17 +105,15 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         // Jobs that another worker is taking are skipped, so that workers do not wait for each other. If no other one is due,
         // the lock may be that of a change of the clip, and the job would wait for the next poll.
-        let ways = transaction
-            .either(&[claim!("")][..], &[claim!("FOR UPDATE SKIP LOCKED"), claim!("FOR UPDATE")][..]);
         let mut row = None;
-        for statement in ways {
-            row = query(*statement)
+        for statement in [claim!(" SKIP LOCKED"), claim!()] {
+            row = query(statement)
                 .bind(now.as_millisecond())
                 .bind((now + lease).as_millisecond())
                 .bind(clock::no_pause_after(now))
                 .fetch_optional(&mut transaction)
                 .await?;
-            if row.is_some() {
+            if row.is_some() || !transaction.is_shared() {
                 break;
             }
         }

@@ -1,7 +1,7 @@
 //! The storage quota of a tenant.
 
 use super::StorageError;
-use super::database::{Connection, Transaction, query};
+use super::database::{Connection, Transaction, Turn, query, take_turns};
 
 /// Treatment of a new file by its tenant's quota.
 #[derive(Debug, Clone, Copy)]
@@ -37,12 +37,8 @@ pub(super) async fn check(
     let row = row.bind(tenant).fetch_optional(transaction).await?;
     let own = row.map(|row| row.maybe_count("max_bytes")).transpose()?.flatten();
     let Some(limit) = own.or(max_bytes) else { return Ok(()) };
-    // The transactions of a tenant take turns after this statement, so that two cannot pass the check together.
-    // Those of SQLite do anyway.
-    let turn = transaction.either(None, Some("SELECT pg_advisory_xact_lock(hashtextextended($1, 0))"));
-    if let Some(turn) = turn {
-        query(turn).bind(tenant).execute(transaction).await?;
-    }
+    // Two cannot pass the check together.
+    take_turns(transaction, Turn::Quota, tenant).await?;
     let used = bytes_of(transaction, tenant).await?;
     if used.saturating_add(more_bytes) > limit {
         return Err(StorageError::TenantFull { used, limit, more: more_bytes });

@@ -150,9 +150,8 @@ impl Storage {
     /// Begins a transaction that may write the id; processes that start at once take turns.
     async fn begin_identity(&self) -> Result<Transaction, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let turn = transaction.either(None, Some("LOCK TABLE store_identity IN EXCLUSIVE MODE"));
-        if let Some(turn) = turn {
-            query(turn).execute(&mut transaction).await?;
+        if transaction.is_shared() {
+            query("LOCK TABLE store_identity IN EXCLUSIVE MODE").execute(&mut transaction).await?;
         }
         Ok(transaction)
     }

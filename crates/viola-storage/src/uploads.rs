@@ -338,22 +338,27 @@ async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<Str
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
 
+/// Selects the uploads whose column `$of` has a value, and their pieces.
+macro_rules! uploads_of {
+    ($of:literal) => {
+        [
+            concat!("SELECT id FROM uploads WHERE ", $of, " = $1 ORDER BY id FOR UPDATE"),
+            concat!(
+                "SELECT blob_key FROM upload_pieces
+                WHERE upload_id IN (SELECT id FROM uploads WHERE ",
+                $of,
+                " = $1)"
+            ),
+        ]
+    };
+}
+
 /// Returns the pieces of a tenant's uploads, and locks these: no piece is added until the transaction ends.
 pub(super) async fn blob_keys_of_tenant(
     connection: &mut Connection,
     tenant: &Tenant,
 ) -> Result<Vec<String>, StorageError> {
-    let lock = connection.either(
-        "SELECT id FROM uploads WHERE tenant = $1",
-        "SELECT id FROM uploads WHERE tenant = $1 ORDER BY id FOR UPDATE",
-    );
-    query(lock).bind(tenant.name()).fetch_all(connection).await?;
-    let rows = query(
-        "SELECT blob_key FROM upload_pieces
-        WHERE upload_id IN (SELECT id FROM uploads WHERE tenant = $1)",
-    );
-    let rows = rows.bind(tenant.name()).fetch_all(connection).await?;
-    rows.iter().map(|row| row.text("blob_key")).collect()
+    lock_pieces(connection, uploads_of!("tenant"), tenant.name()).await
 }
 
 /// Returns the pieces of the uploads to a home, and locks these: no piece is added until the transaction ends.
@@ -361,15 +366,15 @@ pub(super) async fn blob_keys_of_home(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let lock = connection.either(
-        "SELECT id FROM uploads WHERE home_id = $1",
-        "SELECT id FROM uploads WHERE home_id = $1 ORDER BY id FOR UPDATE",
-    );
-    query(lock).bind(home.key()).fetch_all(connection).await?;
-    let rows = query(
-        "SELECT blob_key FROM upload_pieces
-        WHERE upload_id IN (SELECT id FROM uploads WHERE home_id = $1)",
-    );
-    let rows = rows.bind(home.key()).fetch_all(connection).await?;
+    lock_pieces(connection, uploads_of!("home_id"), home.key()).await
+}
+
+async fn lock_pieces(
+    connection: &mut Connection,
+    [lock, pieces]: [&'static str; 2],
+    of: &str,
+) -> Result<Vec<String>, StorageError> {
+    query(lock).bind(of).fetch_all(connection).await?;
+    let rows = query(pieces).bind(of).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }

@@ -112,19 +112,12 @@ fn from_row(row: &Row) -> Result<Delivery, StorageError> {
 }
 
 /// Takes the webhook with a due delivery that was served longest ago.
-macro_rules! claim {
-    ($lock:literal) => {
-        concat!(
-            "UPDATE webhooks SET lease_until = $2, fence = fence + 1
-            WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
-                AND EXISTS (SELECT 1 FROM webhook_deliveries
-                    WHERE webhook_id = webhooks.id AND state = 'pending' AND (due_at <= $1 OR due_at > $4))
-                ORDER BY lease_until, id LIMIT 1 ",
-            $lock,
-            ") RETURNING id, url, secret, fence"
-        )
-    };
-}
+const CLAIM: &str = "UPDATE webhooks SET lease_until = $2, fence = fence + 1
+    WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
+        AND EXISTS (SELECT 1 FROM webhook_deliveries
+            WHERE webhook_id = webhooks.id AND state = 'pending' AND (due_at <= $1 OR due_at > $4))
+        ORDER BY lease_until, id LIMIT 1 FOR NO KEY UPDATE SKIP LOCKED)
+    RETURNING id, url, secret, fence";
 
 impl Storage {
     /// Claims a webhook with at most `limit` of its due deliveries, oldest first. No other process sends to
@@ -136,8 +129,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Option<Sending>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let claim = transaction.either(claim!(""), claim!("FOR NO KEY UPDATE SKIP LOCKED"));
-        let row = query(claim)
+        let row = query(CLAIM)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
             .bind(clock::no_lease_after(now))
@@ -306,10 +298,7 @@ async fn retry(
 
 /// Returns whether the lease is still this process's; if so, locks it until the transaction ends.
 async fn holds(transaction: &mut Transaction, sending: &Sending) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2",
-        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE",
-    ));
+    let row = query("SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE");
     let row = row.bind(sending.webhook.to_string()).bind(sending.fencing_token);
     Ok(row.fetch_optional(transaction).await?.is_some())
 }

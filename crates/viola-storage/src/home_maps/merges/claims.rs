@@ -72,7 +72,7 @@ fn with_limits(statement: &'static str, now: Timestamp) -> Query {
 
 /// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that need not wait for clips.
 macro_rules! claim {
-    ($tenants:literal, $lock:literal) => {
+    ($tenants:literal) => {
         concat!(
             "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $8, map_claimed_at = $7
     WHERE id = (
@@ -83,16 +83,14 @@ macro_rules! claim {
             AND map_lease_until IS NULL AND (map_due_at <= $7 OR map_due_at > $6)
             AND ",
             need_not_wait!(),
-            " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
-            $lock,
-            ")
+            " ORDER BY tenant, map_claimed_at, id LIMIT 1 FOR NO KEY UPDATE SKIP LOCKED)
     RETURNING id, name, map_wanted, map_fence, map_faults, created_at"
         )
     };
 }
 
-/// The claim of a home whose tenant comes later, on SQLite.
-pub(crate) const CLAIM_LATER: &str = claim!(">", "");
+/// The claim of a home whose tenant comes later.
+pub(crate) const CLAIM_LATER: &str = claim!(">");
 
 /// Selects a home without work ahead that may replace its newest map.
 pub(super) const SETTLED: &str = concat!(
@@ -158,9 +156,7 @@ async fn take_next(
     lease: Duration,
     now: Timestamp,
 ) -> Result<Option<Row>, StorageError> {
-    let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
-    let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
-    for statement in [later, others] {
+    for statement in [CLAIM_LATER, claim!("<=")] {
         let row = with_limits(statement, now)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())

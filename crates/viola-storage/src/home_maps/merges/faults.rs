@@ -66,22 +66,13 @@ pub(super) async fn set_aside(
 
 /// Ends the claims whose lease expired. The merge may have killed its worker, so each counts as a fault.
 pub(super) async fn release_lost(transaction: &mut Transaction, now: Timestamp) -> Result<(), StorageError> {
-    macro_rules! lost {
-        ($lock:literal) => {
-            concat!(
-                "SELECT id, map_faults FROM homes
-                WHERE map_lease_until IS NOT NULL AND (map_lease_until <= $1 OR map_lease_until > $2)
-                ORDER BY map_lease_until ",
-                $lock
-            )
-        };
-    }
-    let lost = query(transaction.either(lost!(""), lost!("FOR NO KEY UPDATE SKIP LOCKED")))
-        .bind(now.as_millisecond())
-        .bind(clock::no_lease_after(now))
-        .fetch_all(transaction)
-        .await?;
-    for row in &lost {
+    let lost = query(
+        "SELECT id, map_faults FROM homes
+        WHERE map_lease_until IS NOT NULL AND (map_lease_until <= $1 OR map_lease_until > $2)
+        ORDER BY map_lease_until FOR NO KEY UPDATE SKIP LOCKED",
+    );
+    let lost = lost.bind(now.as_millisecond()).bind(clock::no_lease_after(now));
+    for row in &lost.fetch_all(transaction).await? {
         // The first time, the process was probably restarted.
         let due = now + pause(row.count("map_faults")?, true);
         query(
