@@ -136,9 +136,7 @@ fn home(id: &str) -> HomeId {
 
 /// Runs a statement with one value, as a process of another version or a person would.
 async fn execute(storage: &Storage, statement: &'static str, value: &str) {
-    let mut transaction = storage.database.begin().await.unwrap();
-    database::query(statement).bind(value).execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    storage.database.execute(database::query(statement).bind(value)).await.unwrap();
 }
 
 async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {

@@ -240,12 +240,16 @@ impl Database {
             }
             Verdict::Unknown => {}
         }
-        let write = async {
-            let mut transaction = self.begin().await?;
-            query("UPDATE change_counter SET last_seq = last_seq").execute(&mut transaction).await?;
-            transaction.commit().await
-        };
-        tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?
+        let write = self.execute(query("UPDATE change_counter SET last_seq = last_seq"));
+        tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?.map(drop)
+    }
+
+    /// Runs one statement in a transaction of its own; returns the number of changed rows.
+    pub async fn execute(&self, statement: Query) -> Result<u64, StorageError> {
+        let mut transaction = self.begin().await?;
+        let rows = statement.execute(&mut transaction).await?;
+        transaction.commit().await?;
+        Ok(rows)
     }
 
     /// Returns the pool of SQLite's one write connection.

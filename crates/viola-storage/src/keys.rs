@@ -211,11 +211,8 @@ impl Storage {
 
     /// Revokes a key at once; returns false if there is none of this id.
     pub async fn revoke_key(&self, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let revoked = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");
-        let revoked =
-            revoked.bind(id.to_string()).bind(now.as_millisecond()).execute(&mut transaction).await?;
-        transaction.commit().await?;
-        Ok(revoked > 0)
+        let revoke = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");
+        let revoke = revoke.bind(id.to_string()).bind(now.as_millisecond());
+        Ok(self.database.execute(revoke).await? > 0)
     }
 }

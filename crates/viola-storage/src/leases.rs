@@ -139,8 +139,7 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let updated = query(
+        let renew = query(
             "UPDATE jobs SET lease_until = $3, stage = $4, progress = $5, early_pose = $6, version = version + 1,
                 updated_at = $7
             WHERE id = $1 AND fence = $2 AND state = 'running'",
@@ -151,11 +150,8 @@ impl Storage {
         .bind(progress.stage.map(Stage::name))
         .bind(progress.progress)
         .bind(progress.early_pose.as_ref().map(to_json))
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(updated == 1)
+        .bind(now.as_millisecond());
+        Ok(self.database.execute(renew).await? == 1)
     }
 
     /// Returns whether the job is still this worker's.

@@ -136,13 +136,8 @@ impl Storage {
 
     /// Removes a webhook with its log. A message that is being sent still arrives.
     pub async fn delete_webhook(&self, tenant: &Tenant, id: Uuid) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let deleted = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2")
-            .bind(tenant.name())
-            .bind(id.to_string())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await?;
+        let delete = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2");
+        let deleted = self.database.execute(delete.bind(tenant.name()).bind(id.to_string())).await?;
         if deleted > 0 { Ok(()) } else { Err(StorageError::NoSuchWebhook) }
     }
 }

@@ -138,8 +138,7 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let renewed = query(
+        let renew = query(
             // A merge that has just ended has no lease any more, and is not lost.
             "UPDATE homes SET map_lease_until = CASE WHEN map_lease_until IS NULL THEN NULL ELSE $3 END
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
@@ -147,11 +146,8 @@ impl Storage {
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind((now + lease).as_millisecond())
-        .bind(claim.home_created_at.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(renewed == 1)
+        .bind(claim.home_created_at.as_millisecond());
+        Ok(self.database.execute(renew).await? == 1)
     }
 
     /// Returns a file of one of a claim's clips; `None` if the clip was removed or realigned since. The home
@@ -268,19 +264,15 @@ impl Storage {
 
     /// Gives a claim back without a fault; the merge is due again at `due`.
     pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query(
+        let give_back = query(
             "UPDATE homes SET map_lease_until = NULL, map_due_at = $3
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind(due.as_millisecond())
-        .bind(claim.home_created_at.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(())
+        .bind(claim.home_created_at.as_millisecond());
+        self.database.execute(give_back).await.map(drop)
     }
 }
 

@@ -112,15 +112,12 @@ impl Storage {
         if ahead.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
             return Ok(());
         }
-        let mut transaction = self.database.begin().await?;
         let advance = query(
             "UPDATE jobs SET order_at = $3 WHERE id IN (SELECT id FROM jobs
                 WHERE state = 'queued' AND order_at > $1 AND (again = 0 OR order_at > $2)
                 ORDER BY id FOR UPDATE SKIP LOCKED)",
         );
-        let advance = advance.bind(late).bind(late_again).bind(now.as_millisecond());
-        advance.execute(&mut transaction).await?;
-        transaction.commit().await
+        self.database.execute(advance.bind(late).bind(late_again).bind(now.as_millisecond())).await.map(drop)
     }
 }
 

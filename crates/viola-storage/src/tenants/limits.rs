@@ -31,17 +31,14 @@ impl Storage {
         limits: &TenantLimits,
     ) -> Result<(), StorageError> {
         let number = |limit: Option<u64>| limit.map(|limit| i64::try_from(limit).unwrap_or(i64::MAX));
-        let mut transaction = self.database.begin().await?;
-        query(
+        let set = query(
             "INSERT INTO tenant_limits (tenant, max_bytes, max_uploads) VALUES ($1, $2, $3)
             ON CONFLICT (tenant) DO UPDATE SET max_bytes = excluded.max_bytes, max_uploads = excluded.max_uploads",
         )
         .bind(tenant.name())
         .bind(number(limits.max_bytes))
-        .bind(number(limits.max_uploads))
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await
+        .bind(number(limits.max_uploads));
+        self.database.execute(set).await.map(drop)
     }
 
     /// Returns the size in bytes of a tenant's files: clips, LiDAR maps, results, the maps of homes, and

@@ -62,16 +62,12 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let renewed =
+        let renew =
             query("UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'")
                 .bind(claim.upload.id.to_string())
                 .bind(claim.fencing_token)
-                .bind(later(now, lease).as_millisecond())
-                .execute(&mut transaction)
-                .await?;
-        transaction.commit().await?;
-        Ok(renewed > 0)
+                .bind(later(now, lease).as_millisecond());
+        Ok(self.database.execute(renew).await? > 0)
     }
 
     /// Returns complete uploads that wait to become clips and that no process has claimed: at most `limit` of each tenant,
@@ -195,18 +191,14 @@ impl Storage {
         pause: Duration,
         now: Timestamp,
     ) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query(
+        let give_back = query(
             "UPDATE uploads SET lease_until = $3, attempts = attempts - 1
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(claim.upload.id.to_string())
         .bind(claim.fencing_token)
-        .bind(later(now, pause).as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(())
+        .bind(later(now, pause).as_millisecond());
+        self.database.execute(give_back).await.map(drop)
     }
 }
 

@@ -207,14 +207,11 @@ impl Storage {
 
     /// Ends the lease on the webhook.
     pub async fn release_webhook(&self, sending: &Sending, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
+        let release = query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
             .bind(sending.webhook.to_string())
             .bind(sending.fencing_token)
-            .bind(now.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+            .bind(now.as_millisecond());
+        self.database.execute(release).await.map(drop)
     }
 
     /// Returns a page of the log of a webhook, newest first.

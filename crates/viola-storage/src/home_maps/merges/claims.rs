@@ -114,12 +114,9 @@ impl Storage {
     /// Lets the waits of all homes begin again at a start of the only process: no clip was aligned while it did not run, and a map
     /// must not lose those that still wait.
     pub(crate) async fn begin_waits_again(&self, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query("UPDATE homes SET map_due_since = $1 WHERE map_made < map_wanted AND map_due_since < $1")
-            .bind(now.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+        let begin =
+            query("UPDATE homes SET map_due_since = $1 WHERE map_made < map_wanted AND map_due_since < $1");
+        self.database.execute(begin.bind(now.as_millisecond())).await.map(drop)
     }
 }
 
