@@ -109,9 +109,7 @@ impl Storage {
         page: &Page<Uuid>,
     ) -> Result<Vec<Clip>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let rows = bind_page(query(OF_HOME), home.key(), filter, page);
         let rows = rows.fetch_all(&mut snapshot).await?;
         with_jobs(&mut snapshot, &rows).await

@@ -195,14 +195,7 @@ impl Storage {
         let (file, row) = NewRow::of(id, new);
         self.blobs.keep_or_discard(file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, QuotaCheck::Enforce { max_bytes }, now).await;
-        let is_for_nothing = match &added {
-            Ok(added) => !matches!(added, Added::New(_)),
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if is_for_nothing {
-            self.blobs.discard(&[file_key(id)]).await;
-        }
+        self.discard_unless(&[file_key(id)], &added, |added| matches!(added, Added::New(_))).await;
         added
     }
 
@@ -272,21 +265,21 @@ pub(super) async fn find_locked(
     home: &HomeId,
     id: Uuid,
 ) -> Result<Clip, StorageError> {
-    homes::lock(transaction, home).await?;
+    homes::lock_existing(transaction, home).await?;
     jobs::lock_of_clip(transaction, id).await?;
     find(transaction, home, id).await
 }
 
 pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
-    if !homes::exists(connection, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
     let row = query(concat!("SELECT ", clip_columns!(), " FROM clips WHERE id = $1 AND home_id = $2"))
         .bind(id.to_string())
         .bind(home.key())
         .fetch_optional(&mut *connection)
         .await?;
-    let row = row.ok_or(StorageError::NoSuchClip)?;
+    let Some(row) = row else {
+        homes::require(connection, home).await?;
+        return Err(StorageError::NoSuchClip);
+    };
     let job = match row.maybe_id("job_id")? {
         Some(id) => jobs::find(connection, id).await?,
         None => None,

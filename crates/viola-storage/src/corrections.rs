@@ -108,9 +108,7 @@ impl Storage {
     /// Returns all corrections of a home, each in the frame of its level in the current revision.
     pub async fn corrections(&self, home: &HomeId) -> Result<Corrections, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let mut all = of_home(&mut snapshot, home).await?;
         drop(snapshot);
         // The map is read later than the corrections, so its history has their frames.
@@ -281,9 +279,7 @@ async fn is_current(
     home: &HomeId,
     current: &Current,
 ) -> Result<bool, StorageError> {
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
+    homes::lock_existing(transaction, home).await?;
     let newest = query("SELECT MAX(revision) AS revision FROM home_maps WHERE home_id = $1");
     let newest = newest.bind(home.key()).fetch_one(transaction).await?.maybe_number("revision")?;
     Ok(newest == Some(current.revision))

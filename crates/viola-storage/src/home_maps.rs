@@ -172,8 +172,8 @@ impl Storage {
             ORDER BY revision DESC LIMIT 1",
         );
         let row = row.bind(home.key()).bind(revision).fetch_optional(&mut snapshot).await?;
-        if row.is_none() && !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
+        if row.is_none() {
+            homes::require(&mut snapshot, home).await?;
         }
         row.as_ref().map(from_row).transpose()
     }
@@ -185,9 +185,7 @@ impl Storage {
         page: &Page<i64>,
     ) -> Result<Vec<HomeMap>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let rows = query(
             "SELECT * FROM home_maps WHERE home_id = $1 AND revision < $2 ORDER BY revision DESC LIMIT $3",
         )

@@ -151,8 +151,7 @@ impl Storage {
     ) -> Result<(Home, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
         lock(&mut transaction, id).await?;
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let before = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
+        let before = find(&mut transaction, id).await?;
         if !expected(before.as_ref()) {
             return Err(StorageError::Changed { what: "home" });
         }
@@ -166,9 +165,7 @@ impl Storage {
         if !is_new && before.is_none() {
             // Another request made it meanwhile.
             lock(&mut transaction, id).await?;
-            let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-            let now_there = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
-            if !expected(now_there.as_ref()) {
+            if !expected(find(&mut transaction, id).await?.as_ref()) {
                 return Err(StorageError::Changed { what: "home" });
             }
         }
@@ -179,16 +176,13 @@ impl Storage {
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;
         }
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let home = from_row(&row.fetch_one(&mut transaction).await?)?;
+        let home = find(&mut transaction, id).await?.ok_or(StorageError::NoSuchHome)?;
         transaction.commit().await?;
         Ok((home, is_new))
     }
 
     pub async fn home(&self, id: &HomeId) -> Result<Home, StorageError> {
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        from_row(&row.ok_or(StorageError::NoSuchHome)?)
+        find(&mut self.database.reader().await?, id).await?.ok_or(StorageError::NoSuchHome)
     }
 
     /// Returns a page of a tenant's homes that match a filter, by id.
@@ -284,9 +278,15 @@ async fn rename(
     Ok(renamed.bind(id.key()).bind(name).bind(search).execute(transaction).await? > 0)
 }
 
-pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<bool, StorageError> {
+/// Returns an error if there is no such home.
+pub(super) async fn require(connection: &mut Connection, id: &HomeId) -> Result<(), StorageError> {
     let row = query("SELECT id FROM homes WHERE id = $1").bind(id.key());
-    Ok(row.fetch_optional(connection).await?.is_some())
+    row.fetch_optional(connection).await?.map(drop).ok_or(StorageError::NoSuchHome)
+}
+
+async fn find(connection: &mut Connection, id: &HomeId) -> Result<Option<Home>, StorageError> {
+    let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+    row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
 /// Locks the home and its contents against changes until the transaction ends; returns false if there is no
@@ -294,6 +294,11 @@ pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<b
 pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
     let row = query("SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE");
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
+}
+
+/// [`lock`] that returns an error if there is no such home.
+pub(super) async fn lock_existing(transaction: &mut Transaction, id: &HomeId) -> Result<(), StorageError> {
+    if lock(transaction, id).await? { Ok(()) } else { Err(StorageError::NoSuchHome) }
 }
 
 /// [`lock`] that does not wait: it returns false, too, if another transaction holds the home.

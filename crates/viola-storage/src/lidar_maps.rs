@@ -78,18 +78,14 @@ impl Storage {
     /// Returns the current revision of a level.
     pub async fn lidar_map(&self, home: &HomeId, level: LevelName) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         current(&mut connection, home, level).await?.ok_or(StorageError::NoLidarMap)
     }
 
     /// Returns the current revisions of all levels, by the levels' names.
     pub async fn lidar_maps(&self, home: &HomeId) -> Result<Vec<LidarMapRevision>, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         levels(&mut connection, home).await
     }
 
@@ -119,9 +115,7 @@ impl Storage {
         page: &Page<i64>,
     ) -> Result<Vec<LidarMapRevision>, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         let rows = query(
             "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $4 AND revision < $2
                 AND removed_at IS NULL ORDER BY revision DESC LIMIT $3",

@@ -100,6 +100,23 @@ impl Storage {
         }
     }
 
+    /// Removes the blobs of rows that were not added. `is_kept` returns whether a success added them.
+    pub(super) async fn discard_unless<T>(
+        &self,
+        keys: &[String],
+        added: &Result<T, StorageError>,
+        is_kept: impl FnOnce(&T) -> bool,
+    ) {
+        let is_kept = match added {
+            Ok(added) => is_kept(added),
+            // The rows may exist nevertheless; a sweep decides.
+            Err(error) => error.is_unsettled(),
+        };
+        if !is_kept {
+            self.blobs.discard(keys).await;
+        }
+    }
+
     /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
         self.require_store().await?;

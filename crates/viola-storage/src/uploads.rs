@@ -285,9 +285,7 @@ async fn check_counts(
         return Err(UploadError::TooMany { limit, place: "of this tenant" });
     }
     let Some(home) = home else { return Ok(()) };
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome.into());
-    }
+    homes::lock_existing(transaction, home).await?;
     let of_home = query(
         "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1
         AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",

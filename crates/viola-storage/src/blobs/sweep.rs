@@ -115,8 +115,7 @@ impl Blobs {
             for key in keys {
                 tracing::info!(key, "removing a blob that no row names");
             }
-            let tries = tried("removing blobs", || self.remove(keys));
-            self.limits.bound(tries).await?;
+            self.remove_recorded(keys).await?;
         }
         Ok(())
     }

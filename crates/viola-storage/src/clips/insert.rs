@@ -51,9 +51,7 @@ pub(crate) async fn insert(
     quota: QuotaCheck,
     now: Timestamp,
 ) -> Result<Added, StorageError> {
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
+    homes::lock_existing(transaction, home).await?;
     if let Some(key) = &new.idempotency_key
         && let Some(used) = idempotency::find(transaction, home, key).await?
     {

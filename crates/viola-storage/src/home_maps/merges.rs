@@ -195,13 +195,10 @@ impl Storage {
     ) -> Result<bool, StorageError> {
         let mut keys = Vec::new();
         let kept = self.keep_revision(claim, new, &mut keys, now).await;
-        match &kept {
-            Ok(Some(stale)) => self.discard_pending(&super::owner(&claim.home), stale).await,
-            // The rows may exist nevertheless; a sweep decides.
-            Err(error) if error.is_unsettled() => {}
-            Ok(None) | Err(_) => self.blobs.discard(&keys).await,
-        }
-        Ok(kept?.is_some())
+        self.discard_unless(&keys, &kept, Option::is_some).await;
+        let Some(stale) = kept? else { return Ok(false) };
+        self.discard_pending(&super::owner(&claim.home), &stale).await;
+        Ok(true)
     }
 
     /// Writes blobs, then rows in one transaction: a reader sees a whole revision or none. Returns the blobs

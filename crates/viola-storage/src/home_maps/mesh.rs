@@ -84,13 +84,8 @@ impl Storage {
             Ok(()) => self.add_mesh_row(home, map, level, &key, size_bytes).await,
             Err(error) => Err(error),
         };
-        match &added {
-            Ok(true) => {}
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) if error.is_unsettled() => {}
-            // A write that failed may have taken effect.
-            Ok(false) | Err(_) => self.blobs.discard(&[key]).await,
-        }
+        // A write that failed may have taken effect.
+        self.discard_unless(&[key], &added, |is_added| *is_added).await;
         added
     }
 

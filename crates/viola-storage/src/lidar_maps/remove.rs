@@ -20,9 +20,7 @@ impl Storage {
     ) -> Result<(), StorageError> {
         let owner = owner(home, level);
         let mut transaction = self.database.begin().await?;
-        if !homes::lock(&mut transaction, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::lock_existing(&mut transaction, home).await?;
         let (removed, left): (Vec<_>, Vec<_>) =
             levels(&mut transaction, home).await?.into_iter().partition(|map| map.level == level);
         if removed.is_empty() {

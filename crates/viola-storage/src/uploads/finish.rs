@@ -114,14 +114,8 @@ impl Storage {
         let (file, row) = clips::NewRow::of(id, new);
         self.blobs.keep_or_discard(file, &clips::file_key(id)).await?;
         let ended = self.end_with_clip(claim, row, record, now).await;
-        let kept_for_nothing = match &ended {
-            Ok((added, _)) => !matches!(added, Some(Added::New(_))),
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if kept_for_nothing {
-            self.blobs.discard(&[clips::file_key(id)]).await;
-        }
+        let is_new = |(added, _): &(Option<Added>, _)| matches!(added, Some(Added::New(_)));
+        self.discard_unless(&[clips::file_key(id)], &ended, is_new).await;
         let (added, pieces) = ended?;
         self.discard_pending(&owner(claim.upload.id), &pieces).await;
         Ok(added)
