@@ -250,12 +250,6 @@ impl Storage {
         let Some(key) = clip.result_key() else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }
-
-    #[cfg(test)]
-    pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let all = query("SELECT id, result_key, last_result_key FROM clips");
-        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
-    }
 }
 
 /// [`find`] for callers that change the clip: locks the home first, and then the clip's jobs, since a claim, which does not
@@ -302,12 +296,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    keys_of(&query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await?)
-}
-
-fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in rows {
+    for row in &query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await? {
         let (result, last) = (row.maybe_text("result_key")?, row.maybe_text("last_result_key")?);
         keys.extend(blobs_of(row.id("id")?, [result.as_deref(), last.as_deref()]));
     }

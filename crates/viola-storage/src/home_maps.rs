@@ -251,13 +251,6 @@ impl Storage {
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
         check_removed(row.as_ref(), file.key.clone())
     }
-
-    #[cfg(test)]
-    pub(super) async fn home_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let rows = query("SELECT blob_key FROM home_map_files");
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.text("blob_key")).collect()
-    }
 }
 
 /// Marks the map of a home as due, since the first change that its newest map lacks.

@@ -164,12 +164,6 @@ impl Storage {
         check_size(self.lidar_map_size_row(id).await?.as_ref(), file_key(id), bytes.len() as u64)?;
         Ok(bytes)
     }
-
-    #[cfg(test)]
-    pub(super) async fn lidar_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let all = query("SELECT id FROM lidar_maps WHERE removed_at IS NULL");
-        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
-    }
 }
 
 /// Selects the current revisions of a home's levels.
@@ -202,10 +196,7 @@ pub(super) async fn levels(
     home: &HomeId,
 ) -> Result<Vec<LidarMapRevision>, StorageError> {
     let rows = query(CURRENT_OF_LEVELS).bind(home.key()).fetch_all(connection).await?;
-    let mut levels: Vec<LidarMapRevision> = rows.iter().map(from_row).collect::<Result<_, _>>()?;
-    // Collations differ between databases.
-    levels.sort_by_key(|map| map.level);
-    Ok(levels)
+    rows.iter().map(from_row).collect()
 }
 
 /// Returns the number of a level's current revision; 0 before the first one.
@@ -233,12 +224,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    keys_of(&query(OF_HOME).bind(home.key()).fetch_all(connection).await?)
-}
-
-fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in rows {
+    for row in &query(OF_HOME).bind(home.key()).fetch_all(connection).await? {
         let id = row.id("id")?;
         keys.extend([file_key(id), image_key(id)]);
     }

@@ -174,14 +174,4 @@ impl Storage {
         let folder = self.blobs.incoming_folder();
         tempfile::tempfile_in(folder).map_err(|source| StorageError::File { path: folder.to_owned(), source })
     }
-
-    /// Returns the keys of all blobs that rows refer to.
-    #[cfg(test)]
-    pub(super) async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
-        let mut keys = self.clip_blob_keys().await?;
-        keys.extend(self.lidar_map_blob_keys().await?);
-        keys.extend(self.home_map_blob_keys().await?);
-        keys.extend(self.upload_blob_keys().await?);
-        Ok(keys.into_iter().collect())
-    }
 }

@@ -256,13 +256,6 @@ impl Storage {
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
         find_living(&mut *self.database.snapshot().await?, id, now).await
     }
-
-    #[cfg(test)]
-    pub(super) async fn upload_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let rows = query("SELECT blob_key FROM upload_pieces");
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.text("blob_key")).collect()
-    }
 }
 
 /// Refuses a new upload beyond the limits. It takes the place of `joined` parts of the tenant.

@@ -24,7 +24,7 @@ on_every_back_end!(
     a_slow_check_keeps_no_other_write_waiting,
 );
 
-fn chair(id: &str, x: f64) -> MapObject {
+pub(super) fn chair(id: &str, x: f64) -> MapObject {
     MapObject {
         id: id.to_owned(),
         level: LevelName::MAIN,
