@@ -209,19 +209,12 @@ impl Storage {
     pub async fn cancel_job(&self, id: Uuid, now: Timestamp) -> Result<Option<Job>, StorageError> {
         let mut transaction = self.database.begin().await?;
         let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
+        // No job of the home ends meanwhile.
         homes::lock(&mut transaction, &job.home).await?;
-        let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
-        let cancelled = query(
-            "UPDATE jobs SET state = 'cancelled', error = $3, lease_until = NULL, stage = NULL, early_pose = NULL,
-                version = version + 1, updated_at = $2, finished_at = $2
-            WHERE id = $1 AND state IN ('queued', 'running')",
-        )
-        .bind(id.to_string())
-        .bind(now.as_millisecond())
-        .bind(to_json(&reason))
-        .execute(&mut transaction)
-        .await?;
-        if cancelled == 1 {
+        let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
+        if !job.state.is_final() {
+            let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
+            close(&mut transaction, id, JobState::Cancelled, Some(&reason), now).await?;
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
         }
         let job = jobs::find(&mut transaction, id).await?;
