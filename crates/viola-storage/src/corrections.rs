@@ -14,13 +14,13 @@ pub(super) use rows::{forget_level, of_home};
 
 use super::columns::stored;
 use super::database::{Connection, Transaction, query};
-use super::home_maps::{MapHistory, MapLevel, MapScene, map_file};
+use super::home_maps::{MapHistory, MapLevel, MapScene};
 use super::{HomeId, Storage, StorageError, homes};
 use jiff::Timestamp;
 use rows::{find, keep, version};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use viola_geometry::{LevelName, Pose2};
+use viola_geometry::Pose2;
 use viola_home::level_of_id;
 
 /// Maximum number of corrected objects and rooms in a home: more than a home has of both.
@@ -188,22 +188,6 @@ impl Storage {
         let scene = scene.ok_or(CorrectionError::NoMap)?;
         let history = scene.history();
         Ok(Current { revision: map.revision, lidar_map_revision: level.lidar_map_revision, scene, history })
-    }
-
-    /// Returns the scene of a level of a revision; `None` if the revision was removed meanwhile.
-    async fn scene_of_level(
-        &self,
-        home: &HomeId,
-        revision: i64,
-        level: LevelName,
-    ) -> Result<Option<MapScene>, StorageError> {
-        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        let scene = self.map_scene(file).await?;
-        if scene.is_none() {
-            self.check_map_file_removed(file).await?;
-        }
-        Ok(scene)
     }
 }
 

@@ -59,18 +59,15 @@ pub struct HomeFilter {
 fn from_row(row: &Row) -> Result<Home, StorageError> {
     let newest_change = row.maybe_time("changed_at")?;
     let updated_at = row.time("updated_at")?;
+    let mut clips = [0; ClipState::ALL.len()];
+    for (number, state) in clips.iter_mut().zip(ClipState::ALL) {
+        *number = row.number(state.name())?;
+    }
     Ok(Home {
         id: row.home("id")?,
         name: row.maybe_text("name")?,
         lidar_map_revision: row.maybe_number("lidar_map_revision")?,
-        clips: [
-            row.number("uploaded")?,
-            row.number("queued")?,
-            row.number("aligning")?,
-            row.number("aligned")?,
-            row.number("ambiguous")?,
-            row.number("failed")?,
-        ],
+        clips,
         clips_after_fault: row.number("after_fault")?,
         coverage: row.maybe_json("coverage")?.unwrap_or_default(),
         map_state: MapState::of(row)?,
@@ -79,15 +76,16 @@ fn from_row(row: &Row) -> Result<Home, StorageError> {
     })
 }
 
-/// Counts the clips of a home in a state.
+/// Counts the clips of a home in each of some states.
 macro_rules! clips_in {
-    ($state:literal) => {
-        concat!(
+    ($($state:literal)+) => {
+        concat!($(
             "(SELECT COUNT(*) FROM clips WHERE home_id = homes.id AND state = '",
             $state,
             "') AS ",
-            $state
-        )
+            $state,
+            ", ",
+        )+)
     };
 }
 
@@ -120,18 +118,8 @@ macro_rules! select_homes {
                 (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
                 (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id AND removed_at IS NULL)
                     AS lidar_map_revision, ",
-            clips_in!("uploaded"),
-            ", ",
-            clips_in!("queued"),
-            ", ",
-            clips_in!("aligning"),
-            ", ",
-            clips_in!("aligned"),
-            ", ",
-            clips_in!("ambiguous"),
-            ", ",
-            clips_in!("failed"),
-            ", (SELECT COUNT(*) ",
+            clips_in!("uploaded" "queued" "aligning" "aligned" "ambiguous" "failed"),
+            "(SELECT COUNT(*) ",
             after_fault!(),
             ") AS after_fault FROM homes ",
             $($rest),+

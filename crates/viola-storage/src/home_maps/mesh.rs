@@ -45,13 +45,8 @@ impl Storage {
             };
             tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
         }
-        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        let Some(scene) = self.map_scene(file).await? else {
-            self.check_map_file_removed(file).await?;
-            return Ok(None);
-        };
-        Ok(Some(LevelSurface { tiles, objects: scene.objects }))
+        let scene = self.scene_of_level(home, revision, level).await?;
+        Ok(scene.map(|scene| LevelSurface { tiles, objects: scene.objects }))
     }
 
     /// Returns the levels of a map that may have a mesh and have none yet.

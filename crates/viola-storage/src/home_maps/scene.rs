@@ -2,7 +2,7 @@
 
 use super::objects::MapObject;
 use crate::columns::{parse_json, to_json};
-use crate::{MapFile, Storage, StorageError};
+use crate::{HomeId, MapFile, Storage, StorageError, map_file};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
@@ -122,6 +122,22 @@ impl MapScene {
 }
 
 impl Storage {
+    /// Returns the scene of a level of a revision; `None` if the revision was removed meanwhile.
+    pub(crate) async fn scene_of_level(
+        &self,
+        home: &HomeId,
+        revision: i64,
+        level: LevelName,
+    ) -> Result<Option<MapScene>, StorageError> {
+        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
+        let Some(file) = files.first() else { return Ok(None) };
+        let scene = self.map_scene(file).await?;
+        if scene.is_none() {
+            self.check_map_file_removed(file).await?;
+        }
+        Ok(scene)
+    }
+
     /// Returns the scene of a revision; `None` if the revision was removed since.
     pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
         let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };

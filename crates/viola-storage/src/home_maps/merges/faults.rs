@@ -53,9 +53,21 @@ pub(super) async fn set_aside(
     row: &Row,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let due = now + pause(row.count("map_faults")?, false);
+    end(transaction, row, false, now).await
+}
+
+/// Ends the claim of a home's row without a result, which counts as a fault.
+async fn end(
+    transaction: &mut Transaction,
+    row: &Row,
+    may_have_passed: bool,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let due = now + pause(row.count("map_faults")?, may_have_passed);
     query(
-        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1 WHERE id = $1",
+        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1,
+            map_fence = map_fence + 1
+        WHERE id = $1",
     )
     .bind(row.text("id")?)
     .bind(due.as_millisecond())
@@ -74,16 +86,7 @@ pub(super) async fn release_lost(transaction: &mut Transaction, now: Timestamp) 
     let lost = lost.bind(now.as_millisecond()).bind(clock::no_lease_after(now));
     for row in &lost.fetch_all(transaction).await? {
         // The first time, the process was probably restarted.
-        let due = now + pause(row.count("map_faults")?, true);
-        query(
-            "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1,
-                map_fence = map_fence + 1
-            WHERE id = $1",
-        )
-        .bind(row.text("id")?)
-        .bind(due.as_millisecond())
-        .execute(transaction)
-        .await?;
+        end(transaction, row, true, now).await?;
     }
     Ok(())
 }
