@@ -96,15 +96,8 @@ use on_every_back_end;
 /// Opens storage on PostgreSQL with files or a bucket.
 async fn on(postgres: &Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
     let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
-    Storage::open(&StorageParams {
-        data: folder.to_owned(),
-        postgres,
-        s3,
-        secrets_key: None,
-        unpack: UnpackParams::default(),
-    })
-    .await
-    .unwrap()
+    let data = folder.to_owned();
+    Storage::open(&StorageParams { data, postgres, s3, ..StorageParams::default() }).await.unwrap()
 }
 
 /// Returns the bucket of a test's S3 endpoint.
