@@ -3,7 +3,7 @@
 //! can retry it if the store failed, and a process that dies in between leaves no unknown blobs.
 
 use super::columns::to_json;
-use super::database::{Transaction, query};
+use super::database::{Row, Transaction, query};
 use super::{Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -84,7 +84,7 @@ impl Storage {
         let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         for row in &rows {
-            self.remove_row(row.id("id")?, row.json("blob_keys")?).await?;
+            self.remove_row(row).await?;
         }
         Ok(!rows.is_empty())
     }
@@ -128,7 +128,7 @@ impl Storage {
             let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
             for row in &rows {
                 after = row.text("id")?;
-                let removed = self.remove_row(row.id("id")?, row.json("blob_keys")?).await;
+                let removed = self.remove_row(row).await;
                 let earlier_timed_out = timed_out;
                 timed_out = removed.as_ref().is_err_and(StorageError::is_timeout);
                 match removed {
@@ -145,12 +145,13 @@ impl Storage {
         }
     }
 
-    async fn remove_row(&self, id: Uuid, keys: Vec<String>) -> Result<(), StorageError> {
+    async fn remove_row(&self, row: &Row) -> Result<(), StorageError> {
+        let keys: Vec<String> = row.json("blob_keys")?;
         // Rows of earlier versions have more keys.
         for keys in keys.chunks(BLOBS_OF_ROW) {
             self.blobs.remove_recorded(keys).await?;
         }
-        let strike_off = query("DELETE FROM doomed_blobs WHERE id = $1").bind(id.to_string());
+        let strike_off = query("DELETE FROM doomed_blobs WHERE id = $1").bind(row.text("id")?);
         self.database.execute(strike_off).await.map(drop)
     }
 }

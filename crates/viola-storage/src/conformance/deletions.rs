@@ -11,6 +11,7 @@ on_every_back_end!(
     who_deletes_is_told_the_truth,
     one_pass_finishes_all_deletions,
     a_deletion_that_times_out_does_not_stop_the_others,
+    a_deletion_that_cannot_be_read_lets_others_pass,
     a_deletion_is_of_the_resource_as_it_was_read,
     files_that_a_change_replaces_are_deleted_once_the_store_works,
     a_home_is_removed_with_the_files_that_its_maps_left,
@@ -151,6 +152,19 @@ async fn a_deletion_that_times_out_does_not_stop_the_others(mut storage: Storage
     let _ = removals_fail_times(&mut storage, 3);
     assert!(storage.finish_deletions().await.is_err());
     assert_eq!(storage.finish_deletions().await.unwrap(), 1);
+}
+
+async fn a_deletion_that_cannot_be_read_lets_others_pass(storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    for owner in ["clip:h:1", "clip:h:2", "clip:h:3"] {
+        pending_deletes::add(&mut transaction, owner, &["clips/1/file".to_owned()], at(0)).await.unwrap();
+    }
+    transaction.commit().await.unwrap();
+    let later = "UPDATE doomed_blobs SET blob_keys = 'of a later version' WHERE owner = $1";
+    execute(&storage, later, "clip:h:1").await;
+    let failed = storage.finish_deletions().await;
+    assert!(matches!(failed, Err(StorageError::Column { .. })), "{failed:?}");
+    assert_eq!(pending(&storage, "%").await, 1);
 }
 
 async fn who_deletes_is_told_the_truth(mut storage: Storage) {
