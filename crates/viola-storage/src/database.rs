@@ -224,12 +224,6 @@ impl Database {
         })
     }
 
-    /// Checks that the database can be read, by one row.
-    pub async fn check_reads(&self) -> Result<(), StorageError> {
-        query("SELECT last_seq FROM change_counter").fetch_one(&mut self.reader().await?).await?;
-        Ok(())
-    }
-
     /// Checks that the database can write, from recent writes; without any, it writes one row.
     pub async fn check_writes(&self) -> Result<(), StorageError> {
         let _turn = self.health.check.lock().await;
@@ -286,13 +280,6 @@ impl Database {
                 of(size, writer.num_idle() + reader.num_idle(), 1 + READERS)
             }
             Pools::Postgres(pool) => of(pool.size(), pool.num_idle(), pool.options().get_max_connections()),
-        }
-    }
-
-    pub fn name(&self) -> &'static str {
-        match &self.pools {
-            Pools::Sqlite { .. } => "sqlite",
-            Pools::Postgres(_) => "postgresql",
         }
     }
 

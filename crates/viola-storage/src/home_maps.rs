@@ -226,7 +226,7 @@ impl Storage {
         level: LevelName,
         name: &str,
     ) -> Result<Vec<MapFile>, StorageError> {
-        files(&mut *self.database.snapshot().await?, home, revision, Some(level), name).await
+        files(&mut self.database.reader().await?, home, revision, Some(level), name).await
     }
 
     /// Returns a file of a revision; `None` if the revision was removed since.

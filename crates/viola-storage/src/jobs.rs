@@ -148,7 +148,7 @@ impl Storage {
 
     /// Returns a job; `None` if it does not exist or was removed.
     pub async fn job(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
-        find(&mut *self.database.snapshot().await?, id).await
+        find(&mut self.database.reader().await?, id).await
     }
 
     /// Returns the versions of those jobs that are there.

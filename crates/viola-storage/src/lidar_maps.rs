@@ -102,7 +102,7 @@ impl Storage {
         .bind(home.key())
         .bind(level.as_str())
         .bind(revision)
-        .fetch_optional(&mut *self.database.snapshot().await?)
+        .fetch_optional(&mut self.database.reader().await?)
         .await?;
         row.as_ref().map(from_row).transpose()
     }

@@ -241,7 +241,7 @@ impl Storage {
 
     /// Returns an upload, even a refused or joined one; `None` if its record has expired.
     pub async fn upload(&self, id: Uuid, now: Timestamp) -> Result<Option<Upload>, StorageError> {
-        let upload = find(&mut *self.database.snapshot().await?, id).await?;
+        let upload = find(&mut self.database.reader().await?, id).await?;
         Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
     }
 
@@ -254,7 +254,7 @@ impl Storage {
 
     /// Returns an upload that can still be continued or used.
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
-        find_living(&mut *self.database.snapshot().await?, id, now).await
+        find_living(&mut self.database.reader().await?, id, now).await
     }
 }
 

@@ -172,8 +172,8 @@ impl Storage {
 
     /// Returns the files of one name of all levels.
     async fn last_files(&self, claim: &MergeClaim, name: &str) -> Result<Vec<MapFile>, StorageError> {
-        let mut snapshot = self.database.snapshot().await?;
-        super::files(&mut snapshot, &claim.home, claim.last_revision, None, name).await
+        let mut connection = self.database.reader().await?;
+        super::files(&mut connection, &claim.home, claim.last_revision, None, name).await
     }
 
     /// Returns the manifest of the revision that a claim starts from; empty before the first.

@@ -90,7 +90,7 @@ impl Storage {
 
     /// Assembles the file from its pieces.
     pub async fn assemble_upload(&self, claim: &UploadClaim) -> Result<Arrived, UploadError> {
-        let keys = piece_keys(&mut *self.database.snapshot().await?, claim.upload.id).await?;
+        let keys = piece_keys(&mut self.database.reader().await?, claim.upload.id).await?;
         let mut file = self.incoming()?;
         for key in &keys {
             let mut piece = self.blobs.read(key).await?.ok_or(UploadError::Lost)?.stream;
