@@ -108,7 +108,8 @@ impl Blobs {
 
     /// Removes blobs; missing ones count as removed.
     async fn remove(&self, keys: &[String]) -> object_store::Result<()> {
-        let keys: Vec<_> = keys.iter().map(|key| Ok(Key::from(key.as_str()))).collect();
+        // As they are listed: a file of somebody else may have characters that `from` would replace.
+        let keys: Vec<_> = keys.iter().map(|key| Ok(Key::parse(key)?)).collect();
         let mut removed = self.store.delete_stream(futures::stream::iter(keys).boxed());
         let mut failed = None;
         while let Some(removed) = removed.next().await {

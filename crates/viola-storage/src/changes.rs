@@ -13,7 +13,6 @@ mod position;
 
 pub use position::FeedPosition;
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{ClipState, HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
@@ -124,13 +123,13 @@ fn whole_hour(now: Timestamp) -> Timestamp {
 }
 
 pub(super) fn from_row(row: &Row) -> Result<Change, StorageError> {
-    let clip = Some(row.text("clip_id")?).filter(|id| !id.is_empty());
+    let has_clip = !row.text("clip_id")?.is_empty();
     Ok(Change {
         seq: row.number("seq")?,
         at: row.time("at")?,
         home: row.home("home_id")?,
         kind: row.name("kind")?,
-        clip: clip.map(|_| row.id("clip_id")).transpose()?,
+        clip: has_clip.then(|| row.id("clip_id")).transpose()?,
         revision: row.maybe_number("revision")?,
         state: row.maybe_name("state")?,
         deleted: row.number("deleted")? != 0,
@@ -217,30 +216,26 @@ async fn fresh_is_there(connection: &mut Connection) -> Result<bool, StorageErro
     Ok(fresh.fetch_optional(connection).await?.is_some())
 }
 
-/// Numbers the next rows. A row that another transaction is changing is numbered later.
-macro_rules! number_changes {
-    ($lock:literal) => {
-        concat!(
-            "UPDATE changes SET seq = fresh.seq
-            FROM (
-                SELECT home_id, kind, clip_id, $1 + ROW_NUMBER() OVER (ORDER BY ticket, home_id, kind, clip_id) AS seq
-                FROM (SELECT home_id, kind, clip_id, ticket FROM changes WHERE seq IS NULL ORDER BY ticket LIMIT $2 ",
-            $lock,
-            ") AS next
-            ) AS fresh
-            WHERE changes.home_id = fresh.home_id AND changes.kind = fresh.kind AND changes.clip_id = fresh.clip_id"
-        )
-    };
+/// Returns the newest number, and locks the numbering until the transaction ends: one process numbers at a time.
+async fn lock_counter(transaction: &mut Transaction) -> Result<i64, StorageError> {
+    let counter = query("SELECT last_seq FROM change_counter FOR UPDATE");
+    counter.fetch_one(transaction).await?.number("last_seq")
 }
 
-/// Numbers at most [`NUMBERED_AT_ONCE`] changes and returns how many it numbered.
+/// Numbers at most [`NUMBERED_AT_ONCE`] changes and returns how many it numbered. A row that another transaction is changing is
+/// numbered later.
 async fn number_some(transaction: &mut Transaction) -> Result<i64, StorageError> {
-    // The lock is held until the commit: one process numbers at a time.
-    let counter = transaction
-        .either("SELECT last_seq FROM change_counter", "SELECT last_seq FROM change_counter FOR UPDATE");
-    let last = query(counter).fetch_one(transaction).await?.number("last_seq")?;
-    let update = transaction.either(number_changes!(""), number_changes!("FOR UPDATE SKIP LOCKED"));
-    let numbered = query(update).bind(last).bind(NUMBERED_AT_ONCE).execute(transaction).await? as i64;
+    let last = lock_counter(transaction).await?;
+    let update = query(
+        "UPDATE changes SET seq = fresh.seq
+        FROM (
+            SELECT home_id, kind, clip_id, $1 + ROW_NUMBER() OVER (ORDER BY ticket, home_id, kind, clip_id) AS seq
+            FROM (SELECT home_id, kind, clip_id, ticket FROM changes WHERE seq IS NULL ORDER BY ticket LIMIT $2
+                FOR UPDATE SKIP LOCKED) AS next
+        ) AS fresh
+        WHERE changes.home_id = fresh.home_id AND changes.kind = fresh.kind AND changes.clip_id = fresh.clip_id",
+    );
+    let numbered = update.bind(last).bind(NUMBERED_AT_ONCE).execute(transaction).await? as i64;
     query("UPDATE change_counter SET last_seq = $1").bind(last + numbered).execute(transaction).await?;
     Ok(numbered)
 }
@@ -330,13 +325,11 @@ pub(super) async fn record_home_removed(
 /// Deletes removals older than [`TOLD`]. Every removal calls this, so the feed holds the existing items
 /// and a month of removals. Of many old removals each call deletes a part: the caller holds its home.
 async fn forget(connection: &mut Connection, now: Timestamp) -> Result<(), StorageError> {
-    let old = connection.either(
-        "DELETE FROM changes WHERE (home_id, kind, clip_id) IN (
-            SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 LIMIT $2)",
+    let old = query(
         "DELETE FROM changes WHERE (home_id, kind, clip_id) IN (
             SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 LIMIT $2
             FOR UPDATE SKIP LOCKED)",
     );
-    query(old).bind((now - TOLD).as_millisecond()).bind(FORGOTTEN_AT_ONCE).execute(connection).await?;
+    old.bind((now - TOLD).as_millisecond()).bind(FORGOTTEN_AT_ONCE).execute(connection).await?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 
 use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS, camera_height_m};
-use super::columns::{Columns, stored, to_json};
+use super::columns::{stored, to_json};
 use super::database::{Transaction, query};
 use super::{
     Clip, ClipState, FromEarlier, HomeId, LidarMapRevision, Storage, StorageError, clips, clock, home_maps,

@@ -1,10 +1,9 @@
 //! Lists of clips.
 
-use super::columns::Columns;
-use super::database::{Connection, Query, Row, query};
+use super::columns::to_json;
+use super::database::{Connection, Query, Row, listed, query};
 use super::{Clip, ClipState, HomeId, Job, Page, Storage, StorageError, Tenant, clips, homes, jobs};
 use jiff::Timestamp;
-use serde_json::json;
 use std::collections::HashMap;
 use uuid::Uuid;
 
@@ -110,9 +109,7 @@ impl Storage {
         page: &Page<Uuid>,
     ) -> Result<Vec<Clip>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let rows = bind_page(query(OF_HOME), home.key(), filter, page);
         let rows = rows.fetch_all(&mut snapshot).await?;
         with_jobs(&mut snapshot, &rows).await
@@ -146,11 +143,8 @@ impl Storage {
 async fn with_jobs(connection: &mut Connection, rows: &[Row]) -> Result<Vec<Clip>, StorageError> {
     let ids = rows.iter().map(|row| row.maybe_text("job_id")).collect::<Result<Vec<_>, _>>()?;
     let ids: Vec<String> = ids.into_iter().flatten().collect();
-    let select = connection.either(
-        jobs::select_jobs!("WHERE jobs.id IN (SELECT value FROM json_each($1))"),
-        jobs::select_jobs!("WHERE jobs.id IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))"),
-    );
-    let jobs = query(select).bind(json!(ids).to_string()).fetch_all(connection).await?;
+    let jobs = query(jobs::select_jobs!("WHERE jobs.id IN ", listed!("$1")));
+    let jobs = jobs.bind(to_json(&ids)).fetch_all(connection).await?;
     let mut jobs: HashMap<Uuid, Job> = jobs::by_id(&jobs)?;
     let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
     rows.iter().map(clip).collect()

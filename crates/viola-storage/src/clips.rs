@@ -12,7 +12,6 @@ pub(super) use insert::{NewRow, insert};
 pub use last_answer::LastAnswer;
 pub(super) use outcome::{Outcome, begin_job, change};
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
@@ -196,14 +195,7 @@ impl Storage {
         let (file, row) = NewRow::of(id, new);
         self.blobs.keep_or_discard(file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, QuotaCheck::Enforce { max_bytes }, now).await;
-        let is_for_nothing = match &added {
-            Ok(added) => !matches!(added, Added::New(_)),
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if is_for_nothing {
-            self.blobs.discard(&[file_key(id)]).await;
-        }
+        self.discard_unless(&[file_key(id)], &added, |added| matches!(added, Added::New(_))).await;
         added
     }
 
@@ -258,12 +250,6 @@ impl Storage {
         let Some(key) = clip.result_key() else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }
-
-    #[cfg(test)]
-    pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let all = query("SELECT id, result_key, last_result_key FROM clips");
-        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
-    }
 }
 
 /// [`find`] for callers that change the clip: locks the home first, and then the clip's jobs, since a claim, which does not
@@ -273,21 +259,21 @@ pub(super) async fn find_locked(
     home: &HomeId,
     id: Uuid,
 ) -> Result<Clip, StorageError> {
-    homes::lock(transaction, home).await?;
+    homes::lock_existing(transaction, home).await?;
     jobs::lock_of_clip(transaction, id).await?;
     find(transaction, home, id).await
 }
 
 pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
-    if !homes::exists(connection, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
     let row = query(concat!("SELECT ", clip_columns!(), " FROM clips WHERE id = $1 AND home_id = $2"))
         .bind(id.to_string())
         .bind(home.key())
         .fetch_optional(&mut *connection)
         .await?;
-    let row = row.ok_or(StorageError::NoSuchClip)?;
+    let Some(row) = row else {
+        homes::require(connection, home).await?;
+        return Err(StorageError::NoSuchClip);
+    };
     let job = match row.maybe_id("job_id")? {
         Some(id) => jobs::find(connection, id).await?,
         None => None,
@@ -310,12 +296,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    keys_of(&query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await?)
-}
-
-fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in rows {
+    for row in &query(BLOBS_OF_HOME).bind(home.key()).fetch_all(connection).await? {
         let (result, last) = (row.maybe_text("result_key")?, row.maybe_text("last_result_key")?);
         keys.extend(blobs_of(row.id("id")?, [result.as_deref(), last.as_deref()]));
     }

@@ -35,6 +35,7 @@ mod webhooks;
 use super::*;
 use futures::TryStreamExt;
 use jiff::Timestamp;
+use sqlx::AssertSqlSafe;
 use std::path::Path;
 use std::time::Duration;
 use uuid::Uuid;
@@ -95,15 +96,8 @@ use on_every_back_end;
 /// Opens storage on PostgreSQL with files or a bucket.
 async fn on(postgres: &Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
     let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
-    Storage::open(&StorageParams {
-        data: folder.to_owned(),
-        postgres,
-        s3,
-        secrets_key: None,
-        unpack: UnpackParams::default(),
-    })
-    .await
-    .unwrap()
+    let data = folder.to_owned();
+    Storage::open(&StorageParams { data, postgres, s3, ..StorageParams::default() }).await.unwrap()
 }
 
 /// Returns the bucket of a test's S3 endpoint.
@@ -136,9 +130,7 @@ fn home(id: &str) -> HomeId {
 
 /// Runs a statement with one value, as a process of another version or a person would.
 async fn execute(storage: &Storage, statement: &'static str, value: &str) {
-    let mut transaction = storage.database.begin().await.unwrap();
-    database::query(statement).bind(value).execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    storage.database.execute(database::query(statement).bind(value)).await.unwrap();
 }
 
 async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
@@ -147,6 +139,49 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
         incoming.write(piece).await.unwrap();
     }
     incoming.finish().await.unwrap()
+}
+
+/// Returns the number of rows of a table that meet a condition, which may have one value.
+async fn count(storage: &Storage, table: &str, condition: &str, value: Option<&str>) -> i64 {
+    let rows = AssertSqlSafe(format!("SELECT COUNT(*) AS n FROM {table} WHERE {condition}"));
+    let rows = value.into_iter().fold(database::query(rows), database::Query::bind);
+    let row = rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
+    row.number("n").unwrap()
+}
+
+/// Ends an attempt at a job with the default policy of retries; returns whether the claim was held.
+async fn end_attempt(storage: &Storage, claim: &Claim, ending: AttemptEnd, seconds: i64) -> bool {
+    storage.finish(claim, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap()
+}
+
+fn new_clip(file: Arrived) -> NewClip {
+    NewClip {
+        file,
+        info: clip_info(),
+        content_sha256: None,
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    }
+}
+
+fn new_lidar_map(level: LevelName, file: Arrived) -> NewLidarMap {
+    let (info, image_png) = (lidar_info(), b"picture".to_vec());
+    NewLidarMap { level, file, file_name: None, info, from_earlier: None, image_png }
+}
+
+fn new_upload(kind: UploadKind, tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
+    NewUpload {
+        kind,
+        tenant: tenant.clone(),
+        home: None,
+        metadata: String::new(),
+        concat: None,
+        length_bytes,
+        content_key: None,
+        is_stored: false,
+    }
 }
 
 async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
@@ -160,16 +195,10 @@ async fn add_content(
     content: Option<&str>,
     key: Option<&str>,
 ) -> Added {
-    let file = arrived(storage, bytes).await;
-    let idempotency_key = key.map(str::to_owned);
     let new = NewClip {
-        file,
-        info: clip_info(),
         content_sha256: content.map(str::to_owned),
-        idempotency_key,
-        recorded_at: None,
-        title: None,
-        file_name: None,
+        idempotency_key: key.map(str::to_owned),
+        ..new_clip(arrived(storage, bytes).await)
     };
     storage.add_clip(home, new, None, at(0)).await.unwrap()
 }
@@ -202,9 +231,7 @@ async fn put_registered(
     bytes: &[u8],
     from_earlier: Option<FromEarlier>,
 ) -> Result<(LidarMapRevision, bool), StorageError> {
-    let file = arrived(storage, bytes).await;
-    let (info, image_png) = (lidar_info(), b"picture".to_vec());
-    let new = NewLidarMap { level, file, file_name: None, info, from_earlier, image_png };
+    let new = NewLidarMap { from_earlier, ..new_lidar_map(level, arrived(storage, bytes).await) };
     storage.put_lidar_map(home, new, None, |_| true, at(0)).await
 }
 
@@ -310,8 +337,25 @@ impl Storage {
 
     /// Returns the keys of all blobs that rows refer to, sorted. Not every result file need exist.
     async fn blob_keys_that_matter(&self) -> Vec<String> {
-        let mut keys: Vec<String> = self.blob_keys().await.unwrap().into_iter().collect();
+        let reader = &mut self.database.reader().await.unwrap();
+        let mut keys = Vec::new();
+        for row in database::query("SELECT blob_key FROM upload_pieces").fetch_all(reader).await.unwrap() {
+            keys.push(row.text("blob_key").unwrap());
+        }
+        for row in database::query("SELECT id FROM homes").fetch_all(reader).await.unwrap() {
+            let home = row.home("id").unwrap();
+            keys.extend(clips::blob_keys(reader, &home).await.unwrap());
+            keys.extend(lidar_maps::blob_keys(reader, &home).await.unwrap());
+            keys.extend(crate::home_maps::blob_keys(reader, &home).await.unwrap());
+        }
         keys.sort();
         keys
+    }
+
+    /// Checks that rows refer to all existing blobs.
+    async fn check_no_blob_is_left(&self, what: &str) {
+        let (exist, named) = (self.blobs_that_exist().await, self.blob_keys_that_matter().await);
+        let left: Vec<_> = exist.iter().filter(|key| !named.contains(key)).collect();
+        assert!(left.is_empty(), "{what}: {left:?}");
     }
 }

@@ -12,15 +12,15 @@ pub use room::RoomChange;
 pub use rows::{Corrections, Kept};
 pub(super) use rows::{forget_level, of_home};
 
-use super::columns::{Columns, stored};
+use super::columns::stored;
 use super::database::{Connection, Transaction, query};
-use super::home_maps::{MapHistory, MapLevel, MapScene, map_file};
+use super::home_maps::{MapHistory, MapLevel, MapScene};
 use super::{HomeId, Storage, StorageError, homes};
 use jiff::Timestamp;
 use rows::{find, keep, version};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use viola_geometry::{LevelName, Pose2};
+use viola_geometry::Pose2;
 use viola_home::level_of_id;
 
 /// Maximum number of corrected objects and rooms in a home: more than a home has of both.
@@ -108,9 +108,7 @@ impl Storage {
     /// Returns all corrections of a home, each in the frame of its level in the current revision.
     pub async fn corrections(&self, home: &HomeId) -> Result<Corrections, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let mut all = of_home(&mut snapshot, home).await?;
         drop(snapshot);
         // The map is read later than the corrections, so its history has their frames.
@@ -191,22 +189,6 @@ impl Storage {
         let history = scene.history();
         Ok(Current { revision: map.revision, lidar_map_revision: level.lidar_map_revision, scene, history })
     }
-
-    /// Returns the scene of a level of a revision; `None` if the revision was removed meanwhile.
-    async fn scene_of_level(
-        &self,
-        home: &HomeId,
-        revision: i64,
-        level: LevelName,
-    ) -> Result<Option<MapScene>, StorageError> {
-        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        let scene = self.map_scene(file).await?;
-        if scene.is_none() {
-            self.check_map_file_removed(file).await?;
-        }
-        Ok(scene)
-    }
 }
 
 impl Current {
@@ -281,9 +263,7 @@ async fn is_current(
     home: &HomeId,
     current: &Current,
 ) -> Result<bool, StorageError> {
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
+    homes::lock_existing(transaction, home).await?;
     let newest = query("SELECT MAX(revision) AS revision FROM home_maps WHERE home_id = $1");
     let newest = newest.bind(home.key()).fetch_one(transaction).await?.maybe_number("revision")?;
     Ok(newest == Some(current.revision))

@@ -1,7 +1,6 @@
 //! Files that were lost, or lost bytes, since they were stored.
 
 use super::StorageError;
-use super::columns::Columns;
 use super::database::Row;
 
 /// Compares the size of a file with that of its row; without a row the file was removed meanwhile.

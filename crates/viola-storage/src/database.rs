@@ -1,5 +1,5 @@
 //! The database: SQLite in the data folder, or PostgreSQL for many processes. One type wraps both pools, and
-//! a statement has one text if both databases accept it.
+//! every statement has one text, in the words of PostgreSQL: `query` has what SQLite gets in their place.
 
 mod clock;
 mod connection;
@@ -10,7 +10,7 @@ mod tables;
 
 pub(super) use connection::{Connection, Transaction};
 pub(super) use fault::DatabaseFault;
-pub(super) use query::{Query, Row, query};
+pub(super) use query::{Query, Row, Turn, listed, query, take_turns};
 
 use super::StorageError;
 use clock::Clock;
@@ -224,12 +224,6 @@ impl Database {
         })
     }
 
-    /// Checks that the database can be read, by one row.
-    pub async fn check_reads(&self) -> Result<(), StorageError> {
-        query("SELECT last_seq FROM change_counter").fetch_one(&mut self.reader().await?).await?;
-        Ok(())
-    }
-
     /// Checks that the database can write, from recent writes; without any, it writes one row.
     pub async fn check_writes(&self) -> Result<(), StorageError> {
         let _turn = self.health.check.lock().await;
@@ -240,12 +234,16 @@ impl Database {
             }
             Verdict::Unknown => {}
         }
-        let write = async {
-            let mut transaction = self.begin().await?;
-            query("UPDATE change_counter SET last_seq = last_seq").execute(&mut transaction).await?;
-            transaction.commit().await
-        };
-        tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?
+        let write = self.execute(query("UPDATE change_counter SET last_seq = last_seq"));
+        tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?.map(drop)
+    }
+
+    /// Runs one statement in a transaction of its own; returns the number of changed rows.
+    pub async fn execute(&self, statement: Query) -> Result<u64, StorageError> {
+        let mut transaction = self.begin().await?;
+        let rows = statement.execute(&mut transaction).await?;
+        transaction.commit().await?;
+        Ok(rows)
     }
 
     /// Returns the pool of SQLite's one write connection.
@@ -282,13 +280,6 @@ impl Database {
                 of(size, writer.num_idle() + reader.num_idle(), 1 + READERS)
             }
             Pools::Postgres(pool) => of(pool.size(), pool.num_idle(), pool.options().get_max_connections()),
-        }
-    }
-
-    pub fn name(&self) -> &'static str {
-        match &self.pools {
-            Pools::Sqlite { .. } => "sqlite",
-            Pools::Postgres(_) => "postgresql",
         }
     }
 

@@ -18,7 +18,7 @@ pub use scene::{MapHistory, MapRoom, MapScene};
 pub(super) use state::FAILING_MERGES;
 pub use state::MapState;
 
-use super::columns::Columns;
+use super::columns::parse_time;
 use super::damage::{check_bytes, check_removed};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, copies, homes};
@@ -79,7 +79,7 @@ pub struct MapClip {
 
 impl MapClip {
     pub fn new(placed: &PlacedClip) -> Result<MapClip, StorageError> {
-        let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
+        let recorded_at_ms = placed.recorded_at_ms;
         Ok(MapClip {
             clip: placed.clip,
             level: placed.level,
@@ -87,8 +87,7 @@ impl MapClip {
             rise_m: placed.rise_m,
             by: placed.by,
             probability: placed.probability,
-            recorded_at: recorded_at
-                .map_err(|error| StorageError::Column { column: "recorded_at", detail: error.to_string() })?,
+            recorded_at: recorded_at_ms.map(|ms| parse_time("recorded_at", ms)).transpose()?,
             points: placed.points,
             moved_m: placed.map_from_clip.distance_m(&placed.alone),
             moved_deg: angle_between(placed.map_from_clip.yaw_rad, placed.alone.yaw_rad).to_degrees(),
@@ -173,8 +172,8 @@ impl Storage {
             ORDER BY revision DESC LIMIT 1",
         );
         let row = row.bind(home.key()).bind(revision).fetch_optional(&mut snapshot).await?;
-        if row.is_none() && !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
+        if row.is_none() {
+            homes::require(&mut snapshot, home).await?;
         }
         row.as_ref().map(from_row).transpose()
     }
@@ -186,9 +185,7 @@ impl Storage {
         page: &Page<i64>,
     ) -> Result<Vec<HomeMap>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut snapshot, home).await?;
         let rows = query(
             "SELECT * FROM home_maps WHERE home_id = $1 AND revision < $2 ORDER BY revision DESC LIMIT $3",
         )
@@ -229,7 +226,7 @@ impl Storage {
         level: LevelName,
         name: &str,
     ) -> Result<Vec<MapFile>, StorageError> {
-        files(&mut *self.database.snapshot().await?, home, revision, Some(level), name).await
+        files(&mut self.database.reader().await?, home, revision, Some(level), name).await
     }
 
     /// Returns a file of a revision; `None` if the revision was removed since.
@@ -253,13 +250,6 @@ impl Storage {
         let row = query("SELECT blob_key FROM home_map_files WHERE blob_key = $1").bind(&file.key);
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
         check_removed(row.as_ref(), file.key.clone())
-    }
-
-    #[cfg(test)]
-    pub(super) async fn home_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let rows = query("SELECT blob_key FROM home_map_files");
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.text("blob_key")).collect()
     }
 }
 
@@ -335,13 +325,9 @@ async fn files(
     .fetch_all(connection)
     .await?;
     let file = |row: &Row| {
-        let side = |column| -> Result<Option<i32>, StorageError> {
-            let number = row.maybe_number(column)?;
-            let side = number.map(i32::try_from).transpose();
-            side.map_err(|error| StorageError::Column { column, detail: error.to_string() })
-        };
         let level = row.name("level")?;
-        let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { level, x, y });
+        let sides = row.maybe_count("tile_x")?.zip(row.maybe_count("tile_y")?);
+        let tile = sides.map(|(x, y)| TileKey { level, x, y });
         Ok(MapFile { level, tile, key: row.text("blob_key")?, size_bytes: row.count("size_bytes")? })
     };
     rows.iter().map(file).collect()

@@ -6,7 +6,6 @@ mod search;
 pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 
 use super::changes::{self, Changed};
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::home_maps::{self, FAILING_MERGES, MapState};
 use super::{ClipState, Page, Storage, StorageError, pending_deletes};
@@ -60,18 +59,15 @@ pub struct HomeFilter {
 fn from_row(row: &Row) -> Result<Home, StorageError> {
     let newest_change = row.maybe_time("changed_at")?;
     let updated_at = row.time("updated_at")?;
+    let mut clips = [0; ClipState::ALL.len()];
+    for (number, state) in clips.iter_mut().zip(ClipState::ALL) {
+        *number = row.number(state.name())?;
+    }
     Ok(Home {
         id: row.home("id")?,
         name: row.maybe_text("name")?,
         lidar_map_revision: row.maybe_number("lidar_map_revision")?,
-        clips: [
-            row.number("uploaded")?,
-            row.number("queued")?,
-            row.number("aligning")?,
-            row.number("aligned")?,
-            row.number("ambiguous")?,
-            row.number("failed")?,
-        ],
+        clips,
         clips_after_fault: row.number("after_fault")?,
         coverage: row.maybe_json("coverage")?.unwrap_or_default(),
         map_state: MapState::of(row)?,
@@ -80,15 +76,16 @@ fn from_row(row: &Row) -> Result<Home, StorageError> {
     })
 }
 
-/// Counts the clips of a home in a state.
+/// Counts the clips of a home in each of some states.
 macro_rules! clips_in {
-    ($state:literal) => {
-        concat!(
+    ($($state:literal)+) => {
+        concat!($(
             "(SELECT COUNT(*) FROM clips WHERE home_id = homes.id AND state = '",
             $state,
             "') AS ",
-            $state
-        )
+            $state,
+            ", ",
+        )+)
     };
 }
 
@@ -121,18 +118,8 @@ macro_rules! select_homes {
                 (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
                 (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id AND removed_at IS NULL)
                     AS lidar_map_revision, ",
-            clips_in!("uploaded"),
-            ", ",
-            clips_in!("queued"),
-            ", ",
-            clips_in!("aligning"),
-            ", ",
-            clips_in!("aligned"),
-            ", ",
-            clips_in!("ambiguous"),
-            ", ",
-            clips_in!("failed"),
-            ", (SELECT COUNT(*) ",
+            clips_in!("uploaded" "queued" "aligning" "aligned" "ambiguous" "failed"),
+            "(SELECT COUNT(*) ",
             after_fault!(),
             ") AS after_fault FROM homes ",
             $($rest),+
@@ -152,8 +139,7 @@ impl Storage {
     ) -> Result<(Home, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
         lock(&mut transaction, id).await?;
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let before = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
+        let before = find(&mut transaction, id).await?;
         if !expected(before.as_ref()) {
             return Err(StorageError::Changed { what: "home" });
         }
@@ -167,9 +153,7 @@ impl Storage {
         if !is_new && before.is_none() {
             // Another request made it meanwhile.
             lock(&mut transaction, id).await?;
-            let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-            let now_there = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
-            if !expected(now_there.as_ref()) {
+            if !expected(find(&mut transaction, id).await?.as_ref()) {
                 return Err(StorageError::Changed { what: "home" });
             }
         }
@@ -180,16 +164,13 @@ impl Storage {
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;
         }
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let home = from_row(&row.fetch_one(&mut transaction).await?)?;
+        let home = find(&mut transaction, id).await?.ok_or(StorageError::NoSuchHome)?;
         transaction.commit().await?;
         Ok((home, is_new))
     }
 
     pub async fn home(&self, id: &HomeId) -> Result<Home, StorageError> {
-        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
-        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        from_row(&row.ok_or(StorageError::NoSuchHome)?)
+        find(&mut self.database.reader().await?, id).await?.ok_or(StorageError::NoSuchHome)
     }
 
     /// Returns a page of a tenant's homes that match a filter, by id.
@@ -285,27 +266,32 @@ async fn rename(
     Ok(renamed.bind(id.key()).bind(name).bind(search).execute(transaction).await? > 0)
 }
 
-pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<bool, StorageError> {
+/// Returns an error if there is no such home.
+pub(super) async fn require(connection: &mut Connection, id: &HomeId) -> Result<(), StorageError> {
     let row = query("SELECT id FROM homes WHERE id = $1").bind(id.key());
-    Ok(row.fetch_optional(connection).await?.is_some())
+    row.fetch_optional(connection).await?.map(drop).ok_or(StorageError::NoSuchHome)
+}
+
+async fn find(connection: &mut Connection, id: &HomeId) -> Result<Option<Home>, StorageError> {
+    let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+    row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
 /// Locks the home and its contents against changes until the transaction ends; returns false if there is no
 /// such home. Must come before any other lock in the home.
 pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM homes WHERE id = $1",
-        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE",
-    ));
+    let row = query("SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE");
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
+}
+
+/// [`lock`] that returns an error if there is no such home.
+pub(super) async fn lock_existing(transaction: &mut Transaction, id: &HomeId) -> Result<(), StorageError> {
+    if lock(transaction, id).await? { Ok(()) } else { Err(StorageError::NoSuchHome) }
 }
 
 /// [`lock`] that does not wait: it returns false, too, if another transaction holds the home.
 pub(super) async fn lock_if_free(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM homes WHERE id = $1",
-        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
-    ));
+    let row = query("SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED");
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 

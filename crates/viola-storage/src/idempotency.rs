@@ -1,6 +1,5 @@
 //! Idempotency keys: a repeated upload makes no second clip. They live as long as the clip.
 
-use super::columns::Columns;
 use super::database::{Connection, query};
 use super::{HomeId, Storage, StorageError};
 use jiff::Timestamp;

@@ -4,8 +4,8 @@ mod turns;
 
 pub(super) use turns::Priority;
 
-use super::columns::{Columns, to_json};
-use super::database::{Connection, Row, Transaction, query};
+use super::columns::to_json;
+use super::database::{Connection, Row, Transaction, listed, query};
 use super::{ClipState, HomeId, Storage, StorageError, clips, clock};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -148,18 +148,13 @@ impl Storage {
 
     /// Returns a job; `None` if it does not exist or was removed.
     pub async fn job(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
-        find(&mut *self.database.snapshot().await?, id).await
+        find(&mut self.database.reader().await?, id).await
     }
 
     /// Returns the versions of those jobs that are there.
     pub async fn job_versions(&self, ids: &[Uuid]) -> Result<HashMap<Uuid, i64>, StorageError> {
-        let mut connection = self.database.reader().await?;
-        let select = connection.either(
-            "SELECT id, version FROM jobs WHERE id IN (SELECT value FROM json_each($1))",
-            "SELECT id, version FROM jobs WHERE id IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))",
-        );
-        let ids: Vec<String> = ids.iter().map(Uuid::to_string).collect();
-        let rows = query(select).bind(serde_json::json!(ids).to_string()).fetch_all(&mut connection).await?;
+        let rows = query(concat!("SELECT id, version FROM jobs WHERE id IN ", listed!("$1")));
+        let rows = rows.bind(to_json(&ids)).fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| Ok((row.id("id")?, row.number("version")?))).collect()
     }
 }
@@ -270,21 +265,17 @@ async fn insert(
 /// Locks a clip's jobs until the transaction ends. A change of a clip locks the jobs first, as workers do, which prevents
 /// deadlocks.
 pub(super) async fn lock_of_clip(transaction: &mut Transaction, clip: Uuid) -> Result<(), StorageError> {
-    let lock = transaction.either(
-        "SELECT id FROM jobs WHERE clip_id = $1",
-        "SELECT id FROM jobs WHERE clip_id = $1 ORDER BY id FOR UPDATE",
-    );
-    query(lock).bind(clip.to_string()).fetch_all(transaction).await?;
+    let lock = query("SELECT id FROM jobs WHERE clip_id = $1 ORDER BY id FOR UPDATE");
+    lock.bind(clip.to_string()).fetch_all(transaction).await?;
     Ok(())
 }
 
 /// [`lock_of_clip`] for every clip of a home.
 pub(super) async fn lock_of_home(transaction: &mut Transaction, home: &HomeId) -> Result<(), StorageError> {
-    let lock = transaction.either(
-        "SELECT id FROM clips WHERE home_id = $1",
+    let lock = query(
         "SELECT id FROM jobs WHERE clip_id IN (SELECT id FROM clips WHERE home_id = $1) ORDER BY id FOR UPDATE",
     );
-    query(lock).bind(home.key()).fetch_all(transaction).await?;
+    lock.bind(home.key()).fetch_all(transaction).await?;
     Ok(())
 }
 

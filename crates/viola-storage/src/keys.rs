@@ -4,7 +4,6 @@ mod uses;
 
 pub(super) use uses::KeyUses;
 
-use super::columns::Columns;
 use super::database::{Row, query};
 use super::{HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
@@ -145,7 +144,7 @@ pub(super) fn from_row(row: &Row) -> Result<ApiKey, StorageError> {
         id: row.id("id")?,
         tenant: row.tenant("tenant")?,
         role: row.name("role")?,
-        home: row.maybe_text("home_id")?.map(|_| row.home("home_id")).transpose()?,
+        home: row.maybe_home("home_id")?,
         label: row.text("label")?,
         created_at: row.time("created_at")?,
         expires_at: row.maybe_time("expires_at")?,
@@ -212,11 +211,8 @@ impl Storage {
 
     /// Revokes a key at once; returns false if there is none of this id.
     pub async fn revoke_key(&self, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let revoked = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");
-        let revoked =
-            revoked.bind(id.to_string()).bind(now.as_millisecond()).execute(&mut transaction).await?;
-        transaction.commit().await?;
-        Ok(revoked > 0)
+        let revoke = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");
+        let revoke = revoke.bind(id.to_string()).bind(now.as_millisecond());
+        Ok(self.database.execute(revoke).await? > 0)
     }
 }

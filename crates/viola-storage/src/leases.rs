@@ -9,7 +9,7 @@ pub use retry::{Fault, RetryPolicy};
 
 use super::clips::{self, Outcome};
 use super::clock;
-use super::columns::{Columns, to_json};
+use super::columns::to_json;
 use super::database::{Connection, Row, Transaction, query};
 use super::{
     ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps,
@@ -82,15 +82,15 @@ pub enum AttemptEnd {
 
 /// Takes the next due job.
 macro_rules! claim {
-    ($lock:literal) => {
+    ($($skip:literal)?) => {
         concat!(
             "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
                 stage = NULL, early_pose = NULL, progress = 0, version = version + 1, updated_at = $1,
                 started_at = COALESCE(started_at, $1)
             WHERE id =
                 (SELECT id FROM jobs WHERE state = 'queued' AND (run_after <= $1 OR run_after > $3)
-                ORDER BY order_at, id LIMIT 1 ",
-            $lock,
+                ORDER BY order_at, id LIMIT 1 FOR UPDATE",
+            $($skip,)?
             ")
             RETURNING id, fence, attempts, max_attempts, faults, first_fault_at"
         )
@@ -105,17 +105,15 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         // Jobs that another worker is taking are skipped, so that workers do not wait for each other. If no other one is due,
         // the lock may be that of a change of the clip, and the job would wait for the next poll.
-        let ways = transaction
-            .either(&[claim!("")][..], &[claim!("FOR UPDATE SKIP LOCKED"), claim!("FOR UPDATE")][..]);
         let mut row = None;
-        for statement in ways {
-            row = query(*statement)
+        for statement in [claim!(" SKIP LOCKED"), claim!()] {
+            row = query(statement)
                 .bind(now.as_millisecond())
                 .bind((now + lease).as_millisecond())
                 .bind(clock::no_pause_after(now))
                 .fetch_optional(&mut transaction)
                 .await?;
-            if row.is_some() {
+            if row.is_some() || !transaction.is_shared() {
                 break;
             }
         }
@@ -141,8 +139,7 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let updated = query(
+        let renew = query(
             "UPDATE jobs SET lease_until = $3, stage = $4, progress = $5, early_pose = $6, version = version + 1,
                 updated_at = $7
             WHERE id = $1 AND fence = $2 AND state = 'running'",
@@ -153,11 +150,8 @@ impl Storage {
         .bind(progress.stage.map(Stage::name))
         .bind(progress.progress)
         .bind(progress.early_pose.as_ref().map(to_json))
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(updated == 1)
+        .bind(now.as_millisecond());
+        Ok(self.database.execute(renew).await? == 1)
     }
 
     /// Returns whether the job is still this worker's.
@@ -215,19 +209,12 @@ impl Storage {
     pub async fn cancel_job(&self, id: Uuid, now: Timestamp) -> Result<Option<Job>, StorageError> {
         let mut transaction = self.database.begin().await?;
         let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
+        // No job of the home ends meanwhile.
         homes::lock(&mut transaction, &job.home).await?;
-        let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
-        let cancelled = query(
-            "UPDATE jobs SET state = 'cancelled', error = $3, lease_until = NULL, stage = NULL, early_pose = NULL,
-                version = version + 1, updated_at = $2, finished_at = $2
-            WHERE id = $1 AND state IN ('queued', 'running')",
-        )
-        .bind(id.to_string())
-        .bind(now.as_millisecond())
-        .bind(to_json(&reason))
-        .execute(&mut transaction)
-        .await?;
-        if cancelled == 1 {
+        let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
+        if !job.state.is_final() {
+            let reason = Reason::new("cancelled", "the job was cancelled; align the clip to queue it again");
+            close(&mut transaction, id, JobState::Cancelled, Some(&reason), now).await?;
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
         }
         let job = jobs::find(&mut transaction, id).await?;

@@ -5,7 +5,6 @@ mod remove;
 
 pub use put::NewLidarMap;
 
-use super::columns::Columns;
 use super::damage::{check_removed, check_size};
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
@@ -79,18 +78,14 @@ impl Storage {
     /// Returns the current revision of a level.
     pub async fn lidar_map(&self, home: &HomeId, level: LevelName) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         current(&mut connection, home, level).await?.ok_or(StorageError::NoLidarMap)
     }
 
     /// Returns the current revisions of all levels, by the levels' names.
     pub async fn lidar_maps(&self, home: &HomeId) -> Result<Vec<LidarMapRevision>, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         levels(&mut connection, home).await
     }
 
@@ -107,7 +102,7 @@ impl Storage {
         .bind(home.key())
         .bind(level.as_str())
         .bind(revision)
-        .fetch_optional(&mut *self.database.snapshot().await?)
+        .fetch_optional(&mut self.database.reader().await?)
         .await?;
         row.as_ref().map(from_row).transpose()
     }
@@ -120,9 +115,7 @@ impl Storage {
         page: &Page<i64>,
     ) -> Result<Vec<LidarMapRevision>, StorageError> {
         let mut connection = self.database.snapshot().await?;
-        if !homes::exists(&mut connection, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::require(&mut connection, home).await?;
         let rows = query(
             "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $4 AND revision < $2
                 AND removed_at IS NULL ORDER BY revision DESC LIMIT $3",
@@ -171,12 +164,6 @@ impl Storage {
         check_size(self.lidar_map_size_row(id).await?.as_ref(), file_key(id), bytes.len() as u64)?;
         Ok(bytes)
     }
-
-    #[cfg(test)]
-    pub(super) async fn lidar_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let all = query("SELECT id FROM lidar_maps WHERE removed_at IS NULL");
-        keys_of(&all.fetch_all(&mut self.database.reader().await?).await?)
-    }
 }
 
 /// Selects the current revisions of a home's levels.
@@ -209,10 +196,7 @@ pub(super) async fn levels(
     home: &HomeId,
 ) -> Result<Vec<LidarMapRevision>, StorageError> {
     let rows = query(CURRENT_OF_LEVELS).bind(home.key()).fetch_all(connection).await?;
-    let mut levels: Vec<LidarMapRevision> = rows.iter().map(from_row).collect::<Result<_, _>>()?;
-    // Collations differ between databases.
-    levels.sort_by_key(|map| map.level);
-    Ok(levels)
+    rows.iter().map(from_row).collect()
 }
 
 /// Returns the number of a level's current revision; 0 before the first one.
@@ -240,12 +224,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    keys_of(&query(OF_HOME).bind(home.key()).fetch_all(connection).await?)
-}
-
-fn keys_of(rows: &[Row]) -> Result<Vec<String>, StorageError> {
     let mut keys = Vec::new();
-    for row in rows {
+    for row in &query(OF_HOME).bind(home.key()).fetch_all(connection).await? {
         let id = row.id("id")?;
         keys.extend([file_key(id), image_key(id)]);
     }

@@ -1,7 +1,7 @@
 //! The storage of a service: opening and closing it.
 
 use super::blobs::{BlobPlace, Blobs};
-use super::database::{Connections, Database};
+use super::database::{Connections, Database, query};
 use super::error::StorageError;
 use super::folder_lock::FolderLock;
 use super::incoming::Incoming;
@@ -107,7 +107,7 @@ impl Storage {
 
     /// Returns the name of the database system.
     pub fn database_name(&self) -> &'static str {
-        self.database.name()
+        if self.is_shared() { "postgresql" } else { "sqlite" }
     }
 
     /// Returns the time of the service, for all times that rows keep. On PostgreSQL it is the database's, so that processes on
@@ -122,9 +122,11 @@ impl Storage {
         self.database.follow_clock().await
     }
 
-    /// Checks that the database can be read.
+    /// Checks that the database can be read, by one row.
     pub async fn check_reads(&self) -> Result<(), StorageError> {
-        self.database.check_reads().await
+        let row = query("SELECT last_seq FROM change_counter");
+        row.fetch_one(&mut self.database.reader().await?).await?;
+        Ok(())
     }
 
     /// Checks that the database can write.
@@ -173,15 +175,5 @@ impl Storage {
     pub fn scratch_file(&self) -> Result<std::fs::File, StorageError> {
         let folder = self.blobs.incoming_folder();
         tempfile::tempfile_in(folder).map_err(|source| StorageError::File { path: folder.to_owned(), source })
-    }
-
-    /// Returns the keys of all blobs that rows refer to.
-    #[cfg(test)]
-    pub(super) async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
-        let mut keys = self.clip_blob_keys().await?;
-        keys.extend(self.lidar_map_blob_keys().await?);
-        keys.extend(self.home_map_blob_keys().await?);
-        keys.extend(self.upload_blob_keys().await?);
-        Ok(keys.into_iter().collect())
     }
 }

@@ -2,8 +2,8 @@
 //! struck off once the store has removed them. So a deletion succeeds only when every byte is gone, a client
 //! can retry it if the store failed, and a process that dies in between leaves no unknown blobs.
 
-use super::columns::{Columns, to_json};
-use super::database::{Transaction, query};
+use super::columns::to_json;
+use super::database::{Row, Transaction, query};
 use super::{Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -84,7 +84,7 @@ impl Storage {
         let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         for row in &rows {
-            self.remove_row(row.id("id")?, row.json("blob_keys")?).await?;
+            self.remove_row(row).await?;
         }
         Ok(!rows.is_empty())
     }
@@ -100,6 +100,23 @@ impl Storage {
         }
     }
 
+    /// Removes the blobs of rows that were not added. `is_kept` returns whether a success added them.
+    pub(super) async fn discard_unless<T>(
+        &self,
+        keys: &[String],
+        added: &Result<T, StorageError>,
+        is_kept: impl FnOnce(&T) -> bool,
+    ) {
+        let is_kept = match added {
+            Ok(added) => is_kept(added),
+            // The rows may exist nevertheless; a sweep decides.
+            Err(error) => error.is_unsettled(),
+        };
+        if !is_kept {
+            self.blobs.discard(keys).await;
+        }
+    }
+
     /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
         self.require_store().await?;
@@ -111,7 +128,7 @@ impl Storage {
             let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
             for row in &rows {
                 after = row.text("id")?;
-                let removed = self.remove_row(row.id("id")?, row.json("blob_keys")?).await;
+                let removed = self.remove_row(row).await;
                 let earlier_timed_out = timed_out;
                 timed_out = removed.as_ref().is_err_and(StorageError::is_timeout);
                 match removed {
@@ -128,17 +145,14 @@ impl Storage {
         }
     }
 
-    async fn remove_row(&self, id: Uuid, keys: Vec<String>) -> Result<(), StorageError> {
+    async fn remove_row(&self, row: &Row) -> Result<(), StorageError> {
+        let keys: Vec<String> = row.json("blob_keys")?;
         // Rows of earlier versions have more keys.
         for keys in keys.chunks(BLOBS_OF_ROW) {
             self.blobs.remove_recorded(keys).await?;
         }
-        let mut transaction = self.database.begin().await?;
-        query("DELETE FROM doomed_blobs WHERE id = $1")
-            .bind(id.to_string())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+        let strike_off = query("DELETE FROM doomed_blobs WHERE id = $1").bind(row.text("id")?);
+        self.database.execute(strike_off).await.map(drop)
     }
 }
 

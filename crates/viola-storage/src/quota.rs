@@ -1,8 +1,7 @@
 //! The storage quota of a tenant.
 
 use super::StorageError;
-use super::columns::Columns;
-use super::database::{Connection, Transaction, query};
+use super::database::{Connection, Transaction, Turn, query, take_turns};
 
 /// Treatment of a new file by its tenant's quota.
 #[derive(Debug, Clone, Copy)]
@@ -34,16 +33,12 @@ pub(super) async fn check(
     quota: QuotaCheck,
 ) -> Result<(), StorageError> {
     let QuotaCheck::Enforce { max_bytes } = quota else { return Ok(()) };
-    let row = query("SELECT max_bytes FROM tenant_limits WHERE tenant = $1 AND max_bytes IS NOT NULL");
+    let row = query("SELECT max_bytes FROM tenant_limits WHERE tenant = $1");
     let row = row.bind(tenant).fetch_optional(transaction).await?;
-    let own = row.map(|row| row.count("max_bytes")).transpose()?;
+    let own = row.map(|row| row.maybe_count("max_bytes")).transpose()?.flatten();
     let Some(limit) = own.or(max_bytes) else { return Ok(()) };
-    // The transactions of a tenant take turns after this statement, so that two cannot pass the check together.
-    // Those of SQLite do anyway.
-    let turn = transaction.either(None, Some("SELECT pg_advisory_xact_lock(hashtextextended($1, 0))"));
-    if let Some(turn) = turn {
-        query(turn).bind(tenant).execute(transaction).await?;
-    }
+    // Two cannot pass the check together.
+    take_turns(transaction, Turn::Quota, tenant).await?;
     let used = bytes_of(transaction, tenant).await?;
     if used.saturating_add(more_bytes) > limit {
         return Err(StorageError::TenantFull { used, limit, more: more_bytes });

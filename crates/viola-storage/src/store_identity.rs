@@ -1,7 +1,6 @@
 //! The identity of the store of files: an id that the database and the store both have. It tells a wrong data folder, bucket or
 //! prefix, or a wrong database, from lost files.
 
-use super::columns::Columns;
 use super::database::{Connection, Transaction, query};
 use super::{Storage, StorageError, clips, lidar_maps};
 use std::sync::atomic::Ordering;
@@ -151,9 +150,8 @@ impl Storage {
     /// Begins a transaction that may write the id; processes that start at once take turns.
     async fn begin_identity(&self) -> Result<Transaction, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let turn = transaction.either(None, Some("LOCK TABLE store_identity IN EXCLUSIVE MODE"));
-        if let Some(turn) = turn {
-            query(turn).execute(&mut transaction).await?;
+        if transaction.is_shared() {
+            query("LOCK TABLE store_identity IN EXCLUSIVE MODE").execute(&mut transaction).await?;
         }
         Ok(transaction)
     }

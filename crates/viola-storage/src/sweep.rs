@@ -1,48 +1,31 @@
 //! Blobs that no row names: leftovers of killed processes, or of a lost database.
 
-use super::columns::Columns;
-use super::database::{Connection, query};
+use super::columns::to_json;
+use super::database::{Connection, listed, query};
 use super::{Storage, StorageError};
 use jiff::Timestamp;
 use std::collections::{HashMap, HashSet};
 
-/// Ends each statement with a test for membership in a list of values, which is bound as JSON, and joins their rows.
-macro_rules! among {
-    ($statement:literal $(, $other:literal)?) => {
-        [
-            concat!(
-                $statement,
-                " IN (SELECT value FROM json_each($1))"
-                $(, " UNION ALL ", $other, " IN (SELECT value FROM json_each($1))")?
-            ),
-            concat!(
-                $statement,
-                " IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))"
-                $(, " UNION ALL ", $other, " IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))")?
-            ),
-        ]
-    };
-}
-
 /// Statements that find rows by the common part of their blobs' keys.
-const NAMED: [[&str; 2]; 5] = [
-    among!("SELECT id AS name FROM clips WHERE id"),
-    among!(
-        "SELECT result_key AS name FROM clips WHERE result_key",
-        "SELECT last_result_key AS name FROM clips WHERE last_result_key"
+const NAMED: [&str; 5] = [
+    concat!("SELECT id AS name FROM clips WHERE id IN ", listed!("$1")),
+    concat!(
+        "SELECT result_key AS name FROM clips WHERE result_key IN ",
+        listed!("$1"),
+        " UNION ALL SELECT last_result_key FROM clips WHERE last_result_key IN ",
+        listed!("$1")
     ),
-    among!("SELECT id AS name FROM lidar_maps WHERE id"),
-    among!("SELECT blob_key AS name FROM home_map_files WHERE blob_key"),
-    among!("SELECT blob_key AS name FROM upload_pieces WHERE blob_key"),
+    concat!("SELECT id AS name FROM lidar_maps WHERE id IN ", listed!("$1")),
+    concat!("SELECT blob_key AS name FROM home_map_files WHERE blob_key IN ", listed!("$1")),
+    concat!("SELECT blob_key AS name FROM upload_pieces WHERE blob_key IN ", listed!("$1")),
 ];
 
-/// Statements that find pending deletes. The deletion removes those blobs, and a sweep leaves them alone.
-const DOOMED: [&str; 2] = [
-    "SELECT gone.value AS name FROM doomed_blobs, json_each(doomed_blobs.blob_keys) AS gone
-    WHERE gone.value IN (SELECT value FROM json_each($1))",
-    "SELECT gone AS name FROM doomed_blobs, jsonb_array_elements_text(CAST(blob_keys AS JSONB)) AS gone
-    WHERE gone IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))",
-];
+/// Finds pending deletes. The deletion removes those blobs, and a sweep leaves them alone.
+const DOOMED: &str = concat!(
+    "SELECT gone.value AS name FROM doomed_blobs, jsonb_array_elements_text(CAST(blob_keys AS JSONB)) AS gone
+    WHERE gone.value IN ",
+    listed!("$1")
+);
 
 /// Returns the index of the statement in [`NAMED`] and the name that find a key; `None` for a foreign file.
 fn name_of(key: &str) -> Option<(usize, &str)> {
@@ -158,11 +141,10 @@ async fn named(connection: &mut Connection, keys: &[String]) -> Result<HashSet<S
 
 async fn names_among(
     connection: &mut Connection,
-    [sqlite, postgres]: [&'static str; 2],
+    statement: &'static str,
     names: &HashSet<&str>,
 ) -> Result<HashSet<String>, StorageError> {
-    let names = serde_json::to_string(names).unwrap_or_default();
-    let rows = query(connection.either(sqlite, postgres)).bind(names).fetch_all(connection).await?;
+    let rows = query(statement).bind(to_json(names)).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("name")).collect()
 }
 

@@ -4,7 +4,6 @@ mod limits;
 
 pub use limits::TenantLimits;
 
-use super::columns::Columns;
 use super::database::query;
 use super::{HomeFilter, Page, Storage, StorageError, Tenant, pending_deletes, uploads};
 use jiff::Timestamp;
@@ -29,26 +28,24 @@ macro_rules! tenants_of {
     };
 }
 
+/// Selects the tenants of some tables.
+macro_rules! tenants_of_all {
+    ($first:literal $($more:literal)+) => {
+        concat!(
+            "WITH RECURSIVE ",
+            tenants_of!($first),
+            $(", ", tenants_of!($more),)+
+            " SELECT tenant FROM (SELECT tenant FROM of_",
+            $first,
+            $(" UNION SELECT tenant FROM of_", $more,)+
+            ") AS known WHERE tenant IS NOT NULL ORDER BY tenant"
+        )
+    };
+}
+
 /// Selects the tenants that have any data.
-pub(super) const TENANTS: &str = concat!(
-    "WITH RECURSIVE ",
-    tenants_of!("homes"),
-    ", ",
-    tenants_of!("api_keys"),
-    ", ",
-    tenants_of!("uploads"),
-    ", ",
-    tenants_of!("webhooks"),
-    ", ",
-    tenants_of!("changes"),
-    ", ",
-    tenants_of!("tenant_limits"),
-    " SELECT tenant FROM (
-        SELECT tenant FROM of_homes UNION SELECT tenant FROM of_api_keys UNION SELECT tenant FROM of_uploads
-        UNION SELECT tenant FROM of_webhooks UNION SELECT tenant FROM of_changes
-        UNION SELECT tenant FROM of_tenant_limits
-    ) AS known WHERE tenant IS NOT NULL ORDER BY tenant"
-);
+pub(super) const TENANTS: &str =
+    tenants_of_all!("homes" "api_keys" "uploads" "webhooks" "changes" "tenant_limits");
 
 /// Number of items removed with a tenant.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -16,7 +16,6 @@ pub use append::UploadWriter;
 pub use finish::UploadClaim;
 pub use join::Joining;
 
-use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::quota::{self, QuotaCheck};
 use super::{HomeId, Storage, StorageError, Tenant, homes};
@@ -184,19 +183,15 @@ impl From<sqlx::Error> for UploadError {
 }
 
 fn from_row(row: &Row) -> Result<Upload, StorageError> {
-    let length = row.maybe_number("length_bytes")?;
     Ok(Upload {
         id: row.id("id")?,
         kind: row.name("kind")?,
         state: row.name("state")?,
         tenant: row.tenant("tenant")?,
-        home: match row.maybe_text("home_id")? {
-            Some(_) => Some(row.home("home_id")?),
-            None => None,
-        },
+        home: row.maybe_home("home_id")?,
         metadata: row.text("metadata")?,
         concat: row.maybe_text("concat")?,
-        length_bytes: length.map(|_| row.count("length_bytes")).transpose()?,
+        length_bytes: row.maybe_count("length_bytes")?,
         received_bytes: row.count("received_bytes")?,
         clip: row.maybe_id("clip_id")?,
         problem: row.maybe_json("problem")?,
@@ -246,7 +241,7 @@ impl Storage {
 
     /// Returns an upload, even a refused or joined one; `None` if its record has expired.
     pub async fn upload(&self, id: Uuid, now: Timestamp) -> Result<Option<Upload>, StorageError> {
-        let upload = find(&mut *self.database.snapshot().await?, id).await?;
+        let upload = find(&mut self.database.reader().await?, id).await?;
         Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
     }
 
@@ -254,23 +249,12 @@ impl Storage {
     pub async fn upload_owner(&self, id: Uuid) -> Result<Option<(Tenant, Option<HomeId>)>, StorageError> {
         let row = query("SELECT tenant, home_id FROM uploads WHERE id = $1").bind(id.to_string());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        let owner = |row: Row| {
-            let home = row.maybe_text("home_id")?.map(|_| row.home("home_id")).transpose()?;
-            Ok((row.tenant("tenant")?, home))
-        };
-        row.map(owner).transpose()
+        row.map(|row| Ok((row.tenant("tenant")?, row.maybe_home("home_id")?))).transpose()
     }
 
     /// Returns an upload that can still be continued or used.
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
-        find_living(&mut *self.database.snapshot().await?, id, now).await
-    }
-
-    #[cfg(test)]
-    pub(super) async fn upload_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let rows = query("SELECT blob_key FROM upload_pieces");
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        rows.iter().map(|row| row.text("blob_key")).collect()
+        find_living(&mut self.database.reader().await?, id, now).await
     }
 }
 
@@ -289,14 +273,12 @@ async fn check_counts(
         WHERE tenant = $1 AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",
     );
     let of_tenant = of_tenant.bind(tenant.name()).bind(now.as_millisecond()).fetch_one(transaction).await?;
-    let limit = of_tenant.maybe_number("own")?.map_or(limits.in_tenant, i64::unsigned_abs);
+    let limit = of_tenant.maybe_count("own")?.unwrap_or(limits.in_tenant);
     if of_tenant.count::<u64>("uploads")?.saturating_sub(joined) >= limit {
         return Err(UploadError::TooMany { limit, place: "of this tenant" });
     }
     let Some(home) = home else { return Ok(()) };
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome.into());
-    }
+    homes::lock_existing(transaction, home).await?;
     let of_home = query(
         "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1
         AND (state = 'arrived' OR (state = 'arriving' AND expires_at > $2))",
@@ -347,22 +329,27 @@ async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<Str
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
 
+/// Selects the uploads whose column `$of` has a value, and their pieces.
+macro_rules! uploads_of {
+    ($of:literal) => {
+        [
+            concat!("SELECT id FROM uploads WHERE ", $of, " = $1 ORDER BY id FOR UPDATE"),
+            concat!(
+                "SELECT blob_key FROM upload_pieces
+                WHERE upload_id IN (SELECT id FROM uploads WHERE ",
+                $of,
+                " = $1)"
+            ),
+        ]
+    };
+}
+
 /// Returns the pieces of a tenant's uploads, and locks these: no piece is added until the transaction ends.
 pub(super) async fn blob_keys_of_tenant(
     connection: &mut Connection,
     tenant: &Tenant,
 ) -> Result<Vec<String>, StorageError> {
-    let lock = connection.either(
-        "SELECT id FROM uploads WHERE tenant = $1",
-        "SELECT id FROM uploads WHERE tenant = $1 ORDER BY id FOR UPDATE",
-    );
-    query(lock).bind(tenant.name()).fetch_all(connection).await?;
-    let rows = query(
-        "SELECT blob_key FROM upload_pieces
-        WHERE upload_id IN (SELECT id FROM uploads WHERE tenant = $1)",
-    );
-    let rows = rows.bind(tenant.name()).fetch_all(connection).await?;
-    rows.iter().map(|row| row.text("blob_key")).collect()
+    lock_pieces(connection, uploads_of!("tenant"), tenant.name()).await
 }
 
 /// Returns the pieces of the uploads to a home, and locks these: no piece is added until the transaction ends.
@@ -370,15 +357,15 @@ pub(super) async fn blob_keys_of_home(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let lock = connection.either(
-        "SELECT id FROM uploads WHERE home_id = $1",
-        "SELECT id FROM uploads WHERE home_id = $1 ORDER BY id FOR UPDATE",
-    );
-    query(lock).bind(home.key()).fetch_all(connection).await?;
-    let rows = query(
-        "SELECT blob_key FROM upload_pieces
-        WHERE upload_id IN (SELECT id FROM uploads WHERE home_id = $1)",
-    );
-    let rows = rows.bind(home.key()).fetch_all(connection).await?;
+    lock_pieces(connection, uploads_of!("home_id"), home.key()).await
+}
+
+async fn lock_pieces(
+    connection: &mut Connection,
+    [lock, pieces]: [&'static str; 2],
+    of: &str,
+) -> Result<Vec<String>, StorageError> {
+    query(lock).bind(of).fetch_all(connection).await?;
+    let rows = query(pieces).bind(of).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }

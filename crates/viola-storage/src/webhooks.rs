@@ -11,8 +11,8 @@ mod secrets;
 pub use deliveries::{Delivery, DeliveryState, RETRY_AFTER, Sending, Sent, ToSend};
 
 use super::changes::ChangeKind;
-use super::columns::{Columns, to_json};
-use super::database::{Connection, Row, query};
+use super::columns::to_json;
+use super::database::{Connection, Row, Turn, query, take_turns};
 use super::{Storage, StorageError, Tenant};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -99,12 +99,8 @@ impl Storage {
         self.number_changes().await?;
         let (id, secret) = (Uuid::now_v7(), WebhookSecret::new()?);
         let mut transaction = self.database.begin().await?;
-        // The requests of a tenant take turns after this statement, so that two cannot pass the count together. Those of SQLite do
-        // anyway.
-        let turn = transaction.either(None, Some("SELECT pg_advisory_xact_lock(hashtextextended($1, 1))"));
-        if let Some(turn) = turn {
-            query(turn).bind(tenant.name()).execute(&mut transaction).await?;
-        }
+        // Two cannot pass the count together.
+        take_turns(&mut transaction, Turn::Webhooks, tenant.name()).await?;
         let made = query(
             "INSERT INTO webhooks (id, tenant, url, kinds, secret, seq, created_at)
             SELECT $1, $2, $3, $4, $5, last_seq, $6 FROM change_counter
@@ -140,13 +136,8 @@ impl Storage {
 
     /// Removes a webhook with its log. A message that is being sent still arrives.
     pub async fn delete_webhook(&self, tenant: &Tenant, id: Uuid) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let deleted = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2")
-            .bind(tenant.name())
-            .bind(id.to_string())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await?;
+        let delete = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2");
+        let deleted = self.database.execute(delete.bind(tenant.name()).bind(id.to_string())).await?;
         if deleted > 0 { Ok(()) } else { Err(StorageError::NoSuchWebhook) }
     }
 }

@@ -115,8 +115,7 @@ impl Blobs {
             for key in keys {
                 tracing::info!(key, "removing a blob that no row names");
             }
-            let tries = tried("removing blobs", || self.remove(keys));
-            self.limits.bound(tries).await?;
+            self.remove_recorded(keys).await?;
         }
         Ok(())
     }
@@ -281,29 +280,42 @@ impl Walk {
                 continue;
             };
             let looked = entry.and_then(|entry| look(&entry));
-            match looked.map_err(|source| StorageError::File { path: folder.clone(), source })? {
-                // The folder of the blobs may be a disk of its own.
-                Some(Entry::Folder(path, _)) if path == self.root.join(LOST_AND_FOUND) => {}
-                Some(Entry::Folder(path, modified)) => {
-                    // Only folders of leftovers are swept; the store removes the folders of its blobs.
-                    if is_below(&self.root, &path, self.leftovers.as_ref()) {
-                        batch.push(found(&self.root, path.clone(), modified, self.leftovers.as_ref()));
-                    }
-                    self.folders.push(path);
-                }
-                Some(Entry::File(path, modified)) => {
-                    batch.push(found(&self.root, path, modified, self.leftovers.as_ref()));
-                }
-                None => {}
+            let looked = looked.map_err(|source| StorageError::File { path: folder.clone(), source })?;
+            let Some(Entry { path, modified, is_folder }) = looked else { continue };
+            // The folder of the blobs may be a disk of its own.
+            if is_folder && path == self.root.join(LOST_AND_FOUND) {
+                continue;
+            }
+            let key = path.strip_prefix(&self.root).ok().and_then(Path::to_str);
+            let key = key.and_then(|key| Key::parse(key).ok());
+            // Only folders of leftovers are swept; the store removes the folders of its blobs.
+            if !is_folder || key.as_ref().is_some_and(|key| self.is_below_leftovers(key)) {
+                batch.push(self.found(key, path.clone(), modified));
+            }
+            if is_folder {
+                self.folders.push(path);
             }
         }
         Ok(batch)
     }
+
+    /// Returns whether a key lies below the folder of leftovers.
+    fn is_below_leftovers(&self, key: &Key) -> bool {
+        self.leftovers.as_ref().is_some_and(|folder| key != folder && key.prefix_matches(folder))
+    }
+
+    fn found(&self, key: Option<Key>, path: PathBuf, modified: Timestamp) -> Found {
+        match key.filter(|key| !being_written(key) && !self.is_below_leftovers(key)) {
+            Some(key) => Found::Blob { key: key.to_string(), modified },
+            None => Found::Leftover { path, modified },
+        }
+    }
 }
 
-enum Entry {
-    Folder(PathBuf, Timestamp),
-    File(PathBuf, Timestamp),
+struct Entry {
+    path: PathBuf,
+    modified: Timestamp,
+    is_folder: bool,
 }
 
 /// Opens a folder; returns `None` if it was removed meanwhile.
@@ -327,24 +339,7 @@ fn look(entry: &DirEntry) -> io::Result<Option<Entry>> {
     }
     // Without a valid time it is never swept.
     let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
-    let path = entry.path();
-    Ok(Some(if metadata.is_dir() { Entry::Folder(path, modified) } else { Entry::File(path, modified) }))
-}
-
-/// Returns whether a path lies below the folder of leftovers.
-fn is_below(root: &Path, path: &Path, leftovers: Option<&Key>) -> bool {
-    let key = path.strip_prefix(root).ok().and_then(Path::to_str).and_then(|key| Key::parse(key).ok());
-    leftovers.is_some_and(|folder| key.is_some_and(|key| key != *folder && key.prefix_matches(folder)))
-}
-
-fn found(root: &Path, path: PathBuf, modified: Timestamp, leftovers: Option<&Key>) -> Found {
-    let key = path.strip_prefix(root).ok().and_then(Path::to_str).and_then(|key| Key::parse(key).ok());
-    match key {
-        Some(key) if !being_written(&key) && !leftovers.is_some_and(|folder| key.prefix_matches(folder)) => {
-            Found::Blob { key: key.to_string(), modified }
-        }
-        _ => Found::Leftover { path, modified },
-    }
+    Ok(Some(Entry { path: entry.path(), modified, is_folder: metadata.is_dir() }))
 }
 
 /// Returns whether a name is the store's temporary name of an incomplete file: `file#1` for `file`.

@@ -4,10 +4,9 @@
 //! a process begins an epoch, after the numbers assigned so far, and a position names the newest epoch of its reading. It is of
 //! the database's past if its epoch is known and no later one begins before its number.
 
-use super::super::columns::Columns;
 use super::super::database::{Connection, query};
 use super::super::{Storage, StorageError};
-use super::TOLD;
+use super::{TOLD, lock_counter};
 use jiff::Timestamp;
 use std::fmt;
 use std::str::FromStr;
@@ -69,9 +68,7 @@ impl Storage {
     pub(crate) async fn begin_epoch(&self, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         // Processes that start at once take turns, and no number is assigned meanwhile.
-        let counter = transaction
-            .either("SELECT last_seq FROM change_counter", "SELECT last_seq FROM change_counter FOR UPDATE");
-        let last = query(counter).fetch_one(&mut transaction).await?.number("last_seq")?;
+        let last = lock_counter(&mut transaction).await?;
         // All cursors of epochs that ended so long ago have expired.
         query(
             "DELETE FROM feed_epochs

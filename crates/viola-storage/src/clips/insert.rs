@@ -2,7 +2,7 @@
 
 use super::{Added, NewClip, find};
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Connection, Transaction, query};
 use crate::incoming::Arrived;
 use crate::jobs::{self, Priority};
@@ -51,9 +51,7 @@ pub(crate) async fn insert(
     quota: QuotaCheck,
     now: Timestamp,
 ) -> Result<Added, StorageError> {
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
+    homes::lock_existing(transaction, home).await?;
     if let Some(key) = &new.idempotency_key
         && let Some(used) = idempotency::find(transaction, home, key).await?
     {

@@ -1,7 +1,6 @@
 //! The answer of an earlier job, which a clip keeps until another job has one.
 
 use crate::StorageError;
-use crate::columns::Columns;
 use crate::database::Row;
 use viola_align::Alignment;
 

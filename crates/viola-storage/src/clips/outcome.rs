@@ -3,7 +3,7 @@
 use super::result_blobs;
 use crate::changes::{self, Changed};
 use crate::choice::Verdict;
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Connection, Transaction, query};
 use crate::{Choice, ClipState, StorageError, clock, home_maps, homes, lidar_maps};
 use jiff::Timestamp;

@@ -89,8 +89,7 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
     assert_eq!(news(&storage, &mut cursor, 1).await, ["h clip aligning"]);
     storage.heartbeat(&claim, &job_progress(None, 0.5), LEASE, at(2)).await.unwrap();
     assert!(news(&storage, &mut cursor, 2).await.is_empty(), "progress is the job's");
-    let retry = RetryPolicy::default();
-    storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(3)).await.unwrap();
+    assert!(end_attempt(&storage, &claim, answer(AlignmentState::Aligned), 3).await);
     assert_eq!(news(&storage, &mut cursor, 3).await, ["h clip aligned"]);
     let pose = Chosen::Pose(LevelName::MAIN, Pose2::IDENTITY);
     storage.choose(&id, clip.id, pose, |_| true, at(4)).await.unwrap();

@@ -1,6 +1,6 @@
 //! A person's choice beside the method's own answer.
 
-use super::home_maps::{due, revision};
+use super::home_maps::merge_by;
 use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
@@ -56,7 +56,7 @@ fn two_floors(camera_height_m: f64) -> AttemptEnd {
 async fn end(storage: &Storage, ending: AttemptEnd) -> Clip {
     let claim = storage.claim(LEASE, at(900)).await.unwrap().expect("a job is due");
     storage.put_result(&claim, "cloud.ply", b"points".to_vec()).await.unwrap();
-    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(901)).await.unwrap());
+    assert!(end_attempt(storage, &claim, ending, 901).await);
     storage.clip(&claim.job.home, claim.job.clip).await.unwrap()
 }
 
@@ -105,8 +105,7 @@ async fn a_pose_may_be_chosen_before_there_is_an_answer(storage: Storage) {
     let held = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
     let aligning = storage.clip(&home, clip.id).await.unwrap();
     assert_eq!((aligning.state, codes(&aligning).len()), (ClipState::Aligning, 0));
-    let retry = RetryPolicy::default();
-    assert!(storage.finish(&held, &two_modes(AlignmentState::Failed), &retry, at(3)).await.unwrap());
+    assert!(end_attempt(&storage, &held, two_modes(AlignmentState::Failed), 3).await);
     let settled = storage.clip(&home, clip.id).await.unwrap();
     assert_eq!((settled.state, codes(&settled)), (ClipState::Aligned, vec!["chosen_by_person"]));
     assert_eq!(settled.alignment.unwrap().state, AlignmentState::Failed);
@@ -178,11 +177,9 @@ async fn a_chosen_alternative_keeps_its_floor(storage: Storage) {
         choose(&storage, &clip, Chosen::Alternative(index), 202).await;
         storage.align_clip(&home, clip.id, at(203)).await.unwrap();
         end(&storage, two_floors(next_m)).await;
-        let claim = due(&storage, seconds).await.expect("the home is due");
+        let claim = merge_by(&storage, PlacedBy::Person, b"tile", seconds).await;
         let Verdict::Chosen { rise_m, .. } = claim.members[0].verdict else { panic!("{:?}", claim.members) };
         assert!((rise_m - expected_m).abs() < 1e-9, "{index} {next_m}: {rise_m}");
-        let new = revision(&claim, PlacedBy::Person, b"tile");
-        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
         assert!(storage.clip(&home, clip.id).await.unwrap().placement.is_some());
     }
 }
@@ -305,19 +302,15 @@ async fn a_choice_during_a_claim_keeps_the_state_of_the_clip(storage: Storage) {
 async fn a_choice_on_a_copy_takes_back_what_neighbours_decided(storage: Storage) {
     let (home, _) = one_job(&storage).await;
     let first = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
-    let claim = due(&storage, 902).await.expect("the home is due");
-    let new = revision(&claim, PlacedBy::Neighbours, b"first");
-    assert!(storage.finish_merge(&claim, Some(&new), at(902)).await.unwrap());
+    merge_by(&storage, PlacedBy::Neighbours, b"first", 902).await;
     let placed = storage.clip(&home, first.id).await.unwrap();
     assert_eq!((placed.state, codes(&placed)), (ClipState::Aligned, vec!["decided_by_neighbours"]));
     // The same recording again. A merge takes the one that a person placed.
     add(&storage, &home, b"clip").await;
     let copy = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
     choose(&storage, &copy, Chosen::Alternative(0), 903).await;
-    let claim = due(&storage, 904).await.expect("the home is due");
+    let claim = merge_by(&storage, PlacedBy::Person, b"copy", 904).await;
     assert_eq!(claim.members.iter().map(|member| member.clip).collect::<Vec<_>>(), [copy.id]);
-    let new = revision(&claim, PlacedBy::Person, b"copy");
-    assert!(storage.finish_merge(&claim, Some(&new), at(904)).await.unwrap());
     let left = storage.clip(&home, first.id).await.unwrap();
     assert_eq!((left.state, codes(&left)), (ClipState::Ambiguous, vec!["two_modes"]));
     assert_eq!(left.placement, None);

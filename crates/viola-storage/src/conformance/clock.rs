@@ -1,9 +1,8 @@
 //! A clock that jumps by an hour, forward and back: work goes on at once, and nothing is done twice.
 
-use super::home_maps::{align, due, revision};
+use super::home_maps::{align, due, finish, merge};
 use super::*;
 use jiff::SignedDuration;
-use viola_home::PlacedBy;
 use viola_testing::postgres::try_execute;
 
 const HOUR: i64 = 3600;
@@ -33,17 +32,17 @@ async fn jobs_go_on_after_the_clock_was_set_back(storage: Storage) {
     assert_eq!(release_at(&storage, -2 * HOUR).await, 1);
     let held = claim_at(&storage, -2 * HOUR).await.expect("the job is due");
     assert_eq!((held.job.id, held.job.attempts), (lost.job.id, 1));
-    let (done, retry) = (answer(AlignmentState::Aligned), RetryPolicy::default());
-    assert!(!storage.finish(&lost, &done, &retry, at(-2 * HOUR)).await.unwrap());
+    let done = || answer(AlignmentState::Aligned);
+    assert!(!end_attempt(&storage, &lost, done(), -2 * HOUR).await);
     // A worker that lives renews its lease.
     assert!(storage.heartbeat(&held, &JobProgress::default(), LEASE, at(-2 * HOUR)).await.unwrap());
     assert_eq!(release_at(&storage, -2 * HOUR + 1).await, 0);
-    assert!(storage.finish(&held, &done, &retry, at(-2 * HOUR + 2)).await.unwrap());
+    assert!(end_attempt(&storage, &held, done(), -2 * HOUR + 2).await);
     assert_eq!(storage.clips(&home, &ClipFilter::default(), &page()).await.unwrap().len(), 1);
     // A pause after a fault stays a pause.
     add(&storage, &home, b"other").await;
     let held = claim_at(&storage, 0).await.unwrap();
-    assert!(storage.finish(&held, &AttemptEnd::Fault(Fault::Storage), &retry, at(0)).await.unwrap());
+    assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::Storage), 0).await);
     assert!(claim_at(&storage, 4).await.is_none());
     assert!(claim_at(&storage, 5).await.is_some());
 }
@@ -59,25 +58,17 @@ async fn jobs_go_on_after_the_clock_was_set_forward(storage: Storage) {
     assert_eq!(release_at(&storage, HOUR).await, 1);
     let second = claim_at(&storage, HOUR).await.unwrap();
     assert_eq!((second.job.id, second.job.attempts), (first.job.id, 1));
-    let (done, retry) = (answer(AlignmentState::Aligned), RetryPolicy::default());
+    let done = || answer(AlignmentState::Aligned);
     assert!(!storage.heartbeat(&first, &JobProgress::default(), LEASE, at(HOUR)).await.unwrap());
-    assert!(!storage.finish(&first, &done, &retry, at(HOUR)).await.unwrap());
-    assert!(storage.finish(&second, &done, &retry, at(HOUR + 1)).await.unwrap());
+    assert!(!end_attempt(&storage, &first, done(), HOUR).await);
+    assert!(end_attempt(&storage, &second, done(), HOUR + 1).await);
 }
 
 async fn a_job_of_a_clock_that_was_ahead_comes_before_newer_ones(storage: Storage) {
     let (home, first) = one_job(&storage).await;
     let now = -4 * HOUR;
     assert_eq!(release_at(&storage, now).await, 0);
-    let newer = NewClip {
-        file: arrived(&storage, b"newer").await,
-        info: clip_info(),
-        content_sha256: None,
-        idempotency_key: None,
-        recorded_at: None,
-        title: None,
-        file_name: None,
-    };
+    let newer = new_clip(arrived(&storage, b"newer").await);
     storage.add_clip(&home, newer, None, at(now)).await.unwrap();
     assert_eq!(claim_at(&storage, now + 1).await.expect("a job is due").job.clip, first.id);
 }
@@ -88,12 +79,8 @@ async fn merges_go_on_after_the_clock_was_set_back(storage: Storage) {
     let lost = due(&storage, 200).await.expect("a merge is due");
     let held = due(&storage, 200 - HOUR).await.expect("its lease is of a clock that was ahead");
     assert!(due(&storage, 201 - HOUR).await.is_none());
-    let finish = async |claim: &MergeClaim| {
-        let new = revision(claim, PlacedBy::Alignment, b"tile");
-        storage.finish_merge(claim, Some(&new), at(202 - HOUR)).await.unwrap()
-    };
-    assert!(!finish(&lost).await);
-    assert!(finish(&held).await);
+    assert!(!finish(&storage, &lost, b"tile", 202 - HOUR).await);
+    assert!(finish(&storage, &held, b"tile", 202 - HOUR).await);
 }
 
 async fn a_clip_changed_no_earlier_after_the_clock_was_set_back(storage: Storage) {
@@ -111,21 +98,15 @@ async fn a_clip_changed_no_earlier_after_the_clock_was_set_back(storage: Storage
     check("chosen").await;
     storage.withdraw_choice(&home, id, |_| true, at(-HOUR)).await.unwrap();
     check("withdrawn").await;
-    let merge = async |seconds: i64| {
-        let claim = due(&storage, seconds).await.expect("a merge is due");
-        let new = revision(&claim, PlacedBy::Alignment, b"tile");
-        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
-    };
-    merge(-HOUR).await;
+    merge(&storage, b"tile", -HOUR).await;
     check("placed").await;
     storage.align_clip(&home, id, at(-HOUR)).await.unwrap();
     check("queued").await;
     let held = claim_at(&storage, -HOUR).await.expect("the job is due");
     check("claimed").await;
-    let (refused, retry) = (AttemptEnd::Refused(reason("unreadable")), RetryPolicy::default());
-    assert!(storage.finish(&held, &refused, &retry, at(-HOUR)).await.unwrap());
+    assert!(end_attempt(&storage, &held, AttemptEnd::Refused(reason("unreadable")), -HOUR).await);
     check("refused").await;
-    merge(1 - HOUR).await;
+    merge(&storage, b"tile", 1 - HOUR).await;
     assert_eq!(storage.clip(&home, id).await.unwrap().placement, None);
     check("taken out of the map").await;
     storage.delete_home(&home, |_| true, at(-HOUR)).await.unwrap();
@@ -137,16 +118,7 @@ async fn a_clip_changed_no_earlier_after_the_clock_was_set_back(storage: Storage
 async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
     let (home, limits) = (home("h"), UploadLimits::default());
     storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
-    let new = NewUpload {
-        kind: UploadKind::Whole,
-        tenant: Tenant::default(),
-        home: Some(home),
-        metadata: String::new(),
-        concat: None,
-        length_bytes: Some(4),
-        content_key: None,
-        is_stored: false,
-    };
+    let new = NewUpload { home: Some(home), ..new_upload(UploadKind::Whole, &Tenant::default(), Some(4)) };
     let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     let mut writer = storage.begin_append(id, 0, None, &limits, at(-HOUR)).await.unwrap();
     storage.append(&mut writer, arrived(&storage, b"clip").await, &limits, at(-HOUR)).await.unwrap();
@@ -184,15 +156,7 @@ async fn workers_with_a_wrong_clock_go_by_the_databases() {
         let home = home("h");
         worker.put_home(&home, None, |_| true, worker.now()).await.unwrap();
         put_map(&worker, &home, b"map").await;
-        let new = NewClip {
-            file: arrived(&worker, b"clip").await,
-            info: clip_info(),
-            content_sha256: None,
-            idempotency_key: None,
-            recorded_at: None,
-            title: None,
-            file_name: None,
-        };
+        let new = new_clip(arrived(&worker, b"clip").await);
         worker.add_clip(&home, new, None, worker.now()).await.unwrap();
         let held = worker.claim(LEASE, worker.now()).await.unwrap().expect("the job is due");
         other.follow_clock().await.unwrap();

@@ -24,7 +24,7 @@ on_every_back_end!(
     a_slow_check_keeps_no_other_write_waiting,
 );
 
-fn chair(id: &str, x: f64) -> MapObject {
+pub(super) fn chair(id: &str, x: f64) -> MapObject {
     MapObject {
         id: id.to_owned(),
         level: LevelName::MAIN,
@@ -91,6 +91,15 @@ async fn furnished(storage: &Storage) -> HomeId {
 
 fn renamed(name: Option<&str>) -> ObjectChange {
     ObjectChange { name: Some(name.map(str::to_owned)), ..ObjectChange::default() }
+}
+
+/// Divides a room along a line across it.
+fn line(x: f64) -> RoomChange {
+    RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() }
+}
+
+fn with(id: &str) -> RoomChange {
+    RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() }
 }
 
 async fn correct(
@@ -160,8 +169,6 @@ async fn corrections_that_cannot_be(storage: Storage) {
     let elsewhere = super::home("elsewhere");
     let none = storage.correct::<ObjectCorrection>(&elsewhere, "chair-1", &change, |_| true, at(1)).await;
     assert!(matches!(none, Err(CorrectionError::Storage(StorageError::NoSuchHome))), "{none:?}");
-    let line = |x: f64| RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() };
-    let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
     for (change, field) in [
         (line(9.0), "split_by"),
         (line(0.01), "split_by"),
@@ -193,8 +200,7 @@ async fn a_room_is_corrected(storage: Storage) {
     assert_eq!((kept.name.as_deref(), kept.at_m), (Some("Lounge"), [2.0, 1.5]));
     let merge_made = kept.merge.unwrap();
     assert_eq!((merge_made.with_m, merge_made.order), (vec![[6.1, 1.5]], 1));
-    let line = RoomChange { split_by: Some(Some([[3.0, 0.0], [3.0, 1.0]])), ..RoomChange::default() };
-    let state = storage.correct::<RoomCorrection>(&home, "1", &line, |_| true, at(301)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &line(3.0), |_| true, at(301)).await.unwrap();
     assert_eq!(state.kept.unwrap().correction.split.unwrap().order, 2);
     let undo = RoomChange { merge_with: Some(None), split_by: Some(None), ..RoomChange::default() };
     let state = storage.correct::<RoomCorrection>(&home, "1", &undo, |_| true, at(302)).await.unwrap();
@@ -205,7 +211,6 @@ async fn a_room_is_corrected(storage: Storage) {
 
 async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
     let home = furnished(&storage).await;
-    let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
     storage.correct::<RoomCorrection>(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
     let mut both = room("1", 0.0);
     both.room.polygon_m = vec![[0.0, 0.0], [8.1, 0.0], [8.1, 3.0], [0.0, 3.0]];
@@ -221,7 +226,6 @@ async fn a_room_grows_by_one_merge_after_another(storage: Storage) {
 /// The plan draws less of the rooms than the LiDAR map has of them.
 async fn rooms_are_corrected_by_the_cells_of_the_lidar_map(storage: Storage) {
     let home = furnished(&storage).await;
-    let with = |id: &str| RoomChange { merge_with: Some(Some(vec![id.to_owned()])), ..RoomChange::default() };
     storage.correct::<RoomCorrection>(&home, "1", &with("2"), |_| true, at(300)).await.unwrap();
     let mut drawn = room("1", 0.0);
     drawn.corrected = vec![RoomField::MergeWith];
@@ -231,8 +235,7 @@ async fn rooms_are_corrected_by_the_cells_of_the_lidar_map(storage: Storage) {
     next.label_at_m = [10.0, 1.0];
     let history = MapHistory { rooms_of_cells: vec![both, next], ..MapHistory::default() };
     merge_with(&storage, 400, vec![drawn, room("4", 8.2)], history).await;
-    let line = RoomChange { split_by: Some(Some([[5.0, 0.0], [5.0, 1.0]])), ..RoomChange::default() };
-    let state = storage.correct::<RoomCorrection>(&home, "1", &line, |_| true, at(401)).await.unwrap();
+    let state = storage.correct::<RoomCorrection>(&home, "1", &line(5.0), |_| true, at(401)).await.unwrap();
     assert_eq!(state.kept.unwrap().correction.split.unwrap().from_m, [5.0, 0.0]);
     let state = storage.correct::<RoomCorrection>(&home, "1", &with("4"), |_| true, at(402)).await.unwrap();
     let merge = state.kept.unwrap().correction.merge.unwrap();
@@ -261,7 +264,6 @@ async fn a_list_has_the_places_of_the_present_map(storage: Storage) {
 
 async fn a_room_is_divided_by_one_line(storage: Storage) {
     let home = furnished(&storage).await;
-    let line = |x: f64| RoomChange { split_by: Some(Some([[x, 0.0], [x, 1.0]])), ..RoomChange::default() };
     storage.correct::<RoomCorrection>(&home, "1", &line(3.0), |_| true, at(300)).await.unwrap();
     let mut part = room("1", 0.0);
     part.room.polygon_m = vec![[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]];

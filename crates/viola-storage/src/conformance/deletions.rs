@@ -1,7 +1,7 @@
 //! Deletions remove the last byte, and succeed only then.
 
 use super::faults::{removals_fail, removals_fail_times};
-use super::home_maps::{align, due, finish};
+use super::home_maps::{align, merge};
 use super::*;
 
 on_every_back_end!(
@@ -11,6 +11,7 @@ on_every_back_end!(
     who_deletes_is_told_the_truth,
     one_pass_finishes_all_deletions,
     a_deletion_that_times_out_does_not_stop_the_others,
+    a_deletion_that_cannot_be_read_lets_others_pass,
     a_deletion_is_of_the_resource_as_it_was_read,
     files_that_a_change_replaces_are_deleted_once_the_store_works,
     a_home_is_removed_with_the_files_that_its_maps_left,
@@ -25,21 +26,8 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
     let clip = add(storage, &id, b"clip").await;
     let claim = storage.claim(LEASE, at(0)).await.unwrap().unwrap();
     storage.put_result(&claim, "cloud.ply", b"cloud".to_vec()).await.unwrap();
-    storage.finish(&claim, &answer(AlignmentState::Ambiguous), &RetryPolicy::default(), at(1)).await.unwrap();
-    let new = NewUpload {
-        kind: UploadKind::Partial,
-        tenant: tenant.clone(),
-        home: None,
-        metadata: String::new(),
-        concat: Some("partial".to_owned()),
-        length_bytes: Some(8),
-        content_key: None,
-        is_stored: false,
-    };
-    let limits = UploadLimits::default();
-    let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
-    let mut writer = storage.begin_append(part, 0, None, &limits, at(0)).await.unwrap();
-    storage.append(&mut writer, arrived(storage, b"part").await, &limits, at(0)).await.unwrap();
+    assert!(end_attempt(storage, &claim, answer(AlignmentState::Ambiguous), 1).await);
+    half_upload(storage, tenant).await;
     let key = NewKey {
         tenant: tenant.clone(),
         role: Role::Admin,
@@ -55,28 +43,28 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
     clip
 }
 
+/// Creates an upload with the first half of its bytes.
+async fn half_upload(storage: &Storage, tenant: &Tenant) -> Uuid {
+    let limits = UploadLimits::default();
+    let new = new_upload(UploadKind::Partial, tenant, Some(8));
+    let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
+    let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
+    storage.append(&mut writer, arrived(storage, b"part").await, &limits, at(0)).await.unwrap();
+    id
+}
+
 /// Returns the number of a tenant's rows in all tables.
-async fn rows(storage: &Storage, tenant: &Tenant) -> u64 {
-    use crate::columns::Columns;
+async fn rows(storage: &Storage, tenant: &Tenant) -> i64 {
     let mut rows = 0;
-    for (statement, value) in [
-        ("SELECT COUNT(*) AS n FROM homes WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM jobs WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM uploads WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM changes WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM api_keys WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM tenant_sizes WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM tenant_limits WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM webhooks WHERE tenant = $1", tenant.name().to_owned()),
-        ("SELECT COUNT(*) AS n FROM clips WHERE home_id LIKE $1", format!("{}/%", tenant.name())),
-        ("SELECT COUNT(*) AS n FROM lidar_maps WHERE home_id LIKE $1", format!("{}/%", tenant.name())),
-        ("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE $1", format!("%{}%", tenant.name())),
-    ] {
-        let row = crate::database::query(statement).bind(value);
-        let row = row.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
-        rows += row.count::<u64>("n").unwrap();
+    let tables =
+        ["homes", "jobs", "uploads", "changes", "api_keys", "tenant_sizes", "tenant_limits", "webhooks"];
+    for table in tables {
+        rows += count(storage, table, "tenant = $1", Some(tenant.name())).await;
     }
-    rows
+    for table in ["clips", "lidar_maps"] {
+        rows += count(storage, table, "home_id LIKE $1", Some(&format!("{}/%", tenant.name()))).await;
+    }
+    rows + pending(storage, &format!("%{}%", tenant.name())).await
 }
 
 async fn a_tenant_goes_whole(storage: Storage) {
@@ -166,6 +154,19 @@ async fn a_deletion_that_times_out_does_not_stop_the_others(mut storage: Storage
     assert_eq!(storage.finish_deletions().await.unwrap(), 1);
 }
 
+async fn a_deletion_that_cannot_be_read_lets_others_pass(storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    for owner in ["clip:h:1", "clip:h:2", "clip:h:3"] {
+        pending_deletes::add(&mut transaction, owner, &["clips/1/file".to_owned()], at(0)).await.unwrap();
+    }
+    transaction.commit().await.unwrap();
+    let later = "UPDATE doomed_blobs SET blob_keys = 'of a later version' WHERE owner = $1";
+    execute(&storage, later, "clip:h:1").await;
+    let failed = storage.finish_deletions().await;
+    assert!(matches!(failed, Err(StorageError::Column { .. })), "{failed:?}");
+    assert_eq!(pending(&storage, "%").await, 1);
+}
+
 async fn who_deletes_is_told_the_truth(mut storage: Storage) {
     let tenant: Tenant = "acme".parse().unwrap();
     let id = tenant.home(&home("h"));
@@ -225,32 +226,15 @@ async fn a_deletion_is_of_the_resource_as_it_was_read(mut storage: Storage) {
 
 async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut storage: Storage) {
     let (home, clip) = one_job(&storage).await;
-    let limits = UploadLimits::default();
-    let mut uploads = Vec::new();
-    for _ in 0..2 {
-        let new = NewUpload {
-            kind: UploadKind::Partial,
-            tenant: Tenant::default(),
-            home: None,
-            metadata: String::new(),
-            concat: Some("partial".to_owned()),
-            length_bytes: Some(8),
-            content_key: None,
-            is_stored: false,
-        };
-        let id = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
-        let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
-        storage.append(&mut writer, arrived(&storage, b"part").await, &limits, at(0)).await.unwrap();
-        uploads.push(id);
-    }
+    let deleted = half_upload(&storage, &Tenant::default()).await;
+    half_upload(&storage, &Tenant::default()).await;
     let repair = removals_fail(&mut storage);
-    storage.delete_upload(uploads[0], at(1)).await.unwrap();
+    storage.delete_upload(deleted, at(1)).await.unwrap();
     assert_eq!(storage.expire_uploads(at(1_000_000)).await.unwrap(), 1);
     // More revisions than are kept, of the home's map and of its LiDAR map.
     for n in 0..12u8 {
         align(&storage, AlignmentState::Aligned).await;
-        let claim = due(&storage, 200).await.expect("the home is due");
-        assert!(finish(&storage, &claim, &[n], 200).await);
+        merge(&storage, &[n], 200).await;
         if n < 6 {
             storage.align_clip(&home, clip.id, at(100)).await.unwrap();
         } else {
@@ -262,9 +246,7 @@ async fn files_that_a_change_replaces_are_deleted_once_the_store_works(mut stora
     }
     repair();
     while storage.finish_deletions().await.unwrap() > 0 {}
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
-    let left: Vec<_> = blobs.iter().filter(|key| !rows.contains(*key)).collect();
-    assert!(left.is_empty(), "{left:?}");
+    storage.check_no_blob_is_left("changes").await;
 }
 
 async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storage) {
@@ -273,8 +255,7 @@ async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storag
     // More revisions than are kept.
     for n in 0..7u8 {
         align(&storage, AlignmentState::Aligned).await;
-        let claim = due(&storage, 200).await.expect("the home is due");
-        assert!(finish(&storage, &claim, &[n], 200).await);
+        merge(&storage, &[n], 200).await;
         storage.align_clip(&home, clip.id, at(100)).await.unwrap();
     }
     assert!(pending(&storage, "home-map:%").await > 0);
@@ -285,7 +266,6 @@ async fn a_home_is_removed_with_the_files_that_its_maps_left(mut storage: Storag
 }
 
 async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
-    use crate::columns::Columns;
     use crate::database::query;
     let (id, clip) = one_job(&storage).await;
     let mut transaction = storage.database.begin().await.unwrap();
@@ -301,11 +281,7 @@ async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
         .unwrap();
     }
     transaction.commit().await.unwrap();
-    let old = async || {
-        let old = query("SELECT COUNT(*) AS n FROM changes WHERE home_id = 'gone'");
-        let old = old.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
-        old.count::<u64>("n").unwrap()
-    };
+    let old = async || count(&storage, "changes", "home_id = 'gone'", None).await;
     let later = at(40 * 24 * 3600);
     storage.delete_clip(&id, clip.id, |_| true, later).await.unwrap();
     assert_eq!(old().await, 200);
@@ -314,9 +290,6 @@ async fn a_removal_forgets_a_part_of_many_old_ones(storage: Storage) {
 }
 
 /// Returns the number of pending deletes whose owners are like a pattern.
-async fn pending(storage: &Storage, owners: &str) -> u64 {
-    use crate::columns::Columns;
-    let rows =
-        crate::database::query("SELECT COUNT(*) AS n FROM doomed_blobs WHERE owner LIKE $1").bind(owners);
-    rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap().count("n").unwrap()
+async fn pending(storage: &Storage, owners: &str) -> i64 {
+    count(storage, "doomed_blobs", "owner LIKE $1", Some(owners)).await
 }

@@ -1,6 +1,6 @@
 //! The order of jobs.
 
-use super::home_maps::{align, due, finish};
+use super::home_maps::{align, due, merge};
 use super::*;
 
 on_every_back_end!(
@@ -79,8 +79,7 @@ async fn a_tenant_whose_maps_wait_keeps_no_other_waiting(storage: Storage) {
     };
     for number in 0..20 {
         one_aligned("acme", &format!("h{number}")).await;
-        let claim = due(&storage, 110).await.expect("the home is due");
-        assert!(finish(&storage, &claim, b"tile", 110).await);
+        merge(&storage, b"tile", 110).await;
     }
     // The only clip of each map has met faults for long, and rests until second 2000.
     for rest in [
@@ -124,7 +123,6 @@ async fn nobody_waits_for_ever(storage: Storage) {
 }
 
 async fn a_new_map_queues_clips_one_behind_the_other(storage: Storage) {
-    use crate::columns::Columns;
     let home = home_with_map(&storage, "acme", "h").await;
     for n in 0..3u8 {
         add(&storage, &home, &[n]).await;
@@ -167,8 +165,7 @@ async fn clips_without_an_answer_come_before_those_that_are_aligned_again(storag
     // A file that no job could use is aligned again, too.
     add(&storage, &homes[0], b"damaged").await;
     let damaged = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
-    let refused = AttemptEnd::Refused(reason("bad_picture"));
-    assert!(storage.finish(&damaged, &refused, &RetryPolicy::default(), at(100)).await.unwrap());
+    assert!(end_attempt(&storage, &damaged, AttemptEnd::Refused(reason("bad_picture")), 100).await);
     let waiting = add(&storage, &homes[1], b"waiting").await.id;
     for home in &homes {
         // Twice: a clip that waits for its second answer still has the first.
@@ -210,8 +207,7 @@ async fn a_map_that_lost_a_clip_waits_no_half_day(storage: Storage) {
     for _ in 0..2 {
         align(&storage, AlignmentState::Aligned).await;
     }
-    let claim = due(&storage, 110).await.expect("both clips are aligned");
-    assert!(finish(&storage, &claim, b"tile", 110).await);
+    merge(&storage, b"tile", 110).await;
     put_map(&storage, &again, b"new map").await;
     let fresh = home_with_map(&storage, "bolt", "fresh").await;
     for n in 0..4u8 {

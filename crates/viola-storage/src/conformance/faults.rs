@@ -1,5 +1,6 @@
 //! Faults of the storage in the middle of work: the earlier state stays whole.
 
+use super::home_maps::align_at;
 use super::*;
 use async_trait::async_trait;
 use futures::StreamExt;
@@ -12,7 +13,6 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::task::Poll;
-use viola_geometry::Pose2;
 use viola_home::TileKey;
 
 /// A blob store whose writes fail on order, every other of them after the blob was written.
@@ -120,12 +120,7 @@ async fn aligned(storage: &Storage) -> (HomeId, Clip) {
 
 /// Runs the next job.
 async fn align(storage: &Storage) {
-    let claim = storage.claim(LEASE, at(10_000)).await.unwrap().expect("a job is due");
-    let AttemptEnd::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
-    alignment.map_from_clip = Some(Pose2::IDENTITY);
-    storage.put_result(&claim, result_file::CLOUD, b"cloud".to_vec()).await.unwrap();
-    let ending = AttemptEnd::Answered(alignment);
-    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(10_000)).await.unwrap());
+    align_at(storage, AlignmentState::Aligned, 10_000).await;
 }
 
 /// Makes the writes of a storage fail from now on; returns the counter of writes.
@@ -170,8 +165,7 @@ async fn a_store_that_fails_every_third_write_makes_whole_maps() {
     // Five files a revision and one a job, and half as many again.
     assert!(writes.load(Ordering::Relaxed) >= 36);
     assert_eq!(storage.clip(&home, clip.id).await.unwrap().state, ClipState::Aligned);
-    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of writes that failed");
+    storage.check_no_blob_is_left("writes that failed").await;
 }
 
 #[tokio::test]
@@ -188,8 +182,7 @@ async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
     let failed = storage.finish_merge(&claim, Some(&revision(2)), at(12)).await;
     assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
     assert_eq!(whole(&storage, &home).await, Some(1));
-    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    assert!(kept.iter().all(|key| named.contains(key)), "what was written of it is gone");
+    storage.check_no_blob_is_left("a merge that failed").await;
     storage.give_back_merge(&claim, at(13)).await.unwrap();
     assert!(storage.claim_merge("", LEASE, at(13)).await.unwrap().is_some(), "it is tried again");
 }
@@ -216,23 +209,14 @@ async fn a_write_that_fails_leaves_no_blob(mut storage: Storage) {
     let claim = storage.claim_merge("", LEASE, at(10)).await.unwrap().expect("the home is due");
     assert!(storage.finish_merge(&claim, Some(&revision(1)), at(10)).await.unwrap());
     let map = storage.home_map(&home, None).await.unwrap().expect("there is a map");
-    let new = NewClip {
-        file: arrived(&storage, b"another clip").await,
-        info: clip_info(),
-        content_sha256: None,
-        idempotency_key: None,
-        recorded_at: None,
-        title: None,
-        file_name: None,
-    };
+    let new = new_clip(arrived(&storage, b"another clip").await);
     break_writes(&mut storage, |_| true);
     let failed = storage.add_mesh(&home, &map, LevelName::MAIN, b"mesh".to_vec()).await;
     assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
     // In a folder the file is moved and not written, which succeeds.
     let added = storage.add_clip(&home, new, None, at(20)).await;
     assert!(matches!(added, Ok(Added::New(_)) | Err(StorageError::Blobs(_))), "{added:?}");
-    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of writes that failed");
+    storage.check_no_blob_is_left("writes that failed").await;
 }
 
 /// As when a client hangs up: its work is dropped wherever it waits.
@@ -281,8 +265,7 @@ async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
             Some(kept) => assert!(kept.unwrap() && after == Some(number)),
         }
         assert_eq!(storage.clip(&home, clip.id).await.unwrap().state, ClipState::Aligned);
-        let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-        assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of a merge that was cut off");
+        storage.check_no_blob_is_left("a merge that was cut off").await;
         if came_through {
             break;
         }

@@ -4,7 +4,11 @@ use super::faults::cut_off;
 use super::*;
 use crate::database::query;
 
-on_every_back_end!(a_transaction_in_which_a_statement_failed_commits_nothing, a_write_that_works_is_told);
+on_every_back_end!(
+    a_transaction_in_which_a_statement_failed_commits_nothing,
+    a_write_that_works_is_told,
+    a_database_that_is_read_only_may_be_writable_later,
+);
 
 async fn insert(transaction: &mut database::Transaction, id: &str) -> std::result::Result<u64, sqlx::Error> {
     query("INSERT INTO homes (id, tenant, created_at, updated_at) VALUES ($1, '', 0, 0)")
@@ -31,6 +35,18 @@ async fn a_write_that_works_is_told(storage: Storage) {
     for _ in 0..3 {
         storage.check_writes().await.unwrap();
     }
+}
+
+/// PostgreSQL may be a standby after a failover; a file may lack the right to be written.
+async fn a_database_that_is_read_only_may_be_writable_later(storage: Storage) {
+    let mut transaction = storage.database.begin().await.unwrap();
+    let is_shared = transaction.is_shared();
+    let read_only = if is_shared { "SET TRANSACTION READ ONLY" } else { "PRAGMA query_only = 1" };
+    query(read_only).execute(&mut transaction).await.unwrap();
+    let refused = StorageError::from(insert(&mut transaction, "/one").await.unwrap_err());
+    assert!(refused.is_transient() && !refused.is_full(), "{refused}");
+    drop(transaction);
+    storage.put_home(&home("one"), None, |_| true, at(0)).await.unwrap();
 }
 
 /// Returns the names of all homes, as a new process sees them.

@@ -1,5 +1,6 @@
 //! Merges of homes: their claims and their revisions.
 
+use super::corrections::chair;
 use super::*;
 use viola_align::Alternative;
 use viola_geometry::Pose2;
@@ -30,9 +31,14 @@ pub(super) async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
     (home, vec![first.id, second.id])
 }
 
-/// Runs the next job: its clip gets an answer, with a cloud that holds its id.
+/// Runs the next job at second 100.
 pub(super) async fn align(storage: &Storage, state: AlignmentState) {
-    let claim = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
+    align_at(storage, state, 100).await;
+}
+
+/// Runs the next job: its clip, which is returned, gets an answer, with a cloud that holds its id.
+pub(super) async fn align_at(storage: &Storage, state: AlignmentState, seconds: i64) -> Uuid {
+    let claim = storage.claim(LEASE, at(seconds)).await.unwrap().expect("a job is due");
     let cloud = claim.job.clip.to_string().into_bytes();
     storage.put_result(&claim, result_file::CLOUD, cloud).await.unwrap();
     let AttemptEnd::Answered(mut alignment) = answer(state) else { unreachable!() };
@@ -48,8 +54,8 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
         probability: Some(0.02),
         evidence: None,
     }];
-    let ending = AttemptEnd::Answered(alignment);
-    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(100)).await.unwrap());
+    assert!(end_attempt(storage, &claim, AttemptEnd::Answered(alignment), seconds).await);
+    claim.job.clip
 }
 
 pub(super) async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
@@ -98,6 +104,19 @@ pub(super) async fn finish(storage: &Storage, claim: &MergeClaim, tile: &[u8], s
     storage.finish_merge(claim, Some(&new), at(seconds)).await.unwrap()
 }
 
+/// Runs the merge that is due: the map gets a revision with one tile.
+pub(super) async fn merge(storage: &Storage, tile: &[u8], seconds: i64) -> MergeClaim {
+    merge_by(storage, PlacedBy::Alignment, tile, seconds).await
+}
+
+/// [`merge`] whose clips are placed by `by`.
+pub(super) async fn merge_by(storage: &Storage, by: PlacedBy, tile: &[u8], seconds: i64) -> MergeClaim {
+    let claim = due(storage, seconds).await.expect("the home is due");
+    let new = revision(&claim, by, tile);
+    assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+    claim
+}
+
 pub(super) async fn current(storage: &Storage, home: &HomeId) -> HomeMap {
     storage.home_map(home, None).await.unwrap().expect("there is a map")
 }
@@ -141,8 +160,7 @@ async fn a_home_is_merged_when_its_clips_have_settled(storage: Storage) {
     // A clip that cannot be aligned changes no map.
     let third = add(&storage, &home, b"third").await;
     let held = storage.claim(LEASE, at(6)).await.unwrap().unwrap();
-    let failed = AttemptEnd::Refused(reason("unreadable"));
-    assert!(storage.finish(&held, &failed, &RetryPolicy::default(), at(6)).await.unwrap());
+    assert!(end_attempt(&storage, &held, AttemptEnd::Refused(reason("unreadable")), 6).await);
     assert!(due(&storage, 7).await.is_none());
     let left_out = storage.clips_left_out(&home).await.unwrap();
     assert_eq!((left_out.len(), left_out[0].clip, left_out[0].state), (1, third.id, ClipState::Failed));
@@ -158,12 +176,10 @@ async fn a_clip_that_rests_after_faults_keeps_no_merge_waiting(storage: Storage)
         assert!(due(&storage, now_s).await.is_none(), "a clip is on its way");
         let held = storage.claim(LEASE, at(now_s)).await.unwrap().expect("the job is due");
         assert_eq!(held.job.clip, third.id);
-        let fault = AttemptEnd::Fault(Fault::Storage);
-        assert!(storage.finish(&held, &fault, &RetryPolicy::default(), at(now_s)).await.unwrap());
+        assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
         now_s += pause_s;
     }
-    let claim = due(&storage, now_s - 79).await.expect("the home is due");
-    assert!(finish(&storage, &claim, b"both", now_s - 78).await);
+    merge(&storage, b"both", now_s - 79).await;
     assert_eq!(clips_of(&current(&storage, &home).await), clips);
 }
 
@@ -207,18 +223,15 @@ async fn a_change_during_a_merge_makes_it_due_again(storage: Storage) {
 
 async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
-    let claim = due(&storage, 10).await.unwrap();
-    assert!(finish(&storage, &claim, b"both", 10).await);
+    merge(&storage, b"both", 10).await;
     // While a clip is aligned again the old map stays.
     storage.align_clip(&home, clips[1], at(11)).await.unwrap();
     assert!(due(&storage, 11).await.is_none());
     assert_eq!(clips_of(&current(&storage, &home).await), clips);
     // Without an answer it is in no map any more.
     let held = storage.claim(LEASE, at(12)).await.unwrap().unwrap();
-    let failed = AttemptEnd::Refused(reason("unreadable"));
-    assert!(storage.finish(&held, &failed, &RetryPolicy::default(), at(12)).await.unwrap());
-    let claim = due(&storage, 12).await.expect("it was in the map");
-    assert!(finish(&storage, &claim, b"less", 12).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Refused(reason("unreadable")), 12).await);
+    merge(&storage, b"less", 12).await;
     assert_eq!(storage.clip(&home, clips[1]).await.unwrap().placement, None);
     for id in &clips {
         storage.delete_clip(&home, *id, |_| true, at(500)).await.unwrap();
@@ -232,8 +245,8 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     assert_eq!(tiles(&storage, &home, 3).await, Some(vec![]));
     assert_eq!(tiles(&storage, &home, 2).await, Some(vec![b"less".to_vec()]));
     storage.delete_home(&home, |_| true, at(500)).await.unwrap();
-    assert!(storage.blob_keys().await.unwrap().is_empty());
-    assert!(storage.blobs.keys().await.unwrap().is_empty(), "nothing is left of the home");
+    assert!(storage.blob_keys_that_matter().await.is_empty());
+    assert!(storage.blobs_that_exist().await.is_empty(), "nothing is left of the home");
 }
 
 async fn old_revisions_go(storage: Storage) {
@@ -241,17 +254,13 @@ async fn old_revisions_go(storage: Storage) {
     for n in 0..7 {
         storage.align_clip(&home, clips[0], at(20 + n)).await.unwrap();
         align(&storage, AlignmentState::Aligned).await;
-        let claim = due(&storage, 20 + n).await.expect("the home is due");
-        assert!(finish(&storage, &claim, &[n as u8], 20 + n).await);
+        merge(&storage, &[n as u8], 20 + n).await;
     }
     assert_eq!(current(&storage, &home).await.revision, 7);
     for revision in 1..=7i64 {
         let kept = (revision > 2).then(|| vec![vec![revision as u8 - 1]]);
-        assert_eq!(
-            tiles(&storage, &home, revision).await,
-            kept,
-            "of equal ones the newest are kept: {revision}"
-        );
+        let found = tiles(&storage, &home, revision).await;
+        assert_eq!(found, kept, "of equal ones the newest are kept: {revision}");
     }
     let page = Page { limit: 3, after: Some(6) };
     let listed = storage.home_map_revisions(&home, &page).await.unwrap();
@@ -269,8 +278,7 @@ async fn tiles_that_did_not_change_are_shared(storage: Storage) {
     for n in 0..8 {
         storage.align_clip(&home, clips[0], at(20 + n)).await.unwrap();
         align(&storage, AlignmentState::Aligned).await;
-        let claim = due(&storage, 20 + n).await.expect("the home is due");
-        assert!(finish(&storage, &claim, &[n as u8], 20 + n).await);
+        merge(&storage, &[n as u8], 20 + n).await;
     }
     assert_eq!(tiles(&storage, &home, 9).await, Some(vec![vec![7], b"there".to_vec()]));
     assert_eq!(tiles(&storage, &home, 5).await, Some(vec![vec![3], b"there".to_vec()]));
@@ -278,8 +286,7 @@ async fn tiles_that_did_not_change_are_shared(storage: Storage) {
 
 async fn a_merge_that_makes_nothing_new_makes_no_revision(storage: Storage) {
     let (home, _) = two_aligned(&storage).await;
-    let claim = due(&storage, 10).await.unwrap();
-    assert!(finish(&storage, &claim, b"both", 10).await);
+    merge(&storage, b"both", 10).await;
     let third = add(&storage, &home, b"third").await;
     align(&storage, AlignmentState::Ambiguous).await;
     let claim = due(&storage, 11).await.expect("its neighbours may decide");
@@ -329,21 +336,7 @@ async fn objects_are_found_across_homes(storage: Storage) {
         let claim = due(&storage, 10).await.unwrap();
         let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
         for (n, class) in [Class::Chair, Class::Table, Class::Chair].into_iter().enumerate() {
-            new.objects.push(MapObject {
-                id: n.to_string(),
-                level: LevelName::MAIN,
-                class,
-                confidence: 0.5,
-                centre_m: [1.0, 2.0, 0.5],
-                size_m: [1.0; 3],
-                yaw_rad: 0.0,
-                room: None,
-                points: 9,
-                clips: Vec::new(),
-                last_seen: Some(at(3)),
-                name: None,
-                corrected: Vec::new(),
-            });
+            new.objects.push(MapObject { class, last_seen: Some(at(3)), ..chair(&n.to_string(), 1.0) });
         }
         assert!(storage.finish_merge(&claim, Some(&new), at(10)).await.unwrap());
     }
@@ -389,7 +382,8 @@ async fn a_lost_scene_is_that_of_an_earlier_revision(storage: Storage) {
         assert_eq!((history.hidden[0].as_str(), history.corrections), expected);
     }
     for left in [1, 0] {
-        for key in storage.home_map_blob_keys().await.unwrap() {
+        let reader = &mut storage.database.reader().await.unwrap();
+        for key in crate::home_maps::blob_keys(reader, &home).await.unwrap() {
             let bytes = storage.blobs.read_if_there(&key).await.unwrap();
             if bytes.is_some_and(|bytes| bytes == files[left]) {
                 storage.blobs.remove_all(&[key]).await.unwrap();

@@ -1,14 +1,13 @@
 //! The revisions of a home's map that are kept.
 
-use super::home_maps::{align, due, finish, tiles, two_aligned};
+use super::home_maps::{align, tiles, two_aligned};
 use super::*;
 
 on_every_back_end!(corrections_displace_no_revision_of_other_clips);
 
 /// Finishes the merge that is due, with one tile; returns the numbers of the kept revisions, newest first.
 async fn merge(storage: &Storage, home: &HomeId, tile: &str, seconds: i64) -> Vec<i64> {
-    let claim = due(storage, seconds).await.expect("the home is due");
-    assert!(finish(storage, &claim, tile.as_bytes(), seconds).await);
+    super::home_maps::merge(storage, tile.as_bytes(), seconds).await;
     let all = Page { limit: 100, after: None };
     storage.home_map_revisions(home, &all).await.unwrap().iter().map(|map| map.revision).collect()
 }
@@ -35,11 +34,8 @@ async fn corrections_displace_no_revision_of_other_clips(storage: Storage) {
         assert_eq!(tiles(&storage, &home, revision).await, expected, "{revision}");
     }
     let blobs = storage.blobs_that_exist().await;
-    assert_eq!(
-        blobs.iter().filter(|key| key.contains("home-maps")).count(),
-        10,
-        "a tile and a manifest each"
-    );
+    let of_map = blobs.iter().filter(|key| key.contains("home-maps")).count();
+    assert_eq!(of_map, 10, "a tile and a manifest each");
     // Those of other clips go by their age.
     for (n, kept) in [
         (9, vec![9, 8, 7, 6, 1]),

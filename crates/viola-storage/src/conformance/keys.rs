@@ -79,7 +79,6 @@ async fn the_secret_is_kept_nowhere(storage: Storage) {
     let (_, secret) = storage.create_key(new_key("acme", None), at(0)).await.unwrap();
     let rows = crate::database::query("SELECT sha256, label FROM api_keys");
     let rows = rows.fetch_all(&mut storage.database.reader().await.unwrap()).await.unwrap();
-    use crate::columns::Columns;
     let kept = rows[0].text("sha256").unwrap();
     let digits = secret.show().strip_prefix("viola_").unwrap();
     assert!(kept.len() == 64 && digits.len() == 64 && kept != digits);

@@ -1,6 +1,6 @@
 //! The last answer of a clip, while its newest job has none.
 
-use super::home_maps::{align, due, revision};
+use super::home_maps::{align, due, merge_by};
 use super::limits::check;
 use super::*;
 use viola_home::PlacedBy;
@@ -16,7 +16,7 @@ on_every_back_end!(
 async fn answer_with(storage: &Storage, state: AlignmentState, picture: &[u8], seconds: i64) {
     let claim = storage.claim(LEASE, at(seconds)).await.unwrap().expect("a job is due");
     storage.put_result(&claim, result_file::OVERLAY, picture.to_vec()).await.unwrap();
-    assert!(storage.finish(&claim, &answer(state), &RetryPolicy::default(), at(seconds)).await.unwrap());
+    assert!(end_attempt(storage, &claim, answer(state), seconds).await);
 }
 
 async fn picture(storage: &Storage, clip: &Clip) -> Vec<u8> {
@@ -52,8 +52,7 @@ async fn a_new_map_keeps_the_last_answer_until_another(storage: Storage) {
     check_last("a third map", ClipState::Queued).await;
     let late = storage.claim(LEASE, at(40)).await.unwrap().expect("a job is due");
     check_last("a running job", ClipState::Aligning).await;
-    let refused = AttemptEnd::Refused(reason("took_too_long"));
-    assert!(storage.finish(&late, &refused, &RetryPolicy::default(), at(41)).await.unwrap());
+    assert!(end_attempt(&storage, &late, AttemptEnd::Refused(reason("took_too_long")), 41).await);
     check_last("a failed job", ClipState::Failed).await;
     // It is no part of the home's map meanwhile.
     let merge = due(&storage, 42).await.expect("a clip is gone from the map");
@@ -106,9 +105,7 @@ async fn a_new_answer_has_not_the_place_of_the_last_one(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
     let read = async || storage.clip(&home, clip.id).await.unwrap();
     let merge = async |seconds| {
-        let claim = due(&storage, seconds).await.expect("a clip has an answer");
-        let new = revision(&claim, PlacedBy::Neighbours, b"tile");
-        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+        merge_by(&storage, PlacedBy::Neighbours, b"tile", seconds).await;
         read().await.placement.expect("it is in the map").map_from_clip
     };
     align(&storage, AlignmentState::Ambiguous).await;

@@ -35,10 +35,6 @@ async fn claim(storage: &Storage, seconds: i64) -> Claim {
     due(storage, seconds).await.expect("a job is due")
 }
 
-async fn finish(storage: &Storage, claim: &Claim, ending: AttemptEnd, seconds: i64) -> bool {
-    storage.finish(claim, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap()
-}
-
 async fn clip_of(storage: &Storage, claim: &Claim) -> Clip {
     storage.clip(&claim.job.home, claim.job.clip).await.unwrap()
 }
@@ -80,7 +76,7 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
     let versions = storage.job_versions(&[Uuid::now_v7(), job.id]).await.unwrap();
     assert_eq!(versions, [(job.id, job.version)].into());
     assert!(storage.job_versions(&[]).await.unwrap().is_empty());
-    assert!(finish(&storage, &held, answer(AlignmentState::Aligned), 200).await);
+    assert!(end_attempt(&storage, &held, answer(AlignmentState::Aligned), 200).await);
 }
 
 async fn an_early_pose_is_told_until_the_job_ends(storage: Storage) {
@@ -95,11 +91,11 @@ async fn an_early_pose_is_told_until_the_job_ends(storage: Storage) {
     // The clip has no answer yet, and the next attempt begins without a pose.
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.alignment), (ClipState::Aligning, None));
-    assert!(finish(&storage, &held, AttemptEnd::GivenUp, 2).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::GivenUp, 2).await);
     assert_eq!(job().await.early_pose, None);
     let held = claim(&storage, 3).await;
     assert!(storage.heartbeat(&held, &early, LEASE, at(4)).await.unwrap());
-    assert!(finish(&storage, &held, answer(AlignmentState::Aligned), 5).await);
+    assert!(end_attempt(&storage, &held, answer(AlignmentState::Aligned), 5).await);
     assert_eq!(job().await.early_pose, None);
 }
 
@@ -113,12 +109,12 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
     assert!(!storage.holds(&late).await.unwrap() && storage.holds(&next).await.unwrap());
     assert!(!storage.heartbeat(&late, &job_progress(None, 0.9), LEASE, at(31)).await.unwrap());
     for ending in [answer(AlignmentState::Failed), AttemptEnd::Refused(reason("late")), AttemptEnd::GivenUp] {
-        assert!(!finish(&storage, &late, ending, 31).await);
+        assert!(!end_attempt(&storage, &late, ending, 31).await);
     }
-    assert!(finish(&storage, &next, answer(AlignmentState::Aligned), 32).await);
+    assert!(end_attempt(&storage, &next, answer(AlignmentState::Aligned), 32).await);
     // The same after the job has ended.
-    assert!(!finish(&storage, &late, answer(AlignmentState::Failed), 33).await);
-    assert!(!finish(&storage, &next, answer(AlignmentState::Failed), 33).await);
+    assert!(!end_attempt(&storage, &late, answer(AlignmentState::Failed), 33).await);
+    assert!(!end_attempt(&storage, &next, answer(AlignmentState::Failed), 33).await);
     let clip = clip_of(&storage, &next).await;
     assert_eq!(clip.state, ClipState::Aligned);
     assert_eq!(bytes_of(storage.clip_result(&clip, "overlay.png").await.unwrap()).await, b"next");
@@ -144,7 +140,7 @@ async fn a_lost_worker_costs_no_attempt(storage: Storage) {
     }
     assert_eq!(storage.release_lost(&RetryPolicy::default(), at(now_s + 30)).await.unwrap(), 1);
     let last = claim(&storage, now_s + 1000).await;
-    assert!(finish(&storage, &last, answer(AlignmentState::Aligned), now_s + 1001).await);
+    assert!(end_attempt(&storage, &last, answer(AlignmentState::Aligned), now_s + 1001).await);
     assert_eq!(clip_of(&storage, &last).await.state, ClipState::Aligned);
 }
 
@@ -176,7 +172,7 @@ async fn faults_cost_no_attempt_and_are_borne_for_a_day(storage: Storage) {
     let last = loop {
         let held = claim(&storage, now_s).await;
         assert_eq!(held.job.attempts, 1);
-        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
+        assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
         faults += 1;
         let clip = clip_of(&storage, &held).await;
         assert_eq!(clip.reasons[0].code, "storage_fault");
@@ -199,21 +195,21 @@ async fn an_attempt_that_counts_ends_a_row_of_faults(storage: Storage) {
     let mut now_s = 0;
     for _ in 0..30 {
         let held = claim(&storage, now_s).await;
-        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
+        assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
         now_s += 1800;
     }
     let held = claim(&storage, now_s).await;
-    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("internal_error")), now_s).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Broken(reason("internal_error")), now_s).await);
     // Another 30 of them are less than a day again, though both series together are more.
     for _ in 0..30 {
         now_s += 1800;
         let held = claim(&storage, now_s).await;
         assert_eq!(held.job.attempts, 2);
-        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
+        assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::System), now_s).await);
     }
     assert!(now_s > 24 * 3600);
     let held = claim(&storage, now_s + 1800).await;
-    assert!(finish(&storage, &held, answer(AlignmentState::Aligned), now_s + 1801).await);
+    assert!(end_attempt(&storage, &held, answer(AlignmentState::Aligned), now_s + 1801).await);
 }
 
 async fn a_pause_does_not_count_as_waiting(storage: Storage) {
@@ -226,7 +222,7 @@ async fn a_pause_does_not_count_as_waiting(storage: Storage) {
     let held = claim(&storage, 10).await;
     assert_eq!(state(20).await, (0, 0, 1, 0));
     // The first pause of the default policy is 5 s.
-    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), 20).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::Storage), 20).await);
     assert_eq!(state(22).await, (1, 1, 0, 0));
     assert_eq!(state(28).await, (1, 0, 0, 3));
 }
@@ -235,7 +231,7 @@ async fn a_machine_that_was_off_for_a_day_fails_nothing(storage: Storage) {
     one_job(&storage).await;
     for now_s in [0, 100_000, 200_000] {
         let held = claim(&storage, now_s).await;
-        assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
+        assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::Storage), now_s).await);
         assert_eq!(clip_of(&storage, &held).await.state, ClipState::Queued);
     }
 }
@@ -246,7 +242,7 @@ async fn faults_outlive_a_restart() {
     let storage = in_folder(folder.path()).await;
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), 0).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::System), 0).await);
     claim(&storage, 5).await;
     storage.close().await;
     drop(storage);
@@ -256,7 +252,7 @@ async fn faults_outlive_a_restart() {
     assert!(due(&storage, 35 + 4).await.is_none());
     let held = claim(&storage, 35 + 5).await;
     assert_eq!(held.job.attempts, 1);
-    assert!(finish(&storage, &held, AttemptEnd::Fault(Fault::System), 100).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Fault(Fault::System), 100).await);
     assert!(due(&storage, 100 + 19).await.is_none());
     assert_eq!(claim(&storage, 100 + 20).await.job.attempts, 1);
 }
@@ -265,14 +261,14 @@ async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
     one_job(&storage).await;
     // 5 s after the first failure and twice that after the second: the policy's default.
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("first")), 0).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Broken(reason("first")), 0).await);
     assert_eq!(clip_of(&storage, &held).await.reasons[0].code, "first");
     assert!(due(&storage, 4).await.is_none());
     let held = claim(&storage, 5).await;
-    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("second")), 10).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Broken(reason("second")), 10).await);
     assert!(due(&storage, 19).await.is_none());
     let held = claim(&storage, 20).await;
-    assert!(finish(&storage, &held, AttemptEnd::Broken(reason("third")), 21).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Broken(reason("third")), 21).await);
     assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Failed, "third"));
@@ -282,7 +278,7 @@ async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
 async fn a_refused_clip_fails_at_once(storage: Storage) {
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
-    assert!(finish(&storage, &held, AttemptEnd::Refused(reason("bad_picture")), 1).await);
+    assert!(end_attempt(&storage, &held, AttemptEnd::Refused(reason("bad_picture")), 1).await);
     assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons), (ClipState::Failed, vec![reason("bad_picture")]));
@@ -293,7 +289,7 @@ async fn a_job_given_up_is_not_held_against_it(storage: Storage) {
     for _ in 0..5 {
         let held = claim(&storage, 0).await;
         assert_eq!(held.job.attempts, 1);
-        assert!(finish(&storage, &held, AttemptEnd::GivenUp, 0).await);
+        assert!(end_attempt(&storage, &held, AttemptEnd::GivenUp, 0).await);
         assert_eq!(clip_of(&storage, &held).await.state, ClipState::Queued);
     }
 }
@@ -312,13 +308,13 @@ async fn cancelling_ends_what_waits_or_runs(storage: Storage) {
     let running = claim(&storage, 3).await;
     storage.cancel_job(running.job.id, at(4)).await.unwrap();
     assert!(!storage.holds(&running).await.unwrap());
-    assert!(!finish(&storage, &running, answer(AlignmentState::Aligned), 5).await);
+    assert!(!end_attempt(&storage, &running, answer(AlignmentState::Aligned), 5).await);
     assert_eq!(clip_of(&storage, &running).await.state, ClipState::Uploaded);
 
     // An ended job stays as it is; an earlier job does not touch the clip.
     storage.align_clip(&id, clip.id, at(6)).await.unwrap();
     let done = claim(&storage, 6).await;
-    assert!(finish(&storage, &done, answer(AlignmentState::Aligned), 7).await);
+    assert!(end_attempt(&storage, &done, answer(AlignmentState::Aligned), 7).await);
     let unmoved = storage.cancel_job(done.job.id, at(8)).await.unwrap().unwrap();
     assert_eq!(unmoved.state, JobState::Succeeded);
     storage.cancel_job(waiting, at(8)).await.unwrap();

@@ -1,10 +1,7 @@
 //! Limits of a tenant: every file counts.
 
-use super::home_maps::{align, due, revision};
+use super::home_maps::{align, merge};
 use super::*;
-use crate::columns::Columns;
-use crate::database::query;
-use viola_home::PlacedBy;
 
 on_every_back_end!(
     every_file_of_a_tenant_counts,
@@ -31,12 +28,6 @@ pub(super) async fn check(storage: &Storage, what: &str) {
     assert_eq!(counted, stored_bytes(storage).await, "after {what}");
 }
 
-async fn merge(storage: &Storage, tile: &[u8], seconds: i64) {
-    let claim = due(storage, seconds).await.expect("a merge is due");
-    let new = revision(&claim, PlacedBy::Alignment, tile);
-    assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
-}
-
 async fn every_file_of_a_tenant_counts(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
     check(&storage, "a map and a clip").await;
@@ -61,10 +52,7 @@ async fn every_file_of_a_tenant_counts(storage: Storage) {
 }
 
 fn upload(tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
-    let concat = Some("partial".to_owned());
-    let (metadata, tenant) = (String::new(), tenant.clone());
-    let (kind, home, content_key) = (UploadKind::Partial, None, None);
-    NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key, is_stored: false }
+    new_upload(UploadKind::Partial, tenant, length_bytes)
 }
 
 async fn announced_bytes_count_until_they_have_arrived(storage: Storage) {
@@ -100,9 +88,7 @@ async fn old_lidar_maps_go(storage: Storage) {
     assert_eq!(storage.lidar_map_revisions(&home, upper, &page).await.unwrap().len(), 1);
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
     // The clip keeps eleven jobs, and these their maps.
-    let rows = query("SELECT COUNT(*) AS n FROM lidar_maps");
-    let rows = rows.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
-    assert_eq!(rows.number("n").unwrap(), 1 + 11);
+    assert_eq!(count(&storage, "lidar_maps", "1 = 1", None).await, 1 + 11);
     // The next revision counts from one that was removed.
     storage.delete_lidar_map(&home, LevelName::MAIN, |_| true, at(1)).await.unwrap();
     assert_eq!(put_map(&storage, &home, b"map").await.0.revision, 33);
@@ -163,15 +149,8 @@ async fn a_used_key_gives_no_room(storage: Storage) {
     let id = home("h");
     storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     let add = async |bytes: &[u8], key: &str| {
-        let new = NewClip {
-            file: arrived(&storage, bytes).await,
-            info: clip_info(),
-            content_sha256: None,
-            idempotency_key: Some(key.to_owned()),
-            recorded_at: None,
-            title: None,
-            file_name: None,
-        };
+        let file = arrived(&storage, bytes).await;
+        let new = NewClip { idempotency_key: Some(key.to_owned()), ..new_clip(file) };
         storage.add_clip(&id, new, Some(10), at(0)).await
     };
     let Ok(Added::New(small)) = add(b"small", "key").await else { panic!("it is new") };
@@ -189,14 +168,8 @@ async fn lidar_maps_have_no_room_beyond_the_quota(storage: Storage) {
     let id = home("h");
     storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     let put = async |bytes: &[u8]| {
-        let new = NewLidarMap {
-            level: LevelName::MAIN,
-            file: arrived(&storage, bytes).await,
-            file_name: None,
-            info: lidar_info(),
-            from_earlier: None,
-            image_png: vec![0],
-        };
+        let file = arrived(&storage, bytes).await;
+        let new = NewLidarMap { image_png: vec![0], ..new_lidar_map(LevelName::MAIN, file) };
         storage.put_lidar_map(&id, new, Some(10), |_| true, at(0)).await
     };
     let (first, _) = put(b"small").await.unwrap();

@@ -1,6 +1,6 @@
 //! Filters and pages of lists.
 
-use super::home_maps::{align, due, finish};
+use super::home_maps::{align, due, merge};
 use super::*;
 
 on_every_back_end!(
@@ -25,7 +25,7 @@ async fn clips_by_state_and_time(storage: Storage) {
     let endings = [AlignmentState::Aligned, AlignmentState::Ambiguous, AlignmentState::Failed];
     for (at_s, state) in (1..).map(|n| n * 10).zip(endings) {
         let claim = storage.claim(LEASE, at(at_s)).await.unwrap().unwrap();
-        assert!(storage.finish(&claim, &answer(state), &RetryPolicy::default(), at(at_s)).await.unwrap());
+        assert!(end_attempt(&storage, &claim, answer(state), at_s).await);
     }
     storage.claim(LEASE, at(40)).await.unwrap().unwrap();
     let cases: [(&[ClipState], Option<i64>, &[ClipState]); 9] = [
@@ -84,8 +84,7 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     assert_eq!(after(0, 9, None).await, ["c"]);
     let claim = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
     assert_eq!(after(1, 9, None).await, ["a"]);
-    let retry = RetryPolicy::default();
-    assert!(storage.finish(&claim, &answer(AlignmentState::Failed), &retry, at(3)).await.unwrap());
+    assert!(end_attempt(&storage, &claim, answer(AlignmentState::Failed), 3).await);
     assert_eq!(after(2, 9, None).await, ["a"]);
     let pose = Chosen::Pose(LevelName::MAIN, viola_geometry::Pose2::IDENTITY);
     storage.choose(&ids[1], clip.id, pose, |_| true, at(4)).await.unwrap();
@@ -194,16 +193,7 @@ async fn the_same_file_twice_is_told(storage: Storage) {
 
 /// Adds a clip whose file is an archive.
 async fn add_archive(storage: &Storage, home: &HomeId, file: &[u8], content: &str) -> Uuid {
-    let new = NewClip {
-        file: arrived(storage, file).await,
-        info: clip_info(),
-        content_sha256: Some(content.to_owned()),
-        idempotency_key: None,
-        recorded_at: None,
-        title: None,
-        file_name: None,
-    };
-    match storage.add_clip(home, new, None, at(0)).await.unwrap() {
+    match add_content(storage, home, file, Some(content), None).await {
         Added::New(clip) => clip.id,
         other => panic!("{other:?}"),
     }
@@ -226,8 +216,7 @@ async fn the_same_recording_in_another_archive_is_told_and_merged_once(storage: 
     assert_eq!(twins().await, [None, Some(old.id), None, Some(first)]);
     assert_eq!(storage.clip(&id, second).await.unwrap().duplicate_of, Some(first));
     let merged = async |seconds: i64| {
-        let claim = due(&storage, seconds).await.expect("the map is due");
-        assert!(finish(&storage, &claim, b"tile", seconds).await);
+        let claim = merge(&storage, b"tile", seconds).await;
         claim.members.iter().map(|member| (member.clip, member.sha256.clone())).collect::<Vec<_>>()
     };
     let left_out = async || {
@@ -260,8 +249,7 @@ async fn clips_of_all_homes_by_reason(storage: Storage) {
     // The first clip has an answer with the reason `two_modes`, and another one only names it.
     put_map(&storage, &homes[0], b"map").await;
     let claim = storage.claim(LEASE, at(10)).await.unwrap().unwrap();
-    let ambiguous = answer(AlignmentState::Ambiguous);
-    assert!(storage.finish(&claim, &ambiguous, &RetryPolicy::default(), at(10)).await.unwrap());
+    assert!(end_attempt(&storage, &claim, answer(AlignmentState::Ambiguous), 10).await);
     assert_eq!(claim.job.clip, a);
     let quoting =
         r#"UPDATE clips SET reasons = '[{"code":"other","detail":"\"code\":\"two_modes\""}]' WHERE id = $1"#;

@@ -1,11 +1,7 @@
 //! Blobs beside a database that does not know them: lost, empty, or of another place.
 
 use super::*;
-use crate::conformance::bucket;
 use tempfile::TempDir;
-use uuid::Uuid;
-use viola_testing::postgres::Schema;
-use viola_testing::s3_server::S3Server;
 
 /// A place for blobs, and a database that can be replaced by an empty one.
 struct Bench {
@@ -21,8 +17,7 @@ impl Bench {
             data: self.folder.path().to_owned(),
             postgres: postgres.map(|schema| PostgresParams { url: schema.url(), connections: 4 }),
             s3: self.server.as_ref().map(bucket),
-            secrets_key: None,
-            unpack: UnpackParams::default(),
+            ..StorageParams::default()
         }
     }
 
@@ -83,11 +78,11 @@ impl Bench {
             None => self.folder.path().join("blobs/viola-store-id"),
         }
     }
+}
 
-    /// Writes a file that no row names.
-    async fn orphan(&self, storage: &Storage, key: &str) {
-        storage.blobs.put(key, b"orphan".to_vec()).await.unwrap();
-    }
+/// Writes a recording that no row names.
+async fn orphan(storage: &Storage) {
+    storage.blobs.put(&format!("clips/{}/file", Uuid::now_v7()), b"orphan".to_vec()).await.unwrap();
 }
 
 macro_rules! on_every_pair {
@@ -185,18 +180,17 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
 }
 
 async fn a_sweep_removes_a_small_part(bench: Bench) {
-    let recording = || format!("clips/{}/file", Uuid::now_v7());
     bench
         .with(async |storage| {
             one_job(storage).await;
             for _ in 0..16 {
-                bench.orphan(storage, &recording()).await;
+                orphan(storage).await;
             }
             assert_eq!(storage.blobs_that_exist().await.len(), 19);
             assert_eq!(storage.sweep(Timestamp::MAX, SweepLimit::Leftovers).await.unwrap(), 16);
             assert_eq!(storage.blobs_that_exist().await.len(), 3);
             for _ in 0..17 {
-                bench.orphan(storage, &recording()).await;
+                orphan(storage).await;
             }
         })
         .await;
@@ -218,7 +212,7 @@ async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
     bench
         .with(async |storage| {
             storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
-            bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
+            orphan(storage).await;
         })
         .await;
     bench.with(async |storage| storage.delete_home(&home("h"), |_| true, at(1)).await.unwrap()).await;
@@ -244,7 +238,7 @@ async fn a_store_with_another_id_is_refused_and_keeps_its_files(bench: Bench) {
     bench
         .with(async |storage| {
             one_job(storage).await;
-            bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
+            orphan(storage).await;
         })
         .await;
     let (file, other) = (bench.id_file(), Uuid::now_v7());

@@ -1,10 +1,8 @@
 //! How long a merge waits for clips that are queued or running.
 
-use super::home_maps::{current, due, finish, two_aligned};
+use super::home_maps::{current, due, finish, merge, two_aligned};
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
-use viola_geometry::Pose2;
 use viola_testing::postgres::try_execute;
 
 const HOUR: i64 = 3600;
@@ -23,25 +21,18 @@ on_every_back_end!(
 
 /// Runs the next job, whose clip gets a pose; returns the clip.
 async fn align_at(storage: &Storage, seconds: i64) -> Uuid {
-    let held = storage.claim(LEASE, at(seconds)).await.unwrap().expect("a job is due");
-    let AttemptEnd::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
-    alignment.map_from_clip = Some(Pose2::new(1.0, 2.0, 0.5));
-    let ending = AttemptEnd::Answered(alignment);
-    assert!(storage.finish(&held, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap());
-    held.job.clip
+    super::home_maps::align_at(storage, AlignmentState::Aligned, seconds).await
 }
 
 /// Runs the next job, which meets a fault of the service; returns its clip.
 async fn fault_at(storage: &Storage, seconds: i64) -> Uuid {
     let held = storage.claim(LEASE, at(seconds)).await.unwrap().expect("a job is due");
-    let fault = AttemptEnd::Fault(Fault::Storage);
-    assert!(storage.finish(&held, &fault, &RetryPolicy::default(), at(seconds)).await.unwrap());
+    assert!(end_attempt(storage, &held, AttemptEnd::Fault(Fault::Storage), seconds).await);
     held.job.clip
 }
 
 async fn merge_at(storage: &Storage, seconds: i64) {
-    let claim = due(storage, seconds).await.expect("the home is due");
-    assert!(finish(storage, &claim, b"tile", seconds).await);
+    merge(storage, b"tile", seconds).await;
 }
 
 async fn clips_in_map(storage: &Storage, home: &HomeId) -> Vec<Uuid> {
@@ -100,14 +91,7 @@ async fn a_new_lidar_map_takes_no_clip_out_of_the_map_for_hours(storage: Storage
 async fn a_first_map_waits_for_clips_that_a_new_lidar_map_queued(storage: Storage) {
     // The home is due from second 100 on, and no worker had time for the merge.
     let (home, clips) = two_aligned(&storage).await;
-    let new = NewLidarMap {
-        level: LevelName::MAIN,
-        file: arrived(&storage, b"new map").await,
-        file_name: None,
-        info: lidar_info(),
-        from_earlier: None,
-        image_png: b"picture".to_vec(),
-    };
+    let new = new_lidar_map(LevelName::MAIN, arrived(&storage, b"new map").await);
     storage.put_lidar_map(&home, new, None, |_| true, at(900)).await.unwrap();
     assert!(due(&storage, 901).await.is_none(), "the first map would be empty");
     for _ in &clips {
@@ -208,11 +192,8 @@ async fn a_lidar_map_that_arrives_during_a_claim_is_waited_for() {
     align_at(&storage, 100).await;
     // The claim reads the job of a clip that rests, and this read waits for a lock.
     add(&storage, &home, b"second").await;
-    let mut rest = storage.database.begin().await.unwrap();
-    let run_after = at(HOUR).as_millisecond();
-    let pause = query("UPDATE jobs SET run_after = $1 WHERE state = 'queued'").bind(run_after);
-    pause.execute(&mut rest).await.unwrap();
-    rest.commit().await.unwrap();
+    let pause = query("UPDATE jobs SET run_after = $1 WHERE state = 'queued'");
+    storage.database.execute(pause.bind(at(HOUR).as_millisecond())).await.unwrap();
     for statement in [
         "CREATE FUNCTION gate() RETURNS BOOLEAN LANGUAGE plpgsql AS $$ BEGIN
             PERFORM pg_advisory_xact_lock_shared(hashtext(current_schema())); RETURN TRUE; END $$",

@@ -1,6 +1,6 @@
 //! Meshes, and homes that were removed and made again under the same id.
 
-use super::home_maps::{align, current, due, finish, revision, two_aligned};
+use super::home_maps::{align, current, due, finish, merge, revision, two_aligned};
 use super::*;
 use viola_home::PlacedBy;
 
@@ -34,8 +34,7 @@ async fn a_mesh_is_of_the_current_revision(storage: Storage) {
         new.files.extend(has_scene.then(|| (main, map_file::SCENE, b"{}".to_vec())));
         assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
     };
-    let claim = due(&storage, 10).await.unwrap();
-    assert!(finish(&storage, &claim, b"tile", 10).await);
+    merge(&storage, b"tile", 10).await;
     assert!(add(1, b"first").await);
     assert!(!add(1, b"again").await, "a revision has one mesh");
     assert_eq!(meshes(1).await, [b"first"]);
@@ -47,8 +46,7 @@ async fn a_mesh_is_of_the_current_revision(storage: Storage) {
     assert!(meshes(3).await.is_empty() && meshes(2).await.is_empty(), "earlier revisions have none");
     assert!(add(3, b"third").await);
     assert_eq!(meshes(3).await, [b"third"]);
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
-    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+    storage.check_no_blob_is_left("a mesh").await;
 }
 
 async fn a_mesh_stays_while_its_tiles_and_objects_do(storage: Storage) {
@@ -74,8 +72,7 @@ async fn a_mesh_stays_while_its_tiles_and_objects_do(storage: Storage) {
         let added = storage.add_mesh(&home, &map, main, b"mesh".to_vec()).await.unwrap();
         assert_eq!(added, !is_kept, "{seconds}");
     }
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
-    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+    storage.check_no_blob_is_left("a mesh").await;
 }
 
 async fn a_map_is_settled_when_no_work_is_ahead_that_may_replace_it(storage: Storage) {
@@ -92,7 +89,7 @@ async fn a_map_is_settled_when_no_work_is_ahead_that_may_replace_it(storage: Sto
     let run = async |ending: AttemptEnd, seconds: i64| {
         let held = storage.claim(LEASE, at(seconds)).await.unwrap().expect("the job is due");
         assert!(!is_settled(seconds).await, "a clip is aligned");
-        assert!(storage.finish(&held, &ending, &RetryPolicy::default(), at(seconds)).await.unwrap());
+        assert!(end_attempt(&storage, &held, ending, seconds).await);
         is_settled(seconds).await
     };
     // A merge would not wait for the last pause.
@@ -117,18 +114,15 @@ async fn made_again(storage: &Storage, home: &HomeId) -> Uuid {
 
 async fn a_home_that_was_made_again_gets_no_mesh_of_the_removed_one(storage: Storage) {
     let (home, _) = two_aligned(&storage).await;
-    let claim = due(&storage, 10).await.unwrap();
-    assert!(finish(&storage, &claim, b"removed", 10).await);
+    merge(&storage, b"removed", 10).await;
     let removed = current(&storage, &home).await;
     made_again(&storage, &home).await;
-    let claim = due(&storage, 510).await.unwrap();
-    assert!(finish(&storage, &claim, b"new", 510).await);
+    merge(&storage, b"new", 510).await;
     let new = current(&storage, &home).await;
     assert_eq!(removed.revision, new.revision);
     assert!(!storage.add_mesh(&home, &removed, LevelName::MAIN, b"mesh".to_vec()).await.unwrap());
     assert!(storage.add_mesh(&home, &new, LevelName::MAIN, b"mesh".to_vec()).await.unwrap());
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs_that_exist().await);
-    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+    storage.check_no_blob_is_left("a mesh").await;
 }
 
 async fn a_home_that_was_made_again_gets_no_map_of_the_removed_one(storage: Storage) {

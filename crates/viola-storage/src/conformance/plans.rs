@@ -1,7 +1,6 @@
 //! Statements that must not read whole tables: SQLite has one writer, and all others wait for a slow one.
 
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{changes, clip_list, clips, home_maps, job_list, jobs, lidar_maps, pending_deletes, tenants};
 use sqlx::AssertSqlSafe;

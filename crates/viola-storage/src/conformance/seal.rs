@@ -1,7 +1,6 @@
 //! Sealed secrets: not in the database in plain text, and readable with the operator's key only.
 
 use super::*;
-use crate::columns::Columns;
 use crate::database::query;
 
 on_every_back_end!(secrets_are_sealed_with_the_operators_key, older_secrets_are_sealed_at_the_next_start);
@@ -51,10 +50,7 @@ async fn secrets_are_sealed_with_the_operators_key(mut storage: Storage) {
     }
     // Another record's secret cannot be put in its place.
     made(&storage).await;
-    let mut transaction = storage.database.begin().await.unwrap();
-    let swap = query("UPDATE webhooks SET secret = $1").bind(&sealed);
-    swap.execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    execute(&storage, "UPDATE webhooks SET secret = $1", &sealed).await;
     assert!(matches!(storage.seal_secrets().await, Err(StorageError::SecretsKey)));
 }
 

@@ -30,7 +30,6 @@ async fn a_session_has_the_rights_of_its_key_for_twelve_hours(storage: Storage) 
     let rows = crate::database::query("SELECT sha256 FROM sessions");
     let rows = rows.fetch_all(&mut storage.database.reader().await.unwrap()).await.unwrap();
     assert_eq!(rows.len(), 1);
-    use crate::columns::Columns;
     assert_ne!(rows[0].text("sha256").unwrap(), token.show());
     assert_eq!(format!("{token:?}"), "SessionToken");
     assert_eq!(token.show().parse(), Ok(token.clone()));

@@ -100,16 +100,7 @@ async fn parts_are_joined_within_a_tenant(storage: Storage) {
         storage.put_home(&tenant.home(&home("h")), None, |_| true, at(0)).await.unwrap();
     }
     let limits = UploadLimits::default();
-    let new = NewUpload {
-        kind: UploadKind::Partial,
-        tenant: acme.clone(),
-        home: None,
-        metadata: String::new(),
-        concat: Some("partial".to_owned()),
-        length_bytes: Some(4),
-        content_key: None,
-        is_stored: false,
-    };
+    let new = new_upload(UploadKind::Partial, &acme, Some(4));
     let part = storage.create_upload(new, &limits, None, at(0)).await.unwrap().id;
     assert_eq!(storage.upload_owner(part).await.unwrap(), Some((acme.clone(), None)));
     let mut writer = storage.begin_append(part, 0, None, &limits, at(0)).await.unwrap();

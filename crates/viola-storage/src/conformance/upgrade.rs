@@ -20,9 +20,7 @@ async fn found(storage: &Storage, text: &str) -> Vec<String> {
 
 /// Leaves the homes as a process does that does not know the text for searches.
 async fn forget_searches(storage: &Storage) {
-    let mut transaction = storage.database.begin().await.unwrap();
-    query("UPDATE homes SET search = ''").execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    storage.database.execute(query("UPDATE homes SET search = ''")).await.unwrap();
 }
 
 async fn a_home_of_an_earlier_process_is_found(storage: Storage) {
@@ -66,9 +64,8 @@ async fn a_later_process_adds_a_column(storage: Storage) {
     let id = home("h");
     storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     with_each_connection(&storage, async || _ = storage.home(&id).await.unwrap()).await;
-    let mut transaction = storage.database.begin().await.unwrap();
-    query("ALTER TABLE homes ADD COLUMN of_later_version BIGINT").execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    let add = query("ALTER TABLE homes ADD COLUMN of_later_version BIGINT");
+    storage.database.execute(add).await.unwrap();
     let mut refused = 0;
     with_each_connection(&storage, async || {
         let read = storage.home(&id).await;
@@ -93,11 +90,9 @@ async fn an_earlier_program_starts_on_the_tables_of_a_later_one() {
     let folder = tempfile::tempdir().unwrap();
     let storage = in_folder(folder.path()).await;
     storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
-    let mut transaction = storage.database.begin().await.unwrap();
     let later = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
         SELECT MAX(version) + 1, 'later', success, x'00', execution_time FROM _sqlx_migrations";
-    query(later).execute(&mut transaction).await.unwrap();
-    transaction.commit().await.unwrap();
+    storage.database.execute(query(later)).await.unwrap();
     storage.close().await;
     drop(storage);
     let storage = in_folder(folder.path()).await;

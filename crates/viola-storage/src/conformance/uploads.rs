@@ -30,8 +30,7 @@ async fn begin_of(storage: &Storage, tenant: Tenant, kind: UploadKind, length_by
     let of = tenant.home(&home("h"));
     storage.put_home(&of, None, |_| true, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
-    let (metadata, concat, content_key) = ("home aA==".to_owned(), None, None);
-    let new = NewUpload { kind, tenant, home, metadata, concat, length_bytes, content_key, is_stored: false };
+    let new = NewUpload { home, ..new_upload(kind, &tenant, length_bytes) };
     storage.create_upload(new, &limits(), None, at(0)).await.unwrap().id
 }
 
@@ -53,18 +52,6 @@ async fn whole_of(storage: &Storage, tenant: Tenant, bytes: &[u8]) -> Uuid {
     let id = begin_of(storage, tenant, UploadKind::Whole, Some(bytes.len() as u64)).await;
     write(storage, &mut writer(storage, id, 0).await.unwrap(), bytes).await.unwrap();
     id
-}
-
-fn new_clip(file: Arrived) -> NewClip {
-    NewClip {
-        file,
-        info: clip_info(),
-        content_sha256: None,
-        idempotency_key: None,
-        recorded_at: None,
-        title: None,
-        file_name: None,
-    }
 }
 
 async fn finish(storage: &Storage, claim: &UploadClaim) -> Option<Added> {
@@ -289,16 +276,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
     assert_eq!(storage.blobs_that_exist().await.len(), 1);
     // More than one transaction removes.
     for _ in 0..150 {
-        let new = NewUpload {
-            kind: UploadKind::Partial,
-            tenant: Tenant::default(),
-            home: None,
-            metadata: String::new(),
-            concat: None,
-            length_bytes: None,
-            content_key: None,
-            is_stored: false,
-        };
+        let new = new_upload(UploadKind::Partial, &Tenant::default(), None);
         storage.create_upload(new, &limits(), None, at(0)).await.unwrap();
     }
     assert_eq!(storage.expire_uploads(at(end)).await.unwrap(), 150);
@@ -321,14 +299,9 @@ async fn the_same_content_has_one_upload(storage: Storage) {
         storage.put_home(id, None, |_| true, at(0)).await.unwrap();
     }
     let new = |of: &HomeId, content_key: Option<&str>, length_bytes: Option<u64>| NewUpload {
-        kind: UploadKind::Whole,
-        tenant: Tenant::default(),
         home: Some(of.clone()),
-        metadata: String::new(),
-        concat: None,
-        length_bytes,
         content_key: content_key.map(str::to_owned),
-        is_stored: false,
+        ..new_upload(UploadKind::Whole, &Tenant::default(), length_bytes)
     };
     let storage = &storage;
     let same = async |new: NewUpload, seconds| storage.same_upload(&new, at(seconds)).await.unwrap();

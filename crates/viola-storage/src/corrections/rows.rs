@@ -1,6 +1,6 @@
 //! The table of corrections.
 
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Connection, Row, Transaction, query};
 use crate::{HomeId, StorageError, home_maps};
 use jiff::Timestamp;

@@ -3,6 +3,7 @@
 //! clock of this machine, which nobody sets.
 
 use crate::StorageError;
+use crate::columns::parse_time;
 use jiff::{SignedDuration, Timestamp};
 use sqlx::postgres::PgPool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -80,8 +81,7 @@ impl Clock {
         let database_ms: i64 = sqlx::query_scalar(now).fetch_one(&mut *connection).await?;
         let (monotonic, wall) = (Instant::now(), Timestamp::now());
         let round_trip = monotonic.saturating_duration_since(asked);
-        let database = Timestamp::from_millisecond(database_ms)
-            .map_err(|error| StorageError::Column { column: "clock_timestamp", detail: error.to_string() })?;
+        let database = parse_time("clock_timestamp", database_ms)?;
         self.note(Reading { database: database + round_trip / 2, monotonic, wall }, round_trip);
         Ok(())
     }

@@ -133,12 +133,9 @@ impl Connection {
         }
     }
 
-    /// Returns the argument for this database, for statements that differ between the two.
-    pub fn either<T>(&self, sqlite: T, postgres: T) -> T {
-        match &self.link {
-            Some(Link::Sqlite { .. }) => sqlite,
-            _ => postgres,
-        }
+    /// Returns whether other transactions may write at the same time, as on PostgreSQL.
+    pub fn is_shared(&self) -> bool {
+        !matches!(self.link, Some(Link::Sqlite { .. }))
     }
 }
 

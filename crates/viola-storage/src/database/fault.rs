@@ -51,8 +51,8 @@ impl DatabaseFault {
         match code & 0xff {
             // SQLITE_FULL
             13 => DatabaseFault::Full,
-            // SQLITE_NOMEM, SQLITE_IOERR, SQLITE_CANTOPEN
-            7 | 10 | 14 => DatabaseFault::System,
+            // SQLITE_NOMEM, SQLITE_READONLY, SQLITE_IOERR, SQLITE_CANTOPEN
+            7 | 8 | 10 | 14 => DatabaseFault::System,
             // SQLITE_CORRUPT, SQLITE_NOTADB
             11 | 26 => DatabaseFault::Damaged,
             // SQLITE_BUSY, SQLITE_LOCKED, SQLITE_INTERRUPT, SQLITE_PROTOCOL
@@ -68,8 +68,9 @@ impl DatabaseFault {
             ("53100", _) => DatabaseFault::Full,
             // Insufficient resources, system error.
             (_, "53" | "58") => DatabaseFault::System,
-            // lock_not_available; connection lost, transaction rolled back, operator intervention.
-            ("55P03" | OLD_STATEMENT, _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
+            // lock_not_available; read_only_sql_transaction, as on a standby after a failover; connection lost, transaction
+            // rolled back, operator intervention.
+            ("55P03" | "25006" | OLD_STATEMENT, _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
             _ => DatabaseFault::Lasting,
         }
     }
@@ -87,6 +88,7 @@ mod tests {
             (778, DatabaseFault::System),
             (3082, DatabaseFault::System),
             (7, DatabaseFault::System),
+            (8, DatabaseFault::System),
             (5, DatabaseFault::Passing),
             (517, DatabaseFault::Passing),
             (6, DatabaseFault::Passing),
@@ -107,6 +109,7 @@ mod tests {
             ("40001", DatabaseFault::Passing),
             ("57P01", DatabaseFault::Passing),
             ("55P03", DatabaseFault::Passing),
+            ("25006", DatabaseFault::Passing),
             ("0A000", DatabaseFault::Passing),
             ("55000", DatabaseFault::Lasting),
             ("23503", DatabaseFault::Lasting),

@@ -2,11 +2,10 @@
 //! integers and floating-point numbers only.
 
 use super::super::StorageError;
-use super::super::columns::Columns;
 use super::connection::{Connection, Executor};
 use sqlx::postgres::{PgArguments, PgRow};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{Arguments, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite};
+use sqlx::{Arguments, AssertSqlSafe, Decode, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite, Type};
 
 /// A parameter of a statement.
 pub enum Value {
@@ -47,13 +46,70 @@ pub fn query(sql: impl SqlSafeStr) -> Query {
     Query { sql: sql.into_sql_str(), values: Vec::new() }
 }
 
+/// Words of PostgreSQL in our statements, and those of SQLite in their place: it has one writer and no locks of rows, and another
+/// function for the values of a JSON list.
+const FOR_SQLITE: [(&str, &str); 5] = [
+    (" FOR UPDATE", ""),
+    (" FOR NO KEY UPDATE", ""),
+    (" SKIP LOCKED", ""),
+    ("jsonb_array_elements_text(", "json_each("),
+    (" AS JSONB)", " AS TEXT)"),
+];
+
+/// Returns a statement in the words of SQLite.
+fn for_sqlite(sql: SqlStr) -> SqlStr {
+    if !FOR_SQLITE.iter().any(|(postgres, _)| sql.as_str().contains(postgres)) {
+        return sql;
+    }
+    let of_postgres = sql.as_str().to_owned();
+    let replaced =
+        FOR_SQLITE.iter().fold(of_postgres, |sql, (postgres, sqlite)| sql.replace(postgres, sqlite));
+    AssertSqlSafe(replaced).into_sql_str()
+}
+
+/// The values of a list that is bound as JSON, for `IN`.
+macro_rules! listed {
+    ($json:literal) => {
+        concat!("(SELECT value FROM jsonb_array_elements_text(CAST(", $json, " AS JSONB)))")
+    };
+}
+pub(crate) use listed;
+
+/// What the transactions of a tenant take turns for.
+#[derive(Clone, Copy)]
+pub enum Turn {
+    Quota,
+    Webhooks,
+}
+
+/// Lets the transactions of a tenant take turns from now on. Those of SQLite do anyway.
+pub async fn take_turns(connection: &mut Connection, turn: Turn, tenant: &str) -> Result<(), sqlx::Error> {
+    if connection.is_shared() {
+        let lock = query("SELECT pg_advisory_xact_lock(hashtextextended($1, $2))");
+        lock.bind(tenant).bind(turn as i64).execute(connection).await?;
+    }
+    Ok(())
+}
+
 /// A row of a result.
 pub enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),
 }
 
-/// Converts the values to arguments of either database.
+impl From<SqliteRow> for Row {
+    fn from(row: SqliteRow) -> Row {
+        Row::Sqlite(row)
+    }
+}
+
+impl From<PgRow> for Row {
+    fn from(row: PgRow) -> Row {
+        Row::Postgres(row)
+    }
+}
+
+/// Converts the values to arguments of a database.
 macro_rules! arguments {
     ($type:ty, $values:expr) => {{
         let mut arguments = <$type>::default();
@@ -69,6 +125,25 @@ macro_rules! arguments {
     }};
 }
 
+/// Runs a query on either database by a method of the driver, and converts the result.
+macro_rules! run {
+    ($query:ident.$method:ident($connection:ident) => $convert:expr) => {{
+        let ran = match $connection.executor()? {
+            Executor::Sqlite(sqlite) => {
+                let arguments = arguments!(SqliteArguments, $query.values);
+                let query = sqlx::query_with::<Sqlite, _>(for_sqlite($query.sql), arguments);
+                query.$method(sqlite).await.map($convert)
+            }
+            Executor::Postgres(postgres) => {
+                let arguments = arguments!(PgArguments, $query.values);
+                let query = sqlx::query_with::<Postgres, _>($query.sql, arguments);
+                query.$method(postgres).await.map($convert)
+            }
+        };
+        $connection.ended(ran).await
+    }};
+}
+
 impl Query {
     pub fn bind(mut self, value: impl Into<Value>) -> Query {
         self.values.push(value.into());
@@ -76,33 +151,11 @@ impl Query {
     }
 
     pub async fn fetch_all(self, connection: &mut Connection) -> Result<Vec<Row>, sqlx::Error> {
-        let fetched = match connection.executor()? {
-            Executor::Sqlite(connection) => {
-                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                let rows = query.fetch_all(connection).await;
-                rows.map(|rows| rows.into_iter().map(Row::Sqlite).collect())
-            }
-            Executor::Postgres(connection) => {
-                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                let rows = query.fetch_all(connection).await;
-                rows.map(|rows| rows.into_iter().map(Row::Postgres).collect())
-            }
-        };
-        connection.ended(fetched).await
+        run!(self.fetch_all(connection) => |rows| rows.into_iter().map(Row::from).collect())
     }
 
     pub async fn fetch_optional(self, connection: &mut Connection) -> Result<Option<Row>, sqlx::Error> {
-        let fetched = match connection.executor()? {
-            Executor::Sqlite(connection) => {
-                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                query.fetch_optional(connection).await.map(|row| row.map(Row::Sqlite))
-            }
-            Executor::Postgres(connection) => {
-                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                query.fetch_optional(connection).await.map(|row| row.map(Row::Postgres))
-            }
-        };
-        connection.ended(fetched).await
+        run!(self.fetch_optional(connection) => |row| row.map(Row::from))
     }
 
     pub async fn fetch_one(self, connection: &mut Connection) -> Result<Row, sqlx::Error> {
@@ -111,49 +164,20 @@ impl Query {
 
     /// Runs the statement and returns the number of changed rows.
     pub async fn execute(self, connection: &mut Connection) -> Result<u64, sqlx::Error> {
-        let executed = match connection.executor()? {
-            Executor::Sqlite(connection) => {
-                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                query.execute(connection).await.map(|done| done.rows_affected())
-            }
-            Executor::Postgres(connection) => {
-                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                query.execute(connection).await.map(|done| done.rows_affected())
-            }
-        };
-        let rows = connection.ended(executed).await?;
+        let rows = run!(self.execute(connection) => |done| done.rows_affected())?;
         connection.changed(rows);
         Ok(rows)
     }
 }
 
-macro_rules! get {
-    ($row:expr, $column:expr) => {
-        match $row {
-            Row::Sqlite(row) => Ok(row.try_get($column)?),
-            Row::Postgres(row) => Ok(row.try_get($column)?),
-        }
-    };
-}
-
-impl Columns for Row {
-    fn text(&self, column: &'static str) -> Result<String, StorageError> {
-        get!(self, column)
-    }
-
-    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError> {
-        get!(self, column)
-    }
-
-    fn number(&self, column: &'static str) -> Result<i64, StorageError> {
-        get!(self, column)
-    }
-
-    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError> {
-        get!(self, column)
-    }
-
-    fn real(&self, column: &'static str) -> Result<f64, StorageError> {
-        get!(self, column)
+impl Row {
+    pub fn get<T>(&self, column: &'static str) -> Result<T, StorageError>
+    where
+        T: for<'r> Decode<'r, Sqlite> + Type<Sqlite> + for<'r> Decode<'r, Postgres> + Type<Postgres>,
+    {
+        Ok(match self {
+            Row::Sqlite(row) => row.try_get(column)?,
+            Row::Postgres(row) => row.try_get(column)?,
+        })
     }
 }

@@ -9,7 +9,7 @@ mod rows;
 mod scenes;
 
 use super::{HomeMap, MapFile, MapLevel, MapObject, map_file, objects, places};
-use crate::columns::{Columns, to_json};
+use crate::columns::{parse_json, to_json};
 use crate::database::{Connection, Row, query};
 use crate::{
     Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
@@ -138,8 +138,7 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let renewed = query(
+        let renew = query(
             // A merge that has just ended has no lease any more, and is not lost.
             "UPDATE homes SET map_lease_until = CASE WHEN map_lease_until IS NULL THEN NULL ELSE $3 END
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
@@ -147,11 +146,8 @@ impl Storage {
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind((now + lease).as_millisecond())
-        .bind(claim.home_created_at.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(renewed == 1)
+        .bind(claim.home_created_at.as_millisecond());
+        Ok(self.database.execute(renew).await? == 1)
     }
 
     /// Returns a file of one of a claim's clips; `None` if the clip was removed or realigned since. The home
@@ -176,8 +172,8 @@ impl Storage {
 
     /// Returns the files of one name of all levels.
     async fn last_files(&self, claim: &MergeClaim, name: &str) -> Result<Vec<MapFile>, StorageError> {
-        let mut snapshot = self.database.snapshot().await?;
-        super::files(&mut snapshot, &claim.home, claim.last_revision, None, name).await
+        let mut connection = self.database.reader().await?;
+        super::files(&mut connection, &claim.home, claim.last_revision, None, name).await
     }
 
     /// Returns the manifest of the revision that a claim starts from; empty before the first.
@@ -186,8 +182,7 @@ impl Storage {
         let files = self.home_map_files(home, revision, LevelName::MAIN, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
-        serde_json::from_slice(&bytes)
-            .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
+        parse_json("manifest.json", &bytes)
     }
 
     /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.
@@ -200,13 +195,10 @@ impl Storage {
     ) -> Result<bool, StorageError> {
         let mut keys = Vec::new();
         let kept = self.keep_revision(claim, new, &mut keys, now).await;
-        match &kept {
-            Ok(Some(stale)) => self.discard_pending(&super::owner(&claim.home), stale).await,
-            // The rows may exist nevertheless; a sweep decides.
-            Err(error) if error.is_unsettled() => {}
-            Ok(None) | Err(_) => self.blobs.discard(&keys).await,
-        }
-        Ok(kept?.is_some())
+        self.discard_unless(&keys, &kept, Option::is_some).await;
+        let Some(stale) = kept? else { return Ok(false) };
+        self.discard_pending(&super::owner(&claim.home), &stale).await;
+        Ok(true)
     }
 
     /// Writes blobs, then rows in one transaction: a reader sees a whole revision or none. Returns the blobs
@@ -269,19 +261,15 @@ impl Storage {
 
     /// Gives a claim back without a fault; the merge is due again at `due`.
     pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query(
+        let give_back = query(
             "UPDATE homes SET map_lease_until = NULL, map_due_at = $3
             WHERE id = $1 AND map_fence = $2 AND created_at = $4",
         )
         .bind(claim.home.key())
         .bind(claim.fencing_token)
         .bind(due.as_millisecond())
-        .bind(claim.home_created_at.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(())
+        .bind(claim.home_created_at.as_millisecond());
+        self.database.execute(give_back).await.map(drop)
     }
 }
 

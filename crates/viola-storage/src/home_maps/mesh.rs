@@ -45,13 +45,8 @@ impl Storage {
             };
             tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
         }
-        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        let Some(scene) = self.map_scene(file).await? else {
-            self.check_map_file_removed(file).await?;
-            return Ok(None);
-        };
-        Ok(Some(LevelSurface { tiles, objects: scene.objects }))
+        let scene = self.scene_of_level(home, revision, level).await?;
+        Ok(scene.map(|scene| LevelSurface { tiles, objects: scene.objects }))
     }
 
     /// Returns the levels of a map that may have a mesh and have none yet.
@@ -84,13 +79,8 @@ impl Storage {
             Ok(()) => self.add_mesh_row(home, map, level, &key, size_bytes).await,
             Err(error) => Err(error),
         };
-        match &added {
-            Ok(true) => {}
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) if error.is_unsettled() => {}
-            // A write that failed may have taken effect.
-            Ok(false) | Err(_) => self.blobs.discard(&[key]).await,
-        }
+        // A write that failed may have taken effect.
+        self.discard_unless(&[key], &added, |is_added| *is_added).await;
         added
     }
 

@@ -1,6 +1,6 @@
 //! The objects of all homes, as their current maps have them.
 
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::{HomeId, Page, Storage, StorageError, Tenant};
 use jiff::Timestamp;

@@ -1,7 +1,7 @@
 //! Update of the clips' placements by a new revision.
 
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::{
     Choice, ClipState, HomeId, Placement, StorageError, clock, reasons_of_placement, state_by_others,
@@ -77,28 +77,20 @@ async fn remove_placement(
     let is_by_others =
         |own: &Alignment| !is_chosen && state == ClipState::Aligned && ClipState::from(own.state) != state;
     let own = row.maybe_json::<Alignment>("alignment")?.filter(is_by_others);
-    let (update, state) = match own {
-        Some(own) => {
-            let (state, reasons) = (ClipState::from(own.state), to_json(&own.reasons));
-            let update = query(concat!(
-                "UPDATE clips SET placement = NULL, state = $3, reasons = $4, ",
-                clock::change_at!("$2"),
-                " WHERE id = $1"
-            ));
-            let update = update.bind(id.to_string()).bind(now.as_millisecond());
-            (update.bind(state.name()).bind(reasons), state)
-        }
-        // A claim may change the state of a queued clip meanwhile.
-        None => {
-            let update = query(concat!(
-                "UPDATE clips SET placement = NULL, ",
-                clock::change_at!("$2"),
-                " WHERE id = $1"
-            ));
-            (update.bind(id.to_string()).bind(now.as_millisecond()), state)
-        }
-    };
-    update.execute(transaction).await?;
+    let own_state = own.as_ref().map(|own| ClipState::from(own.state));
+    // A claim may change the state of a queued clip meanwhile.
+    query(concat!(
+        "UPDATE clips SET placement = NULL, state = COALESCE($3, state), reasons = COALESCE($4, reasons), ",
+        clock::change_at!("$2"),
+        " WHERE id = $1"
+    ))
+    .bind(id.to_string())
+    .bind(now.as_millisecond())
+    .bind(own_state.map(ClipState::name))
+    .bind(own.map(|own| to_json(&own.reasons)))
+    .execute(transaction)
+    .await?;
+    let state = own_state.unwrap_or(state);
     changes::record(transaction, home, Changed::Clip { id, state }, now).await
 }
 

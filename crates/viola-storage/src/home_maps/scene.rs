@@ -1,8 +1,8 @@
 //! Content of a home's map beyond points, and what the next revision needs of it.
 
 use super::objects::MapObject;
-use crate::columns::to_json;
-use crate::{MapFile, Storage, StorageError};
+use crate::columns::{parse_json, to_json};
+use crate::{HomeId, MapFile, Storage, StorageError, map_file};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
@@ -122,13 +122,25 @@ impl MapScene {
 }
 
 impl Storage {
+    /// Returns the scene of a level of a revision; `None` if the revision was removed meanwhile.
+    pub(crate) async fn scene_of_level(
+        &self,
+        home: &HomeId,
+        revision: i64,
+        level: LevelName,
+    ) -> Result<Option<MapScene>, StorageError> {
+        let files = self.home_map_files(home, revision, level, map_file::SCENE).await?;
+        let Some(file) = files.first() else { return Ok(None) };
+        let scene = self.map_scene(file).await?;
+        if scene.is_none() {
+            self.check_map_file_removed(file).await?;
+        }
+        Ok(scene)
+    }
+
     /// Returns the scene of a revision; `None` if the revision was removed since.
     pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
         let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
-        let scene = serde_json::from_slice(&bytes);
-        Ok(Some(
-            scene
-                .map_err(|error| StorageError::Column { column: "scene.json", detail: error.to_string() })?,
-        ))
+        Ok(Some(parse_json("scene.json", &bytes)?))
     }
 }

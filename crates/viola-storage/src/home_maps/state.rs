@@ -1,6 +1,5 @@
 //! The state of a home's newest map.
 
-use crate::columns::Columns;
 use crate::database::{Row, query};
 use crate::{HomeId, Storage, StorageError};
 

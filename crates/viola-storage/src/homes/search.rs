@@ -3,7 +3,6 @@
 //! Rust lowers every letter. The databases lower those of ASCII only, and processes from before the column leave it empty.
 
 use super::HomeId;
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{Storage, StorageError};
 

@@ -1,6 +1,5 @@
 //! The order of jobs: priorities, and fair turns of homes and tenants.
 
-use crate::columns::Columns;
 use crate::database::{Transaction, query};
 use crate::{HomeId, StorageError};
 use jiff::SignedDuration;

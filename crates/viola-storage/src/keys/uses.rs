@@ -1,6 +1,5 @@
 //! The last use of keys. It is noted beside the request, which must not wait for a writer of the database.
 
-use super::super::StorageError;
 use super::super::database::{Database, query};
 use jiff::Timestamp;
 use std::collections::HashSet;
@@ -20,7 +19,9 @@ impl KeyUses {
         }
         let (uses, database) = (self.clone(), database.clone());
         tokio::spawn(async move {
-            if let Err(error) = write(&database, key, now).await {
+            let note = query("UPDATE api_keys SET last_used_at = $2 WHERE id = $1");
+            let note = note.bind(key.to_string()).bind(now.as_millisecond());
+            if let Err(error) = database.execute(note).await {
                 warn!(%key, %error, "the use of a key could not be noted");
             }
             uses.being_noted().remove(&key);
@@ -36,14 +37,4 @@ impl KeyUses {
     fn being_noted(&self) -> MutexGuard<'_, HashSet<Uuid>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-async fn write(database: &Database, key: Uuid, now: Timestamp) -> Result<(), StorageError> {
-    let mut transaction = database.begin().await?;
-    query("UPDATE api_keys SET last_used_at = $2 WHERE id = $1")
-        .bind(key.to_string())
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-    transaction.commit().await
 }

@@ -1,7 +1,7 @@
 //! Requeueing of jobs.
 
 use super::{Fault, RetryPolicy, change_clip, fail};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::{ClipState, Storage, StorageError, clock, homes};
 use jiff::Timestamp;
@@ -112,17 +112,12 @@ impl Storage {
         if ahead.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
             return Ok(());
         }
-        let mut transaction = self.database.begin().await?;
-        let advance = transaction.either(
-            "UPDATE jobs SET order_at = $3
-            WHERE state = 'queued' AND order_at > $1 AND (again = 0 OR order_at > $2)",
+        let advance = query(
             "UPDATE jobs SET order_at = $3 WHERE id IN (SELECT id FROM jobs
                 WHERE state = 'queued' AND order_at > $1 AND (again = 0 OR order_at > $2)
                 ORDER BY id FOR UPDATE SKIP LOCKED)",
         );
-        let advance = query(advance).bind(late).bind(late_again).bind(now.as_millisecond());
-        advance.execute(&mut transaction).await?;
-        transaction.commit().await
+        self.database.execute(advance.bind(late).bind(late_again).bind(now.as_millisecond())).await.map(drop)
     }
 }
 

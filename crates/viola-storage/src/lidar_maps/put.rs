@@ -3,7 +3,7 @@
 use super::remove::remove_to;
 use super::{FromEarlier, LidarMapRevision, current, file_key, image_key, levels, owner};
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::query;
 use crate::incoming::Arrived;
 use crate::quota::{self, QuotaCheck};
@@ -75,23 +75,27 @@ impl Storage {
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
-        let id = Uuid::now_v7();
+        let NewLidarMap { level, file, file_name, info, from_earlier, image_png } = new;
         let row = NewRow {
-            id,
-            level: new.level,
-            size_bytes: new.file.size_bytes,
-            image_bytes: new.image_png.len() as u64,
-            sha256: new.file.sha256.clone(),
-            file_name: new.file_name,
-            info: new.info,
-            from_earlier: new.from_earlier,
-            quota: QuotaCheck::Enforce { max_bytes },
+            id: Uuid::now_v7(),
+            level,
+            size_bytes: file.size_bytes,
+            image_bytes: image_png.len() as u64,
+            sha256: file.sha256.clone(),
+            file_name,
+            info,
+            from_earlier,
         };
+        let keys = [file_key(row.id), image_key(row.id)];
         // Concurrently: a slow store delays this once.
-        let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) =
-            tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
-        self.add_row(home, row, file.and(image), expected, now).await
+            tokio::join!(self.blobs.keep(file, &keys[0]), self.blobs.put(&keys[1], image_png));
+        let added = match file.and(image) {
+            Ok(()) => self.insert_lidar_map(home, row, max_bytes, expected, now).await,
+            Err(error) => Err(error),
+        };
+        self.discard_unless(&keys, &added, |(_, is_new)| *is_new).await;
+        added
     }
 
     /// Makes an earlier revision of a level the current one again, as a new revision with the same file, if the
@@ -106,28 +110,20 @@ impl Storage {
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
-        let id = Uuid::now_v7();
-        let file = self.blobs.read_all(&file_key(earlier.id)).await;
-        let file = self.unless_gone(home, earlier, file).await?;
+        let bytes = self.earlier_lidar_map_file(home, earlier).await?;
         let image = self.blobs.read_all(&image_key(earlier.id)).await;
         let image = self.unless_gone(home, earlier, image).await?;
-        let row = NewRow {
-            id,
+        let mut file = self.incoming()?;
+        file.write(&bytes).await?;
+        let new = NewLidarMap {
             level: earlier.level,
-            size_bytes: earlier.size_bytes,
-            image_bytes: image.len() as u64,
-            sha256: earlier.sha256.clone(),
+            file: file.finish().await?,
             file_name: earlier.file_name.clone(),
             info: earlier.info.clone(),
             from_earlier,
-            quota: QuotaCheck::Enforce { max_bytes },
+            image_png: image.to_vec(),
         };
-        let (file_key, image_key) = (file_key(id), image_key(id));
-        let (file, image) = tokio::join!(
-            self.blobs.put(&file_key, file.to_vec()),
-            self.blobs.put(&image_key, image.to_vec())
-        );
-        self.add_row(home, row, file.and(image), expected, now).await
+        self.put_lidar_map(home, new, max_bytes, expected, now).await
     }
 
     /// Returns the file of an earlier revision.
@@ -153,43 +149,17 @@ impl Storage {
         read
     }
 
-    /// Adds the row of a revision whose blobs were `stored`. Removes them if it is not added.
-    async fn add_row(
-        &self,
-        home: &HomeId,
-        new: NewRow,
-        stored: Result<(), StorageError>,
-        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
-        now: Timestamp,
-    ) -> Result<(LidarMapRevision, bool), StorageError> {
-        let keys = [file_key(new.id), image_key(new.id)];
-        if let Err(error) = stored {
-            self.blobs.discard(&keys).await;
-            return Err(error);
-        }
-        let added = self.insert_lidar_map(home, new, expected, now).await;
-        let is_for_nothing = match &added {
-            Ok((_, is_new)) => !is_new,
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if is_for_nothing {
-            self.blobs.discard(&keys).await;
-        }
-        added
-    }
-
+    /// Adds the row of a revision whose blobs are stored.
     async fn insert_lidar_map(
         &self,
         home: &HomeId,
         new: NewRow,
+        max_bytes: Option<u64>,
         expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
-        if !homes::lock(&mut transaction, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::lock_existing(&mut transaction, home).await?;
         let maps = levels(&mut transaction, home).await?;
         let before = replaced(&maps, new.level, expected)?;
         // Another request may have replaced the revision that it was compared with.
@@ -199,7 +169,7 @@ impl Storage {
             return Ok((same.clone(), false));
         }
         let new_bytes = new.size_bytes + new.image_bytes;
-        quota::check(&mut transaction, home.tenant(), new_bytes, new.quota).await?;
+        quota::check(&mut transaction, home.tenant(), new_bytes, QuotaCheck::Enforce { max_bytes }).await?;
         // Revisions count removed maps, too.
         let last = query("SELECT COALESCE(MAX(revision), 0) AS last FROM lidar_maps WHERE home_id = $1");
         let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
@@ -250,5 +220,4 @@ struct NewRow {
     file_name: Option<String>,
     info: LidarInfo,
     from_earlier: Option<FromEarlier>,
-    quota: QuotaCheck,
 }

@@ -2,7 +2,6 @@
 
 use super::{LidarMapRevision, file_key, image_key, levels, owner};
 use crate::changes::{self, Changed};
-use crate::columns::Columns;
 use crate::database::{Transaction, query};
 use crate::{Choice, HomeId, Storage, StorageError, corrections, home_maps, homes, jobs, pending_deletes};
 use jiff::Timestamp;
@@ -21,9 +20,7 @@ impl Storage {
     ) -> Result<(), StorageError> {
         let owner = owner(home, level);
         let mut transaction = self.database.begin().await?;
-        if !homes::lock(&mut transaction, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
+        homes::lock_existing(&mut transaction, home).await?;
         let (removed, left): (Vec<_>, Vec<_>) =
             levels(&mut transaction, home).await?.into_iter().partition(|map| map.level == level);
         if removed.is_empty() {

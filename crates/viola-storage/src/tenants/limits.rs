@@ -1,6 +1,5 @@
 //! Limits of tenants, and what counts towards them.
 
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{Storage, StorageError, Tenant, quota};
 
@@ -19,10 +18,10 @@ impl Storage {
         let row = query("SELECT max_bytes, max_uploads FROM tenant_limits WHERE tenant = $1");
         let row = row.bind(tenant.name()).fetch_optional(&mut self.database.reader().await?).await?;
         let Some(row) = row else { return Ok(TenantLimits::default()) };
-        let limit = |name| -> Result<Option<u64>, StorageError> {
-            row.maybe_number(name)?.map(|_| row.count(name)).transpose()
-        };
-        Ok(TenantLimits { max_bytes: limit("max_bytes")?, max_uploads: limit("max_uploads")? })
+        Ok(TenantLimits {
+            max_bytes: row.maybe_count("max_bytes")?,
+            max_uploads: row.maybe_count("max_uploads")?,
+        })
     }
 
     /// Sets all limits of a tenant.
@@ -32,17 +31,14 @@ impl Storage {
         limits: &TenantLimits,
     ) -> Result<(), StorageError> {
         let number = |limit: Option<u64>| limit.map(|limit| i64::try_from(limit).unwrap_or(i64::MAX));
-        let mut transaction = self.database.begin().await?;
-        query(
+        let set = query(
             "INSERT INTO tenant_limits (tenant, max_bytes, max_uploads) VALUES ($1, $2, $3)
             ON CONFLICT (tenant) DO UPDATE SET max_bytes = excluded.max_bytes, max_uploads = excluded.max_uploads",
         )
         .bind(tenant.name())
         .bind(number(limits.max_bytes))
-        .bind(number(limits.max_uploads))
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await
+        .bind(number(limits.max_uploads));
+        self.database.execute(set).await.map(drop)
     }
 
     /// Returns the size in bytes of a tenant's files: clips, LiDAR maps, results, the maps of homes, and

@@ -2,7 +2,6 @@
 
 use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
 use crate::Tenant;
-use crate::columns::Columns;
 use crate::database::query;
 use crate::incoming::Arrived;
 use jiff::Timestamp;

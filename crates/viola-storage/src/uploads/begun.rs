@@ -1,7 +1,6 @@
 //! Repeated requests to begin an upload.
 
 use super::{NewUpload, Storage};
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{HomeId, StorageError};
 use jiff::Timestamp;

@@ -13,11 +13,8 @@ impl Storage {
         self.living_upload(id, now).await?;
         let mut transaction = self.database.begin().await?;
         // A join by another process may take the pieces.
-        let lock = transaction.either(
-            "SELECT id FROM uploads WHERE id = $1",
-            "SELECT id FROM uploads WHERE id = $1 FOR UPDATE",
-        );
-        query(lock).bind(id.to_string()).fetch_optional(&mut transaction).await?;
+        let lock = query("SELECT id FROM uploads WHERE id = $1 FOR UPDATE");
+        lock.bind(id.to_string()).fetch_optional(&mut transaction).await?;
         find_living(&mut transaction, id, now).await?;
         Ok(self.delete_locked(transaction, id, now).await?)
     }
@@ -42,12 +39,9 @@ impl Storage {
     pub async fn abandon_upload(&self, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         // The first request incremented the fence once.
-        let unknown = transaction.either(
-            "SELECT id FROM uploads WHERE id = $1 AND content_key IS NULL AND fence <= 1",
-            "SELECT id FROM uploads WHERE id = $1 AND content_key IS NULL AND fence <= 1 FOR UPDATE",
-        );
-        let unknown = query(unknown).bind(id.to_string()).fetch_optional(&mut transaction).await?;
-        if unknown.is_none() {
+        let unknown =
+            query("SELECT id FROM uploads WHERE id = $1 AND content_key IS NULL AND fence <= 1 FOR UPDATE");
+        if unknown.bind(id.to_string()).fetch_optional(&mut transaction).await?.is_none() {
             return Ok(());
         }
         self.delete_locked(transaction, id, now).await

@@ -1,7 +1,6 @@
 //! Expiry of uploads.
 
 use super::{Storage, piece_keys};
-use crate::columns::Columns;
 use crate::database::query;
 use crate::{StorageError, pending_deletes};
 use jiff::Timestamp;
@@ -12,18 +11,11 @@ const BATCH: i64 = 100;
 /// The name under which the pending deletes of expired uploads are recorded.
 const OWNER: &str = "expired-uploads";
 
-/// Selects the uploads that expire.
-macro_rules! due {
-    ($lock:literal) => {
-        concat!(
-            "SELECT id FROM uploads
-            WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
-                OR (state = 'arrived' AND kind = 'partial'))
-            ORDER BY expires_at LIMIT $2",
-            $lock
-        )
-    };
-}
+/// Selects the uploads that expire. One that receives a piece, or is joined to another one, is left alone.
+const DUE: &str = "SELECT id FROM uploads
+    WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
+        OR (state = 'arrived' AND kind = 'partial'))
+    ORDER BY expires_at LIMIT $2 FOR UPDATE SKIP LOCKED";
 
 impl Storage {
     /// Removes idle uploads and old records of ended ones; returns their number. A complete file was
@@ -32,9 +24,7 @@ impl Storage {
         let mut expired = 0;
         loop {
             let mut transaction = self.database.begin().await?;
-            // An upload that receives a piece, or is joined to another one, is left alone.
-            let due = transaction.either(due!(""), due!(" FOR UPDATE SKIP LOCKED"));
-            let rows = query(due).bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut transaction).await?;
+            let rows = query(DUE).bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut transaction).await?;
             let mut keys = Vec::new();
             for row in &rows {
                 let id = row.id("id")?;

@@ -3,7 +3,7 @@
 
 use super::{Storage, Upload, UploadError, from_row, later, owner, piece_keys};
 use crate::clips::{self, Added, NewClip};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Transaction, query};
 use crate::quota::QuotaCheck;
 use crate::{Arrived, HomeId, StorageError, Tenant, clock, pending_deletes};
@@ -62,16 +62,12 @@ impl Storage {
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let renewed =
+        let renew =
             query("UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'")
                 .bind(claim.upload.id.to_string())
                 .bind(claim.fencing_token)
-                .bind(later(now, lease).as_millisecond())
-                .execute(&mut transaction)
-                .await?;
-        transaction.commit().await?;
-        Ok(renewed > 0)
+                .bind(later(now, lease).as_millisecond());
+        Ok(self.database.execute(renew).await? > 0)
     }
 
     /// Returns complete uploads that wait to become clips and that no process has claimed: at most `limit` of each tenant,
@@ -94,7 +90,7 @@ impl Storage {
 
     /// Assembles the file from its pieces.
     pub async fn assemble_upload(&self, claim: &UploadClaim) -> Result<Arrived, UploadError> {
-        let keys = piece_keys(&mut *self.database.snapshot().await?, claim.upload.id).await?;
+        let keys = piece_keys(&mut self.database.reader().await?, claim.upload.id).await?;
         let mut file = self.incoming()?;
         for key in &keys {
             let mut piece = self.blobs.read(key).await?.ok_or(UploadError::Lost)?.stream;
@@ -118,14 +114,8 @@ impl Storage {
         let (file, row) = clips::NewRow::of(id, new);
         self.blobs.keep_or_discard(file, &clips::file_key(id)).await?;
         let ended = self.end_with_clip(claim, row, record, now).await;
-        let kept_for_nothing = match &ended {
-            Ok((added, _)) => !matches!(added, Some(Added::New(_))),
-            // The row may exist nevertheless; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if kept_for_nothing {
-            self.blobs.discard(&[clips::file_key(id)]).await;
-        }
+        let is_new = |(added, _): &(Option<Added>, _)| matches!(added, Some(Added::New(_)));
+        self.discard_unless(&[clips::file_key(id)], &ended, is_new).await;
         let (added, pieces) = ended?;
         self.discard_pending(&owner(claim.upload.id), &pieces).await;
         Ok(added)
@@ -195,18 +185,14 @@ impl Storage {
         pause: Duration,
         now: Timestamp,
     ) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query(
+        let give_back = query(
             "UPDATE uploads SET lease_until = $3, attempts = attempts - 1
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(claim.upload.id.to_string())
         .bind(claim.fencing_token)
-        .bind(later(now, pause).as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        transaction.commit().await?;
-        Ok(())
+        .bind(later(now, pause).as_millisecond());
+        self.database.execute(give_back).await.map(drop)
     }
 }
 

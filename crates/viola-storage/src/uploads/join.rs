@@ -4,7 +4,6 @@ use super::{
     NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_counts, find,
     insert, later,
 };
-use crate::columns::Columns;
 use crate::database::{Transaction, query};
 use crate::{HomeId, Tenant, homes};
 use jiff::Timestamp;

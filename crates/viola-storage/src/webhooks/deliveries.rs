@@ -2,7 +2,6 @@
 //! log. A delivery is sent at least once: if a process dies after sending and before recording it, it is sent
 //! again with the same id.
 
-use super::super::columns::Columns;
 use super::super::database::{Connection, Row, Transaction, query};
 use super::super::{Page, Storage, StorageError, Tenant, clock};
 use super::{WebhookSecret, fan_out};
@@ -113,19 +112,12 @@ fn from_row(row: &Row) -> Result<Delivery, StorageError> {
 }
 
 /// Takes the webhook with a due delivery that was served longest ago.
-macro_rules! claim {
-    ($lock:literal) => {
-        concat!(
-            "UPDATE webhooks SET lease_until = $2, fence = fence + 1
-            WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
-                AND EXISTS (SELECT 1 FROM webhook_deliveries
-                    WHERE webhook_id = webhooks.id AND state = 'pending' AND (due_at <= $1 OR due_at > $4))
-                ORDER BY lease_until, id LIMIT 1 ",
-            $lock,
-            ") RETURNING id, url, secret, fence"
-        )
-    };
-}
+const CLAIM: &str = "UPDATE webhooks SET lease_until = $2, fence = fence + 1
+    WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
+        AND EXISTS (SELECT 1 FROM webhook_deliveries
+            WHERE webhook_id = webhooks.id AND state = 'pending' AND (due_at <= $1 OR due_at > $4))
+        ORDER BY lease_until, id LIMIT 1 FOR NO KEY UPDATE SKIP LOCKED)
+    RETURNING id, url, secret, fence";
 
 impl Storage {
     /// Claims a webhook with at most `limit` of its due deliveries, oldest first. No other process sends to
@@ -137,8 +129,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Option<Sending>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let claim = transaction.either(claim!(""), claim!("FOR NO KEY UPDATE SKIP LOCKED"));
-        let row = query(claim)
+        let row = query(CLAIM)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
             .bind(clock::no_lease_after(now))
@@ -216,14 +207,11 @@ impl Storage {
 
     /// Ends the lease on the webhook.
     pub async fn release_webhook(&self, sending: &Sending, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
+        let release = query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
             .bind(sending.webhook.to_string())
             .bind(sending.fencing_token)
-            .bind(now.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+            .bind(now.as_millisecond());
+        self.database.execute(release).await.map(drop)
     }
 
     /// Returns a page of the log of a webhook, newest first.
@@ -307,10 +295,7 @@ async fn retry(
 
 /// Returns whether the lease is still this process's; if so, locks it until the transaction ends.
 async fn holds(transaction: &mut Transaction, sending: &Sending) -> Result<bool, StorageError> {
-    let row = query(transaction.either(
-        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2",
-        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE",
-    ));
+    let row = query("SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE");
     let row = row.bind(sending.webhook.to_string()).bind(sending.fencing_token);
     Ok(row.fetch_optional(transaction).await?.is_some())
 }

@@ -1,7 +1,7 @@
 //! Conversion of the changes feed into deliveries for each webhook.
 
 use super::super::changes::{self, Change, ChangeKind};
-use super::super::columns::{Columns, to_json};
+use super::super::columns::to_json;
 use super::super::database::{Transaction, query};
 use super::super::{Storage, StorageError};
 use jiff::{SignedDuration, Timestamp};
@@ -59,27 +59,19 @@ impl Storage {
     }
 
     async fn forget_deliveries(&self, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let old = transaction.either(
-            "DELETE FROM webhook_deliveries WHERE state <> 'pending' AND updated_at < $1",
+        let old = query(
             "DELETE FROM webhook_deliveries WHERE id IN (SELECT id FROM webhook_deliveries
                 WHERE state <> 'pending' AND updated_at < $1 FOR UPDATE SKIP LOCKED)",
         );
-        query(old).bind((now - LOG_LIFE).as_millisecond()).execute(&mut transaction).await?;
-        transaction.commit().await
+        self.database.execute(old.bind((now - LOG_LIFE).as_millisecond())).await.map(drop)
     }
 }
 
 /// Creates the deliveries of one webhook; returns whether there are more changes.
 async fn fan_out_one(transaction: &mut Transaction, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
-    let lock = transaction.either(
-        "SELECT * FROM webhooks WHERE id = $1",
-        "SELECT * FROM webhooks WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
-    );
+    let row = query("SELECT * FROM webhooks WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED");
     // Another process has the lock, or the webhook was removed.
-    let Some(row) = query(lock).bind(id.to_string()).fetch_optional(transaction).await? else {
-        return Ok(false);
-    };
+    let Some(row) = row.bind(id.to_string()).fetch_optional(transaction).await? else { return Ok(false) };
     let kinds: Vec<ChangeKind> = row.json("kinds")?;
     let rows = query("SELECT * FROM changes WHERE tenant = $1 AND seq > $2 ORDER BY seq LIMIT $3")
         .bind(row.text("tenant")?)

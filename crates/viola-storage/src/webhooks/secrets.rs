@@ -1,8 +1,7 @@
 //! Sealed secrets of webhooks: in the database they are encrypted with a key of the operator's, so that a copy of the database
 //! reveals none.
 
-use super::super::columns::Columns;
-use super::super::database::{Row, query};
+use super::super::database::query;
 use super::super::seal::SEALED;
 use super::super::{Storage, StorageError};
 
@@ -26,21 +25,17 @@ impl Storage {
     pub(crate) async fn seal_secrets(&self) -> Result<(), StorageError> {
         let rows = query("SELECT id, secret FROM webhooks ORDER BY id");
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        let stored = |row: &Row| Ok::<_, StorageError>((row.text("id")?, row.text("secret")?));
         for row in &rows {
-            let (id, secret) = stored(row)?;
+            let (id, secret) = (row.text("id")?, row.text("secret")?);
             self.unseal(&secret, &id)?;
             if self.secrets_key.is_none() || secret.starts_with(SEALED) {
                 continue;
             }
-            let mut transaction = self.database.begin().await?;
-            query("UPDATE webhooks SET secret = $3 WHERE id = $1 AND secret = $2")
+            let update = query("UPDATE webhooks SET secret = $3 WHERE id = $1 AND secret = $2")
                 .bind(&id)
                 .bind(&secret)
-                .bind(self.seal(&secret, &id)?)
-                .execute(&mut transaction)
-                .await?;
-            transaction.commit().await?;
+                .bind(self.seal(&secret, &id)?);
+            self.database.execute(update).await?;
         }
         Ok(())
     }

@@ -39,6 +39,7 @@ on_both! {
     discarded_blobs_are_gone,
     a_sweep_leaves_what_is_named_or_recent,
     a_sweep_asks_for_a_thousand_at_a_time,
+    a_sweep_removes_files_of_any_name,
     folders_of_killed_jobs_go,
     a_place_that_is_there_is_ready,
 }
@@ -201,6 +202,16 @@ async fn a_sweep_asks_for_a_thousand_at_a_time(bench: Bench) {
     let kept = bench.keys().await;
     assert!(kept.len() == 210 && kept.iter().all(|key| key.ends_with('7')), "{}", kept.len());
     assert_eq!(removed, (BLOBS - 210) as u64);
+}
+
+async fn a_sweep_removes_files_of_any_name(bench: Bench) {
+    bench.blobs.put("clips/one/file", b"".to_vec()).await.unwrap();
+    for name in ["file~", "file [copy]"] {
+        std::fs::write(bench.path_of(&format!("clips/one/{name}")), b"").unwrap();
+    }
+    let later = Timestamp::now() + SignedDuration::from_hours(1);
+    assert_eq!(swept(&bench, later, async |_| Ok(HashSet::new())).await, 3);
+    assert_eq!(bench.keys().await, Vec::<String>::new());
 }
 
 async fn folders_of_killed_jobs_go(bench: Bench) {

@@ -2,7 +2,6 @@
 //! LiDAR map, which queues all clips again, then makes one new revision, and the old one stays until then. The waiting has limits,
 //! since a home may never stop uploading: then the merge leaves out the clips that wait, and their answers make the next one due.
 
-use crate::columns::Columns;
 use crate::database::{Query, Row, Transaction, query};
 use crate::{Storage, StorageError, clock};
 use jiff::{SignedDuration, Timestamp};
@@ -73,7 +72,7 @@ fn with_limits(statement: &'static str, now: Timestamp) -> Query {
 
 /// Takes a home whose map is due, that no worker merges, that has no pause after a fault, and that need not wait for clips.
 macro_rules! claim {
-    ($tenants:literal, $lock:literal) => {
+    ($tenants:literal) => {
         concat!(
             "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $8, map_claimed_at = $7
     WHERE id = (
@@ -84,16 +83,14 @@ macro_rules! claim {
             AND map_lease_until IS NULL AND (map_due_at <= $7 OR map_due_at > $6)
             AND ",
             need_not_wait!(),
-            " ORDER BY tenant, map_claimed_at, id LIMIT 1 ",
-            $lock,
-            ")
+            " ORDER BY tenant, map_claimed_at, id LIMIT 1 FOR NO KEY UPDATE SKIP LOCKED)
     RETURNING id, name, map_wanted, map_fence, map_faults, created_at"
         )
     };
 }
 
-/// The claim of a home whose tenant comes later, on SQLite.
-pub(crate) const CLAIM_LATER: &str = claim!(">", "");
+/// The claim of a home whose tenant comes later.
+pub(crate) const CLAIM_LATER: &str = claim!(">");
 
 /// Selects a home without work ahead that may replace its newest map.
 pub(super) const SETTLED: &str = concat!(
@@ -117,12 +114,9 @@ impl Storage {
     /// Lets the waits of all homes begin again at a start of the only process: no clip was aligned while it did not run, and a map
     /// must not lose those that still wait.
     pub(crate) async fn begin_waits_again(&self, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        query("UPDATE homes SET map_due_since = $1 WHERE map_made < map_wanted AND map_due_since < $1")
-            .bind(now.as_millisecond())
-            .execute(&mut transaction)
-            .await?;
-        transaction.commit().await
+        let begin =
+            query("UPDATE homes SET map_due_since = $1 WHERE map_made < map_wanted AND map_due_since < $1");
+        self.database.execute(begin.bind(now.as_millisecond())).await.map(drop)
     }
 }
 
@@ -159,9 +153,7 @@ async fn take_next(
     lease: Duration,
     now: Timestamp,
 ) -> Result<Option<Row>, StorageError> {
-    let later = transaction.either(CLAIM_LATER, claim!(">", "FOR NO KEY UPDATE SKIP LOCKED"));
-    let others = transaction.either(claim!("<=", ""), claim!("<=", "FOR NO KEY UPDATE SKIP LOCKED"));
-    for statement in [later, others] {
+    for statement in [CLAIM_LATER, claim!("<=")] {
         let row = with_limits(statement, now)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())

@@ -1,7 +1,7 @@
 //! The reason of clips that a merge leaves out, since the files of their answers cannot be read.
 
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Transaction, query};
 use crate::{HomeId, StorageError, clock};
 use jiff::Timestamp;

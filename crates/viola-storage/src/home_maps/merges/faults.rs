@@ -2,7 +2,6 @@
 //! time must not keep a worker busy.
 
 use super::{MergeClaim, damage};
-use crate::columns::Columns;
 use crate::database::{Row, Transaction, query};
 use crate::{RetryPolicy, Storage, StorageError, clock};
 use jiff::Timestamp;
@@ -54,9 +53,21 @@ pub(super) async fn set_aside(
     row: &Row,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let due = now + pause(row.count("map_faults")?, false);
+    end(transaction, row, false, now).await
+}
+
+/// Ends the claim of a home's row without a result, which counts as a fault.
+async fn end(
+    transaction: &mut Transaction,
+    row: &Row,
+    may_have_passed: bool,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let due = now + pause(row.count("map_faults")?, may_have_passed);
     query(
-        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1 WHERE id = $1",
+        "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1,
+            map_fence = map_fence + 1
+        WHERE id = $1",
     )
     .bind(row.text("id")?)
     .bind(due.as_millisecond())
@@ -67,33 +78,15 @@ pub(super) async fn set_aside(
 
 /// Ends the claims whose lease expired. The merge may have killed its worker, so each counts as a fault.
 pub(super) async fn release_lost(transaction: &mut Transaction, now: Timestamp) -> Result<(), StorageError> {
-    macro_rules! lost {
-        ($lock:literal) => {
-            concat!(
-                "SELECT id, map_faults FROM homes
-                WHERE map_lease_until IS NOT NULL AND (map_lease_until <= $1 OR map_lease_until > $2)
-                ORDER BY map_lease_until ",
-                $lock
-            )
-        };
-    }
-    let lost = query(transaction.either(lost!(""), lost!("FOR NO KEY UPDATE SKIP LOCKED")))
-        .bind(now.as_millisecond())
-        .bind(clock::no_lease_after(now))
-        .fetch_all(transaction)
-        .await?;
-    for row in &lost {
+    let lost = query(
+        "SELECT id, map_faults FROM homes
+        WHERE map_lease_until IS NOT NULL AND (map_lease_until <= $1 OR map_lease_until > $2)
+        ORDER BY map_lease_until FOR NO KEY UPDATE SKIP LOCKED",
+    );
+    let lost = lost.bind(now.as_millisecond()).bind(clock::no_lease_after(now));
+    for row in &lost.fetch_all(transaction).await? {
         // The first time, the process was probably restarted.
-        let due = now + pause(row.count("map_faults")?, true);
-        query(
-            "UPDATE homes SET map_lease_until = NULL, map_due_at = $2, map_faults = map_faults + 1,
-                map_fence = map_fence + 1
-            WHERE id = $1",
-        )
-        .bind(row.text("id")?)
-        .bind(due.as_millisecond())
-        .execute(transaction)
-        .await?;
+        end(transaction, row, true, now).await?;
     }
     Ok(())
 }

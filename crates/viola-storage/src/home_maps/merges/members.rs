@@ -1,6 +1,5 @@
 //! The clips that a merge puts together.
 
-use crate::columns::Columns;
 use crate::database::{Connection, Row, query};
 use crate::{Choice, ClipState, HomeId, StorageError};
 use std::collections::HashMap;

@@ -2,7 +2,7 @@
 
 use super::{KEPT_REVISIONS, MergeClaim, NewRevision};
 use crate::changes::{self, Changed};
-use crate::columns::{Columns, to_json};
+use crate::columns::to_json;
 use crate::database::{Row, Transaction, query};
 use crate::home_maps::{MapClip, MapLevel, map_file};
 use crate::{LidarMapRevision, StorageError, homes};
