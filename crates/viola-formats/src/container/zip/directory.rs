@@ -25,13 +25,13 @@ const PART: usize = 1 << 15;
 
 /// Reads the directory, in parts if it has more entries than its end counts. `open` returns a new reader of the archive.
 pub(super) fn read<R: Read + Seek>(
-    open: impl Fn() -> Result<R, ContainerError>,
+    open: impl Fn() -> R,
 ) -> Result<Vec<Arc<ZipArchiveMetadata>>, ContainerError> {
-    let (counted, start) = parse(open()?)?;
+    let (counted, start) = parse(open())?;
     let headers = (0..counted.len()).filter_map(|index| counted.entry(index).ok());
     let last = headers.map(|entry| entry.central_header_start()).max();
     let most = MAX_ENTRIES.saturating_sub(counted.len());
-    let Rest { parts, is_ended } = Rest::read(last, start, most, open()?)?;
+    let Rest { parts, is_ended } = Rest::read(last, start, most, open())?;
     let more: usize = parts.iter().map(|part| part.entries).sum();
     if more > 0 && !is_ended || !more.is_multiple_of(LOST) {
         let all = counted.len() + more;
@@ -43,7 +43,7 @@ pub(super) fn read<R: Read + Seek>(
         let end = part.end_record().ok_or_else(|| ContainerError::ZipDamaged {
             reason: "its directory is too far away".to_string(),
         })?;
-        directories.push(parse(WithEnd { archive: open()?, at: 0, end_at: part.to, end })?.0);
+        directories.push(parse(WithEnd { archive: open(), at: 0, end_at: part.to, end })?.0);
     }
     Ok(directories)
 }
