@@ -97,6 +97,11 @@ fn yamls_of_maps(zip: &Zip) -> Result<Vec<&str>, LidarError> {
     Ok(if own.is_empty() { all } else { own })
 }
 
+/// Returns whether a file begins as a zip does: with its first entry, or with the end of one without entries.
+pub(super) fn is_zip(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PK\x03") || bytes.starts_with(b"PK\x05")
+}
+
 /// Reads a zip with the yaml file of one map and the image that it names, or with one file of any other map.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
@@ -104,7 +109,8 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         && !is_yaml(name)
     {
         let bytes = zip.read(name, MAX_FILE_BYTES)?;
-        if bytes.starts_with(b"PK\x03\x04") {
+        // Archives in archives would be read by calls in calls, until the stack is full.
+        if is_zip(&bytes) {
             return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
         }
         return LidarMap::read(&bytes);
