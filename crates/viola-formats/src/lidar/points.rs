@@ -9,7 +9,7 @@ pub(super) use pcd::{is_pcd, read_pcd};
 pub(super) use ply::read_ply;
 
 use super::build::{MAX_DISTANCE_M, Parts, build};
-use super::{LidarError, LidarMap, MAX_POINTS, MapMarks};
+use super::{LidarError, LidarMap, MAX_POINTS};
 use viola_geometry::Point2;
 
 /// Points with a greater coordinate, in metres, are dropped: it is twice the circumference of the earth.
@@ -113,12 +113,8 @@ impl Points {
             format,
             frame: "metres, the file's own frame, x right, y up",
             occupied_m: self.points,
-            cells: None,
-            rooms: Vec::new(),
-            charger: None,
-            marks: MapMarks::default(),
-            carpet_m: Vec::new(),
             notes,
+            ..Parts::default()
         })
     }
 }

@@ -6,7 +6,7 @@ mod yaml;
 
 use self::yaml::Description;
 use super::build::{Parts, build, occupied_centres};
-use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
+use super::{LidarError, LidarMap, MAX_FILE_BYTES};
 use crate::container::{Container, ContainerError, Zip};
 use std::f64::consts::TAU;
 use viola_geometry::{Grid, GridFrame};
@@ -218,11 +218,8 @@ pub(super) fn read(
         frame: "metres, the map frame of the yaml file",
         occupied_m,
         cells: Some(grid),
-        rooms: Vec::new(),
-        charger: None,
-        marks: MapMarks::default(),
-        carpet_m: Vec::new(),
         notes,
+        ..Parts::default()
     })
 }
 
