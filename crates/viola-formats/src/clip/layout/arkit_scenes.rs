@@ -10,6 +10,7 @@ use super::trajectory::{Timed, no_pose_near, pose_at, times};
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
 };
+use crate::clip::files::names_from;
 use crate::container::Container;
 use nalgebra::UnitQuaternion;
 use viola_geometry::{Pose3, Vector3};
@@ -85,11 +86,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
 /// Returns the files `<anything>_<seconds>.<ending>` right under a folder, in the order of their times.
 fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> Vec<Timed<&'a str>> {
-    let names = container.names();
-    let first = names.partition_point(|name| name.as_str() < folder);
-    let mut files: Vec<Timed<&str>> = names[first..]
-        .iter()
-        .take_while(|name| name.starts_with(folder))
+    let mut files: Vec<Timed<&str>> = names_from(container, folder)
         .filter_map(|name| {
             let (stem, _) = name.rsplit_once('.').filter(|(_, own)| own.eq_ignore_ascii_case(ending))?;
             let time_s: f64 = stem.rsplit(['_', '/']).next()?.parse().ok()?;

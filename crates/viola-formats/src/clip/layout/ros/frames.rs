@@ -2,7 +2,6 @@
 
 use super::message::Transform;
 use crate::clip::layout::trajectory::{Timed, pose_at};
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use viola_geometry::Pose3;
 
@@ -134,11 +133,4 @@ impl Edge {
         }
         pose_at(&self.poses, time_s, MAX_GAP_S)
     }
-}
-
-/// Returns the pose of a camera that looks along the x axis of a body with z up (REP 103).
-pub(super) fn body_from_optical() -> Pose3 {
-    let rotation = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Pose3::from_parts(Translation3::identity(), rotation)
 }

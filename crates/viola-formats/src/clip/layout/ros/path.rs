@@ -1,7 +1,8 @@
 //! The camera's poses, from the tree of frames, from odometry, or from poses with a header.
 
 use super::bag::{Bag, Poses};
-use super::frames::{MAX_GAP_S, body_from_optical, is_base};
+use super::frames::{MAX_GAP_S, is_base};
+use crate::clip::layout::body_from_optical;
 use crate::clip::layout::trajectory::pose_at;
 use std::cmp::Reverse;
 use viola_geometry::Pose3;
