@@ -171,6 +171,14 @@ pub(super) struct Source {
     pub numbers: Option<Numbers>,
 }
 
+impl Source {
+    /// Returns a frame with only a number and pictures.
+    fn new(number: u32, color: ColorAt, depth: DepthAt) -> Source {
+        let (time_s, world_from_camera, confidence, numbers) = (None, None, None, None);
+        Source { number, time_s, world_from_camera, color, depth, confidence, numbers }
+    }
+}
+
 /// A reader: returns its result, or `None` if the container holds another layout.
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 

@@ -66,13 +66,8 @@ impl Files<'_> {
                 None => None,
             };
             sources.push(Source {
-                number,
-                time_s: None,
                 world_from_camera,
-                color,
-                depth: DepthAt::Png(depth.to_string()),
-                confidence: None,
-                numbers: None,
+                ..Source::new(number, color, DepthAt::Png(depth.to_string()))
             });
         }
         let incomplete = numbers.len() - sources.len();

@@ -85,13 +85,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     for (&number, &depth) in &depth {
         let Some(color) = color_at(&color, number) else { continue };
         sources.push(Source {
-            number,
-            time_s: None,
             world_from_camera: poses.get(&number).copied().flatten(),
-            color,
-            depth: DepthAt::Png(depth.to_string()),
-            confidence: None,
-            numbers: None,
+            ..Source::new(number, color, DepthAt::Png(depth.to_string()))
         });
     }
     let incomplete = incomplete(color.len(), depth.len(), sources.len());

@@ -276,22 +276,20 @@ impl Pictures {
         self.numbers.get_or_insert(camera.numbers);
         let node = nodes.get(&id);
         let depth = self.depth_at(&depth, confidence.as_deref(), number)?;
+        let color = match color {
+            Some(bytes) => {
+                let part = self.part(&bytes, Coding::Picture, number)?;
+                ColorAt::Part { part, size: picture::size_of(&bytes, &part.name("colour"))? }
+            }
+            None => ColorAt::Absent,
+        };
         Ok(Some(Source {
-            number,
             time_s: node.and_then(|node| node.time_s),
             world_from_camera: node
                 .and_then(|node| node.world_from_base)
                 .map(|base| base * camera.base_from_camera),
-            color: match color {
-                Some(bytes) => {
-                    let part = self.part(&bytes, Coding::Picture, number)?;
-                    ColorAt::Part { part, size: picture::size_of(&bytes, &part.name("colour"))? }
-                }
-                None => ColorAt::Absent,
-            },
-            depth,
-            confidence: None,
             numbers: Some(camera.numbers),
+            ..Source::new(number, color, depth)
         }))
     }
 

@@ -210,15 +210,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         }
         let camera_from_imu = frame.camera_from_imu.or(calibrated);
         sources.push(Source {
-            number,
             time_s: Some(frame.time_s),
             world_from_camera: pose_at(&poses, frame.time_s, MAX_POSE_GAP_S)
                 .zip(camera_from_imu)
                 .map(|(world_from_imu, camera_from_imu)| world_from_imu * camera_from_imu.inverse()),
-            color,
-            depth: DepthAt::Png(depth.to_string()),
-            confidence: None,
             numbers: frame.numbers,
+            ..Source::new(number, color, DepthAt::Png(depth.to_string()))
         });
     }
     let color_pictures = color.len() + shown;
