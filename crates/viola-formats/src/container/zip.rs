@@ -197,9 +197,6 @@ fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> 
     let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
 
     let len = reader.seek(SeekFrom::End(0)).map_err(io)?;
-    if len == 0 {
-        return Err(ContainerError::Empty);
-    }
     reader.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut head = Vec::new();
     reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;
