@@ -121,8 +121,8 @@ fn confidence(recording: &Recording) -> Vec<u8> {
     zlib(&recording.confidence(50)).into_iter().chain(size).collect()
 }
 
-/// Returns readings packed with RVL (Wilson, 2017) after RTAB-Map's header.
-fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
+/// Returns readings packed with RVL (Wilson, 2017).
+pub fn packed_by_rvl(depth_mm: &[u16]) -> Vec<u8> {
     let mut nibbles = Vec::new();
     let mut put = |mut value: u32| {
         while value > 7 {
@@ -145,11 +145,14 @@ fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
         rest = &rest[zeros + valid..];
     }
     nibbles.resize(nibbles.len().next_multiple_of(8), 0);
-    let mut bytes = b"DEPTHRVL".to_vec();
-    bytes.extend([recording.depth_size.0, recording.depth_size.1].into_iter().flat_map(u32::to_le_bytes));
     let words = nibbles.chunks(8).map(|eight| eight.iter().fold(0, |word, nibble| (word << 4) | nibble));
-    bytes.extend(words.flat_map(u32::to_le_bytes));
-    bytes
+    words.flat_map(u32::to_le_bytes).collect()
+}
+
+/// Returns packed readings after RTAB-Map's header.
+fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
+    let sides = [recording.depth_size.0, recording.depth_size.1].map(u32::to_le_bytes);
+    [&b"DEPTHRVL"[..], sides.as_flattened(), &packed_by_rvl(depth_mm)].concat()
 }
 
 /// Returns a PNG whose blue, green, red and alpha are the bytes of metres.
