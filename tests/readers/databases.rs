@@ -2,6 +2,7 @@
 //! Compression.cpp).
 
 use crate::recording::Recording;
+use crate::refusals::check_error;
 use crate::robot_files::zlib;
 use crate::writers::{Files, as_folder, encode};
 use nalgebra::{Matrix3, Matrix4, Rotation3};
@@ -228,6 +229,18 @@ fn readings_of_rtabmap_without_a_confidence_are_kept() {
             assert!(clip.load(index).unwrap().depth.at(x, y) > 0.0, "{confidence:?}: frame {index}");
         }
     }
+}
+
+/// Each row of the table may have so many.
+#[test]
+fn more_optimised_poses_than_a_clip_may_have_frames_are_refused() {
+    let count = 100_001;
+    let ids: Vec<u8> = (0..count as i32).flat_map(i32::to_le_bytes).collect();
+    let poses = floats(&Matrix4::identity()).repeat(count);
+    let values = [packed(&ids, count, 4), packed(&poses, 12 * count, 5)].map(Value::Blob);
+    let row = ("INSERT INTO Admin(opt_ids, opt_poses) VALUES (?, ?)", values.into());
+    let folder = as_folder(&[("scan.db".to_string(), database(RTABMAP, vec![row]))]);
+    check_error(Clip::open(folder.path()).err().unwrap(), "too_many_frames", "100001 frames");
 }
 
 #[test]

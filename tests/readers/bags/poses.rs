@@ -199,6 +199,19 @@ fn a_camera_that_the_tree_does_not_place_has_no_poses_and_a_note() {
     check_error(open(&messages).err().unwrap(), "bad_metadata", unconnected);
 }
 
+/// A message of 64 MiB may have ten thousand names, and a bag thousands of such messages.
+#[test]
+fn a_frame_with_a_long_name_is_refused() {
+    let with_name_of = |length: usize| {
+        let mut messages = messages(&Recording::small(3), PosesBy::Tree);
+        let named = transform(5000.0, "odom", &"n".repeat(length), &Matrix4::identity());
+        messages.push((5000.0, "/tf", TRANSFORMS, named));
+        open(&messages)
+    };
+    assert!(with_name_of(255).is_ok());
+    check_error(with_name_of(256).err().unwrap(), "bad_metadata", "a message of /tf is damaged");
+}
+
 /// The height and the tilt of the camera on the robot are unknown, and so is the up direction.
 #[test]
 fn odometry_without_the_tree_gives_assumed_poses_without_the_up_direction() {
