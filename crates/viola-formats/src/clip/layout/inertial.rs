@@ -57,10 +57,10 @@ mod tests {
 
     #[test]
     fn many_samples_of_one_time_cost_a_frame_little() {
-        let samples = (0..200_000).map(|_| Timed { time_s: 1.0, value: Vector3::x() });
+        let samples = (0..500_000).map(|_| Timed { time_s: 1.0, value: Vector3::x() });
         let forces = Forces::new(samples.collect());
         let start = Instant::now();
-        assert!((0..10_000).all(|_| forces.around(1.0) == Some(Vector3::x())));
+        assert!((0..40_000).all(|_| forces.around(1.0) == Some(Vector3::x())));
         assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
     }
 }

@@ -75,7 +75,7 @@ mod tests {
     fn hostile_statements_cost_little_time_and_memory() {
         let start = Instant::now();
         let comments = format!("CREATE TABLE a(b {})", "--\n".repeat(20_000));
-        assert!((0..20).all(|_| columns(&comments) == ["b"]));
+        assert!((0..60).all(|_| columns(&comments) == ["b"]));
         assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
         assert_eq!(columns(&format!("CREATE TABLE a({})", "b,".repeat(30_000))).len(), MAX_COLUMNS);
     }
