@@ -231,7 +231,7 @@ fn readings_of_rtabmap_without_a_confidence_are_kept() {
     }
 }
 
-/// Each row of the table may have so many.
+/// Each row of the table adds poses.
 #[test]
 fn more_optimised_poses_than_a_clip_may_have_frames_are_refused() {
     let count = 100_001;

@@ -282,6 +282,23 @@ fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Cursor, Write};
+
+    /// An archive may begin with the mark of its end. One that holds another one thousands of times would fill the stack.
+    #[test]
+    fn archives_in_archives_are_refused() {
+        let behind_an_end = |inner: &[u8]| {
+            let mut start = Cursor::new(b"PK\x05\x06".to_vec());
+            start.set_position(4);
+            let mut zip = ::zip::ZipWriter::new(start);
+            zip.start_file("map.csv", ::zip::write::SimpleFileOptions::default()).unwrap();
+            zip.write_all(inner).unwrap();
+            zip.finish().unwrap().into_inner()
+        };
+        let one = behind_an_end(b"x,y\n0,0\n0,1\n");
+        assert!(LidarMap::read(&one).is_ok());
+        assert_eq!(LidarMap::read(&behind_an_end(&one)).unwrap_err().code(), "not_an_archive");
+    }
 
     #[test]
     fn coarse_cells_are_noted() {

@@ -95,7 +95,7 @@ struct Rest {
 
 impl Rest {
     /// Returns the headers behind the one at `last`, which is the last one that is counted, or an error for more than `most`.
-    /// None is counted of a multiple of 65 536 entries; the headers then begin at `start`.
+    /// The end counts none of exactly 65 536 entries; their headers begin at `start`.
     fn read(
         last: Option<u64>,
         start: u64,
