@@ -1,55 +1,18 @@
-//! Invariants of every clip, and an in-memory container.
+//! Invariants of every clip.
 
-use crate::clip_files;
+use crate::{clip_files, zip_of};
 use std::io::Write;
 use viola_formats::clip::Clip;
-use viola_formats::container::{self, Container, ContainerError, Region};
+use viola_formats::container::{self, Container, Zip};
 
 /// Frames checked; a .sens file of 64 KiB can declare more frames without pictures.
 const MAX_FRAMES: usize = 16;
 
-/// Files in memory, sorted by name.
-struct Files {
-    names: Vec<String>,
-    contents: Vec<Vec<u8>>,
-}
-
-impl Files {
-    fn content(&self, name: &str) -> Result<&[u8], ContainerError> {
-        let at = self.names.iter().position(|own| own == name);
-        at.map(|at| self.contents[at].as_slice()).ok_or(ContainerError::Missing { name: name.to_string() })
-    }
-}
-
-impl Container for Files {
-    fn names(&self) -> &[String] {
-        &self.names
-    }
-
-    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
-        let bytes = self.content(name)?;
-        if bytes.len() as u64 > max_bytes {
-            return Err(ContainerError::FileTooLarge { name: name.to_string(), max_bytes });
-        }
-        Ok(bytes.to_vec())
-    }
-
-    fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
-        let bytes = self.read(name, max_bytes)?;
-        let region = tempfile::tempfile().and_then(|mut file| {
-            file.write_all(&bytes)?;
-            Region::whole(file)
-        });
-        region.map_err(|source| ContainerError::Unreadable { name: name.to_string(), source })
-    }
-}
-
 /// Reads an input as the files of a target's layout.
 pub fn check_layout(target: &str, input: &[u8]) {
-    let mut files = clip_files::split(target, input);
-    files.sort();
-    let (names, contents) = files.into_iter().unzip();
-    check_container(Box::new(Files { names, contents }));
+    if let Ok(zip) = Zip::from_bytes(zip_of(clip_files::split(target, input))) {
+        check_container(Box::new(zip));
+    }
 }
 
 /// Reads an input as one file: an archive of any layout, or a .sens file.

@@ -16,8 +16,8 @@ use std::fs::File;
 use std::io::{Cursor, Seek, Write};
 use std::sync::OnceLock;
 use video::{Codec, VideoInfo};
-use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 /// Reads a map and writes it in each format; all numbers must be finite, and written maps must be readable. A map is written
 /// as cells only if they are few: else each execution may fill 250 m by 250 m with them.
@@ -70,11 +70,17 @@ pub fn zlib(bytes: &[u8]) -> Vec<u8> {
 pub fn ros_zip(bytes: &[u8]) -> Vec<u8> {
     let at = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     let (yaml, image) = (&bytes[..at], bytes.get(at + 1..).unwrap_or_default());
+    zip_of([("map.yaml".to_string(), yaml.to_vec()), ("map.pgm".to_string(), image.to_vec())])
+}
+
+/// Builds a zip of uncompressed files.
+fn zip_of(files: impl IntoIterator<Item = (String, Vec<u8>)>) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, bytes) in [("map.yaml", yaml), ("map.pgm", image)] {
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    for (name, bytes) in files {
         // Writing into a vector cannot fail.
-        let _ = zip.start_file(name, SimpleFileOptions::default());
-        let _ = zip.write_all(bytes);
+        let _ = zip.start_file(name, options);
+        let _ = zip.write_all(&bytes);
     }
     zip.finish().map(Cursor::into_inner).unwrap_or_default()
 }

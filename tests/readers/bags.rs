@@ -4,10 +4,12 @@ mod poses;
 mod unchosen;
 mod unread;
 
-use crate::databases::{Value, database};
+use crate::databases::{Value, database, packed_by_rvl};
 use crate::recording::{Recorded, Recording, quaternion};
-use crate::writers::Files;
+use crate::writers::{Files, as_folder};
 use nalgebra::{Matrix3, Matrix4};
+use tempfile::TempDir;
+use viola_formats::clip::{Clip, ClipError};
 
 /// A message before it is in a file: time, topic, type, CDR.
 pub type Message = (f64, &'static str, &'static str, Vec<u8>);
@@ -181,32 +183,9 @@ fn depth_png(recording: &Recording, frame: &Recorded) -> (&'static str, Vec<u8>)
 
 /// Returns depth packed by RVL, behind the parameters of `compressedDepth` and the picture's width and height.
 fn depth_rvl(recording: &Recording, frame: &Recorded) -> (&'static str, Vec<u8>) {
-    let mut nibbles = Vec::new();
-    let mut put = |mut value: u32| {
-        while value > 7 {
-            nibbles.push(8 | value & 7);
-            value >>= 3;
-        }
-        nibbles.push(value);
-    };
-    let mut last = 0;
-    for run in frame.depth_mm.chunk_by(|a, b| *a == 0 || *b != 0) {
-        // Missing readings come first, then valid ones.
-        let valid = run.iter().filter(|mm| **mm != 0).count();
-        assert!(run[..run.len() - valid].iter().all(|mm| *mm == 0));
-        put((run.len() - valid) as u32);
-        put(valid as u32);
-        for &mm in &run[run.len() - valid..] {
-            let difference = i32::from(mm) - last;
-            put((difference << 1 ^ difference >> 31) as u32);
-            last = i32::from(mm);
-        }
-    }
-    let word = |eight: &[u32]| (0..8).fold(0, |word, at| word << 4 | eight.get(at).unwrap_or(&0));
     let (width, height) = recording.depth_size;
     let sides = [width.to_le_bytes(), height.to_le_bytes()].concat();
-    let packed: Vec<u8> = nibbles.chunks(8).flat_map(|eight| word(eight).to_le_bytes()).collect();
-    ("16UC1; compressedDepth rvl", [&[0; 12][..], &sides, &packed].concat())
+    ("16UC1; compressedDepth rvl", [&[0; 12][..], &sides, &packed_by_rvl(&frame.depth_mm)].concat())
 }
 
 type PackDepth = fn(&Recording, &Recorded) -> (&'static str, Vec<u8>);
@@ -267,6 +246,15 @@ pub fn mcap_file(messages: &[Message], compression: &str, pack: impl Fn(&[u8]) -
     let header = record(1, &[text("ros2"), text("the tests")].concat());
     [&magic[..], &header, &record(6, &chunk.concat()), &record(15, &[0; 4]), &record(2, &[0; 20]), magic]
         .concat()
+}
+
+/// Returns a folder with a bag of these messages.
+fn folder_of(messages: &[Message]) -> TempDir {
+    as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))])
+}
+
+fn open(messages: &[Message]) -> Result<Clip, ClipError> {
+    Clip::open(folder_of(messages).path())
 }
 
 /// Returns an LZ4 frame of stored blocks.
@@ -336,9 +324,7 @@ fn pictures_without_or_with_too_many_pixels_are_passed_over() {
         let cdr = Cdr::new().header(messages[0].0, "camera").u32(height).u32(width).text("mono8");
         messages.push((messages[0].0, topic, IMAGE, cdr.put([0]).u32(width).bytes(&[]).0));
     }
-    let file = mcap_file(&messages, "", <[u8]>::to_vec);
-    let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
-    crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+    crate::exports::check(folder_of(&messages).path(), "ros2_bag", true, &recording);
 }
 
 /// A ZED's confidence from 0 to 100, in the frame of depth and colour, was once read as depth.
@@ -355,17 +341,13 @@ fn confidence_disparity_and_amplitude_are_not_read_as_depth() {
             messages.push((frame.time_s, topic, IMAGE, cdr.0));
         }
     }
-    let file = mcap_file(&messages, "", <[u8]>::to_vec);
-    let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
-    crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+    crate::exports::check(folder_of(&messages).path(), "ros2_bag", true, &recording);
 }
 
 #[test]
 fn depth_packed_by_rvl_and_stamped_poses_are_read() {
     let recording = Recording::small(4);
     for messages in [compressed(&recording, depth_rvl), messages(&recording, PosesBy::PoseStamped)] {
-        let file = mcap_file(&messages, "", <[u8]>::to_vec);
-        let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
-        crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+        crate::exports::check(folder_of(&messages).path(), "ros2_bag", true, &recording);
     }
 }

@@ -51,6 +51,17 @@ fn bags_are_refused_by_name() {
     check(bag(mcap_file(&packed, "", <[u8]>::to_vec)), "bad_metadata", "compressed one by one; unpack");
 }
 
+#[test]
+fn a_database_of_more_topics_than_a_bag_may_have_is_refused() {
+    let schema =
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+        CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);
+        WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1001)
+        INSERT INTO topics SELECT i, '/t' || i, 'nav_msgs/msg/Odometry', 'cdr' FROM n";
+    let file = crate::databases::database(schema, Vec::new());
+    check(vec![("bag_0.db3".to_string(), file)], "bad_metadata", "more than 1000 topics");
+}
+
 /// `mcap convert` keeps the messages of a ROS 1 bag as they are.
 #[test]
 fn recordings_of_ros_1_are_refused_with_the_way_out() {

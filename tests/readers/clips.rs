@@ -1,9 +1,11 @@
 //! Clips in each layout: written clips are read, and unusable ones are refused by name.
 
 use crate::archives::{everywhere, gzip, zstd};
+use crate::edits::set;
 use crate::export_writers;
 use crate::exports::Writer as ExportWriter;
 use crate::recording::Recording;
+use crate::refusals;
 use crate::writers::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -221,25 +223,14 @@ fn frames_that_lack_a_picture_are_counted() {
 fn check_refused(write_files: Writer, change: impl FnOnce(&mut Files), code: &str, naming: &str) {
     let mut files = write_files("", &[0, 1, 2]);
     change(&mut files);
-    for error in [Clip::open(as_folder(&files).path()), Clip::open(as_zip(&files).path())] {
-        let error = error.err().unwrap_or_else(|| panic!("{code}: was not refused"));
-        assert_eq!(error.code(), code, "{error}");
-        assert!(error.to_string().contains(naming), "{code}: {error} does not name {naming}");
-    }
+    refusals::check_files(&files, code, naming);
 }
 
 /// Checks that a good clip with changed files is a clip without poses, with a note.
 fn check_without_poses(write_files: Writer, change: impl FnOnce(&mut Files)) {
     let mut files = write_files("", &[0, 1, 2]);
     change(&mut files);
-    let clip = Clip::open(as_zip(&files).path()).unwrap();
-    assert_eq!((clip.info().frames_with_pose, clip.info().skipped_without_pose), (0, clip.info().frames));
-    assert!(clip.info().notes.iter().any(|note| note.contains("tracked")), "{:?}", clip.info().notes);
-}
-
-fn set(files: &mut Files, name: &str, bytes: &[u8]) {
-    files.retain(|(n, _)| n != name);
-    files.push((name.to_string(), bytes.to_vec()));
+    refusals::check_files_without_poses(&files);
 }
 
 fn drop_ending(files: &mut Files, ending: &str) {
@@ -293,7 +284,7 @@ fn clips_that_cannot_be_used_are_refused_by_name() {
         }
     };
     check_refused(scannet, renumber, "color_depth_mismatch", "no frame has one of each");
-    check_refused(scannet, |f| set(f, depth_file, &far), "color_depth_mismatch", "at one metre");
+    check_refused(scannet, |f| set(f, depth_file, far), "color_depth_mismatch", "at one metre");
     let portrait = color_jpeg(HEIGHT, WIDTH);
     let all_portrait = |files: &mut Files| {
         for (_, bytes) in files.iter_mut().filter(|(name, _)| name.ends_with(".jpg")) {

@@ -6,15 +6,10 @@ use crate::export_writers as writers;
 use crate::exports::check_poses;
 use crate::recording::{Recording, gl};
 use crate::refusals::check_error;
-use crate::writers::{Files, color_jpeg, depth_png, seven_scenes, tum, zip_bytes};
+use crate::writers::{Files, depth_png, open, seven_scenes, tum, zip_bytes};
 use nalgebra::Matrix4;
 use serde_json::json;
-use viola_formats::clip::{Clip, ClipError};
-use viola_formats::container::Zip;
-
-fn open(files: &Files) -> Result<Clip, ClipError> {
-    Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(files)).unwrap()))
-}
+use viola_formats::clip::Clip;
 
 fn check_note(clip: &Clip, words: &str) {
     let notes = &clip.info().notes;
@@ -165,26 +160,6 @@ fn an_archive_in_an_archive_is_refused_by_name() {
     let inner = zip_bytes(&writers::record3d("", &Recording::small(2)));
     let files = vec![("Room 1.r3d".to_string(), inner)];
     check_error(open(&files).err().unwrap(), "not_an_archive", "Room 1.r3d is an archive");
-}
-
-#[test]
-fn depth_of_record3d_without_a_size_lies_as_colour_does() {
-    for (depth_size, color_size) in [((192, 256), (72, 96)), ((256, 192), (96, 72))] {
-        let mut recording = Recording::small(2);
-        (recording.depth_size, recording.color_size) = (depth_size, color_size);
-        recording.depth_k = [170.0, 171.0, f64::from(depth_size.0) / 2.0, f64::from(depth_size.1) / 2.0];
-        for frame in &mut recording.frames {
-            frame.depth_mm = (0..192 * 256).map(|i| 500 + (i % 3000) as u16).collect();
-            frame.jpeg = color_jpeg(color_size.0, color_size.1);
-        }
-        let mut files = writers::record3d("", &recording);
-        drop_member(&mut files, "metadata", "dw");
-        drop_member(&mut files, "metadata", "dh");
-        let clip = open(&files).unwrap_or_else(|error| panic!("{depth_size:?}: {error}"));
-        assert_eq!((clip.info().depth_width, clip.info().depth_height), depth_size);
-        let second_row = recording.frames[0].depth_mm[depth_size.0 as usize + 1];
-        assert_eq!(clip.load(0).unwrap().depth.at(1, 1), f32::from(second_row) / 1000.0);
-    }
 }
 
 #[test]

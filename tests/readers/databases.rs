@@ -2,6 +2,7 @@
 //! Compression.cpp).
 
 use crate::recording::Recording;
+use crate::refusals::check_error;
 use crate::robot_files::zlib;
 use crate::writers::{Files, as_folder, encode};
 use nalgebra::{Matrix3, Matrix4, Rotation3};
@@ -121,8 +122,8 @@ fn confidence(recording: &Recording) -> Vec<u8> {
     zlib(&recording.confidence(50)).into_iter().chain(size).collect()
 }
 
-/// Returns readings packed with RVL (Wilson, 2017) after RTAB-Map's header.
-fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
+/// Returns readings packed with RVL (Wilson, 2017).
+pub fn packed_by_rvl(depth_mm: &[u16]) -> Vec<u8> {
     let mut nibbles = Vec::new();
     let mut put = |mut value: u32| {
         while value > 7 {
@@ -145,11 +146,14 @@ fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
         rest = &rest[zeros + valid..];
     }
     nibbles.resize(nibbles.len().next_multiple_of(8), 0);
-    let mut bytes = b"DEPTHRVL".to_vec();
-    bytes.extend([recording.depth_size.0, recording.depth_size.1].into_iter().flat_map(u32::to_le_bytes));
     let words = nibbles.chunks(8).map(|eight| eight.iter().fold(0, |word, nibble| (word << 4) | nibble));
-    bytes.extend(words.flat_map(u32::to_le_bytes));
-    bytes
+    words.flat_map(u32::to_le_bytes).collect()
+}
+
+/// Returns packed readings after RTAB-Map's header.
+fn rvl(recording: &Recording, depth_mm: &[u16]) -> Vec<u8> {
+    let sides = [recording.depth_size.0, recording.depth_size.1].map(u32::to_le_bytes);
+    [&b"DEPTHRVL"[..], sides.as_flattened(), &packed_by_rvl(depth_mm)].concat()
 }
 
 /// Returns a PNG whose blue, green, red and alpha are the bytes of metres.
@@ -225,6 +229,18 @@ fn readings_of_rtabmap_without_a_confidence_are_kept() {
             assert!(clip.load(index).unwrap().depth.at(x, y) > 0.0, "{confidence:?}: frame {index}");
         }
     }
+}
+
+/// Each row of the table adds poses.
+#[test]
+fn more_optimised_poses_than_a_clip_may_have_frames_are_refused() {
+    let count = 100_001;
+    let ids: Vec<u8> = (0..count as i32).flat_map(i32::to_le_bytes).collect();
+    let poses = floats(&Matrix4::identity()).repeat(count);
+    let values = [packed(&ids, count, 4), packed(&poses, 12 * count, 5)].map(Value::Blob);
+    let row = ("INSERT INTO Admin(opt_ids, opt_poses) VALUES (?, ?)", values.into());
+    let folder = as_folder(&[("scan.db".to_string(), database(RTABMAP, vec![row]))]);
+    check_error(Clip::open(folder.path()).err().unwrap(), "too_many_frames", "100001 frames");
 }
 
 #[test]

@@ -4,21 +4,20 @@ use crate::edits::*;
 use crate::export_writers as writers;
 use crate::exports::{EXPORTS, Writer, check_poses};
 use crate::recording::Recording;
-use crate::writers::{Files, as_folder, zip_bytes};
+use crate::writers::{Files, as_folder, color_jpeg, open};
 use serde_json::json;
 use viola_formats::clip::{Clip, DepthImage};
-use viola_formats::container::Zip;
 
 /// Checks that a changed export is read with all its frames, and with the recording's poses and depth.
 fn check_recording(write: Writer, recording: &Recording, change: impl FnOnce(&mut Files)) -> Clip {
     let mut files = write("", recording);
     change(&mut files);
-    let clip = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap()));
-    let clip = clip.unwrap_or_else(|error| panic!("{error}"));
+    let clip = open(&files).unwrap_or_else(|error| panic!("{error}"));
     check_poses(&clip, recording, &clip.info().layout);
     for (index, frame) in recording.frames.iter().enumerate() {
         let DepthImage { depth_m, .. } = clip.load(index).unwrap_or_else(|error| panic!("{error}")).depth;
-        let doubtful: Vec<usize> = recording.doubtful.iter().map(|(x, y)| (y * 32 + x) as usize).collect();
+        let place = |(x, y): &(u32, u32)| (y * recording.depth_size.0 + x) as usize;
+        let doubtful: Vec<usize> = recording.doubtful.iter().map(place).collect();
         let pixels = frame.depth_mm.iter().zip(&depth_m).enumerate();
         for (at, (&mm, &got_m)) in pixels.filter(|(at, _)| !doubtful.contains(at)) {
             assert!((got_m - f32::from(mm) / 1000.0).abs() < 1e-6, "{got_m} m instead of {mm} mm at {at}");
@@ -189,7 +188,7 @@ fn stray_scanner_with_a_turned_video() {
     let read = |name: &str| {
         let video = std::fs::read(format!("{}/tests/video/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
         let files = writers::stray_with_video("", &recording, video);
-        let clip = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap())).unwrap();
+        let clip = open(&files).unwrap();
         check_poses(&clip, &recording, name);
         assert_eq!((clip.info().color_width, clip.info().color_height), (160, 120), "{name}");
         clip
@@ -224,8 +223,7 @@ fn stray_scanner_with_upright_pictures() {
     let mut files = writers::stray("", &Recording::small(3));
     turn(&mut files);
     set(&mut files, "camera_matrix.csv", matrix);
-    let refused = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap()));
-    assert_eq!(refused.err().map(|error| error.code()), Some("color_depth_mismatch"));
+    assert_eq!(open(&files).err().map(|error| error.code()), Some("color_depth_mismatch"));
 }
 
 #[test]
@@ -251,22 +249,22 @@ fn record3d_of_all_ages() {
     let clip = check(record3d, |f| edit_json(f, "metadata", |m| m["frameTimestamps"] = backwards));
     assert_eq!(clip.info().duration_s, None);
 
-    // Without dw and dh the size is known by the length: that of a phone's sensor, held upright.
-    let mut recording = Recording::small(2);
-    recording.depth_size = (192, 256);
-    recording.color_size = (72, 96);
-    recording.depth_k = [170.0, 171.0, 95.0, 127.0];
-    for frame in &mut recording.frames {
-        frame.depth_mm = (0..192 * 256).map(|i| 500 + (i % 3000) as u16).collect();
-        frame.jpeg = crate::writers::color_jpeg(72, 96);
+    // Without dw and dh the size is known by the length, that of a phone's sensor, and depth lies as colour does.
+    for (depth_size, color_size) in [((192, 256), (72, 96)), ((256, 192), (96, 72))] {
+        let mut recording = Recording::small(2);
+        (recording.depth_size, recording.color_size) = (depth_size, color_size);
+        recording.depth_k = [170.0, 171.0, f64::from(depth_size.0) / 2.0, f64::from(depth_size.1) / 2.0];
+        for frame in &mut recording.frames {
+            frame.depth_mm = (0..192 * 256).map(|i| 500 + (i % 3000) as u16).collect();
+            frame.jpeg = color_jpeg(color_size.0, color_size.1);
+        }
+        let clip = check_recording(record3d, &recording, |f| {
+            drop_member(f, "metadata", "dw");
+            drop_member(f, "metadata", "dh");
+        });
+        check_told(&clip, "told from its length");
+        assert_eq!((clip.info().depth_width, clip.info().depth_height), depth_size);
     }
-    let clip = check_recording(record3d, &recording, |f| {
-        drop_member(f, "metadata", "dw");
-        drop_member(f, "metadata", "dh");
-        remove(f, |name| name.ends_with(".conf"));
-    });
-    check_told(&clip, "told from its length");
-    assert_eq!((clip.info().depth_width, clip.info().depth_height), (192, 256));
 }
 
 #[test]

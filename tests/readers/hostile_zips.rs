@@ -140,6 +140,9 @@ fn archives_that_count_modulo_65_536_are_read() {
         [good(), others(0..65_536)].concat(),
         [others(0..65_536), good()].concat(),
         [others(0..40_000), good(), others(40_000..131_072)].concat(),
+        // The end counts none of them.
+        [good(), others(good().len() as u32..65_536)].concat(),
+        [others(good().len() as u32..131_072), good()].concat(),
     ] {
         let file = as_file(&raw_zip(&entries));
         let clip = Clip::open(file.path()).unwrap_or_else(|error| panic!("{error}"));

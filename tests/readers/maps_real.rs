@@ -7,19 +7,25 @@ use viola_testing::data;
 
 /// Returns every `.bin` beside a `.json`, with the name of its format.
 fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
+    let pairs = recorded("bin")?;
+    assert_eq!(pairs.len(), 11);
+    Some(pairs)
+}
+
+/// Returns the recorded maps of robots with this ending, and the names of their formats.
+pub fn recorded(ending: &str) -> Option<Vec<(&'static str, PathBuf)>> {
     let data = data::root()?;
-    let mut pairs = Vec::new();
+    let mut maps = Vec::new();
     for vendor in ["roborock", "dreame", "viomi"] {
         for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {
             let path = entry.unwrap().path();
-            if path.extension().is_some_and(|extension| extension == "bin") {
-                pairs.push((vendor, path));
+            if path.extension().is_some_and(|extension| extension == ending) {
+                maps.push((vendor, path));
             }
         }
     }
-    pairs.sort();
-    assert_eq!(pairs.len(), 11);
-    Some(pairs)
+    maps.sort();
+    Some(maps)
 }
 
 const KINDS: [Option<&str>; 3] = [Some("Corridor"), Some("Kitchen"), Some("Primary bedroom")];

@@ -1,6 +1,7 @@
 //! Maps in the formats of other tools: written and read back, they are the same.
 
 use crate::drawing::*;
+use crate::maps_real::recorded;
 use crate::robot_files::*;
 use serde_json::{Value, json};
 use viola_formats::lidar::{Cell, LidarMap};
@@ -142,21 +143,15 @@ fn the_sheet_of_a_robot_stays() {
 
 #[test]
 fn real_maps_of_valetudo_keep_their_positions_and_angles() {
-    let Some(data) = data::root() else { return };
+    let Some(maps) = recorded("json") else { return };
     let mut docks = 0;
-    for vendor in ["roborock", "dreame", "viomi"] {
-        for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {
-            let path = entry.unwrap().path();
-            if path.extension().is_none_or(|extension| extension != "json") {
-                continue;
-            }
-            let own: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-            let written = LidarMap::open(&path).unwrap().to_valetudo().unwrap();
-            let written: Value = serde_json::from_slice(&written.bytes).unwrap();
-            assert_eq!(written["size"], own["size"], "{}", path.display());
-            assert_eq!(entities(&written), entities(&own), "{}", path.display());
-            docks += entities(&own).iter().filter(|(kind, ..)| kind == "charger_location").count();
-        }
+    for (_, path) in maps {
+        let own: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let written = LidarMap::open(&path).unwrap().to_valetudo().unwrap();
+        let written: Value = serde_json::from_slice(&written.bytes).unwrap();
+        assert_eq!(written["size"], own["size"], "{}", path.display());
+        assert_eq!(entities(&written), entities(&own), "{}", path.display());
+        docks += entities(&own).iter().filter(|(kind, ..)| kind == "charger_location").count();
     }
     assert!(docks >= 8, "{docks}");
 }

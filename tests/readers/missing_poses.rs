@@ -1,16 +1,13 @@
 //! The notes of clips in which no frame has a pose: each cause has its own.
 
 use crate::edits::{remove, set};
-use crate::writers::{Files, scannet, seven_scenes, tum, zip_bytes};
-use viola_formats::clip::Clip;
-use viola_formats::container::Zip;
+use crate::writers::{Files, open, scannet, seven_scenes, tum};
 
 const NUMBERS: [u32; 3] = [0, 1, 2];
 
 fn check(mut files: Files, edit: impl Fn(&mut Files), words: &str) {
     edit(&mut files);
-    let zip = Zip::from_bytes(zip_bytes(&files)).unwrap();
-    let clip = Clip::from_container(Box::new(zip)).unwrap_or_else(|error| panic!("{words}: {error}"));
+    let clip = open(&files).unwrap_or_else(|error| panic!("{words}: {error}"));
     let info = clip.info();
     assert_eq!((info.frames, info.frames_with_pose), (3, 0), "{words}");
     assert!(info.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", info.notes);

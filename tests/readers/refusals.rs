@@ -28,8 +28,11 @@ pub fn check_error(error: ClipError, code: &str, naming: &str) {
 
 /// Checks that a changed export is refused when it is opened, as a folder and as a zip.
 pub fn check(write: Writer, change: impl FnOnce(&mut Files), code: &str, naming: &str) {
-    let files = changed(write, change);
-    for opened in [Clip::open(as_folder(&files).path()), Clip::open(as_zip(&files).path())] {
+    check_files(&changed(write, change), code, naming);
+}
+
+pub fn check_files(files: &Files, code: &str, naming: &str) {
+    for opened in [Clip::open(as_folder(files).path()), Clip::open(as_zip(files).path())] {
         check_error(opened.err().unwrap_or_else(|| panic!("{code}, {naming}: not refused")), code, naming);
     }
 }
@@ -48,9 +51,11 @@ pub fn grey8(width: u32, height: u32) -> Vec<u8> {
 
 /// Checks that a changed export is a clip without poses, with a note.
 pub fn check_without_poses(write: Writer, change: impl FnOnce(&mut Files)) {
-    let mut files = write("", &Recording::small(3));
-    change(&mut files);
-    let clip = Clip::open(as_folder(&files).path()).unwrap();
+    check_files_without_poses(&changed(write, change));
+}
+
+pub fn check_files_without_poses(files: &Files) {
+    let clip = Clip::open(as_folder(files).path()).unwrap();
     assert_eq!((clip.info().frames_with_pose, clip.info().skipped_without_pose), (0, clip.info().frames));
     assert!(clip.info().notes.iter().any(|note| note.contains("tracked")), "{:?}", clip.info().notes);
 }

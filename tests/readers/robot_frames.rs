@@ -1,10 +1,10 @@
 //! The coordinates of robots: the dock's place as its file has it.
 
+use crate::maps_real::recorded;
 use crate::robot_files::{dreame, dreame_inflated, roborock, viomi_inflated, zlib};
 use crate::writers::zip_bytes;
 use serde_json::Value;
 use viola_formats::lidar::{LidarMap, RobotFrame, valetudo_json};
-use viola_testing::data;
 
 fn dock(map: &LidarMap) -> [f64; 2] {
     let dock = map.charger.unwrap();
@@ -66,25 +66,19 @@ fn valetudo_counts_down_from_the_upper_left_corner() {
 /// Valetudo's own conversion of real maps: its JSON has the dock in its coordinates.
 #[test]
 fn docks_of_real_maps_are_where_valetudo_has_them() {
-    let Some(data) = data::root() else { return };
+    let Some(maps) = recorded("json") else { return };
     let mut docks = 0;
-    for vendor in ["roborock", "dreame", "viomi"] {
-        for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {
-            let path = entry.unwrap().path();
-            if path.extension().is_none_or(|extension| extension != "json") {
-                continue;
-            }
-            let json: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-            let map = LidarMap::open(&path.with_extension("bin")).unwrap();
-            let entities = json["entities"].as_array().unwrap();
-            let Some(dock_cm) = entities.iter().find(|entity| entity["type"] == "charger_location") else {
-                continue;
-            };
-            docks += 1;
-            let want = [0, 1].map(|axis| dock_cm["points"][axis].as_f64().unwrap());
-            let frame = map.frames.valetudo.unwrap();
-            assert_eq!(frame.rounded(dock(&map)), want, "{}", path.display());
-        }
+    for (_, path) in maps {
+        let json: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let map = LidarMap::open(&path.with_extension("bin")).unwrap();
+        let entities = json["entities"].as_array().unwrap();
+        let Some(dock_cm) = entities.iter().find(|entity| entity["type"] == "charger_location") else {
+            continue;
+        };
+        docks += 1;
+        let want = [0, 1].map(|axis| dock_cm["points"][axis].as_f64().unwrap());
+        let frame = map.frames.valetudo.unwrap();
+        assert_eq!(frame.rounded(dock(&map)), want, "{}", path.display());
     }
     assert!(docks >= 8, "{docks}");
 }

@@ -2,7 +2,7 @@
 
 use crate::memory::peak_bytes;
 use crate::robot_files::zlib;
-use crate::writers::{color_jpeg, depth_png, matrix_text, pose};
+use crate::writers::{as_folder, color_jpeg, depth_png, matrix_text, pose, scannet};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::fs::File;
@@ -135,10 +135,9 @@ fn a_long_sens_takes_no_more_memory_than_a_short_one() {
 /// As when a disk is unavailable: the clip is not reported as damaged, and no answer omits its frames.
 #[test]
 fn a_clip_that_cannot_be_read_for_now_is_a_fault_of_the_machine() {
-    let file = NamedTempFile::new().unwrap();
-    zip(4, BufWriter::new(File::create(file.path()).unwrap()));
-    let clip = Clip::open(file.path()).unwrap();
-    drop(file);
+    let folder = as_folder(&scannet("", &[0, 1, 2, 3]));
+    let clip = Clip::open(folder.path()).unwrap();
+    drop(folder);
     for frame in clip.stream(vec![0, 1]).next_batch(2) {
         let error = frame.expect_err("its file is away");
         assert!(error.is_service_fault(), "{error}");

@@ -4,11 +4,10 @@ use crate::edits::*;
 use crate::export_writers as writers;
 use crate::exports::check_poses;
 use crate::recording::Recording;
-use crate::writers::{Files, as_folder, color_jpeg, zip_bytes};
+use crate::writers::{Files, as_folder, color_jpeg, open};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, UnitQuaternion};
 use serde_json::json;
-use viola_formats::clip::{Clip, ClipError};
-use viola_formats::container::Zip;
+use viola_formats::clip::Clip;
 
 /// Number of COLMAP's camera model PINHOLE.
 const PINHOLE: u32 = 1;
@@ -76,10 +75,6 @@ fn colmap_text(recording: &Recording) -> Files {
     files.push(("sparse/0/cameras.txt".into(), cameras.into_bytes()));
     files.push(("sparse/0/images.txt".into(), images.into_bytes()));
     files
-}
-
-fn open(files: &Files) -> Result<Clip, ClipError> {
-    Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(files)).unwrap()))
 }
 
 #[test]

@@ -4,6 +4,8 @@ use image::{ImageFormat, Luma, Rgb};
 use std::io::{Cursor, Write};
 use std::path::Path;
 use tempfile::{NamedTempFile, TempDir};
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::Zip;
 
 pub const WIDTH: u32 = 32;
 pub const HEIGHT: u32 = 24;
@@ -124,6 +126,11 @@ pub fn zip_bytes(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
+/// Opens the files as a clip, from a zip in memory.
+pub fn open(files: &[(String, Vec<u8>)]) -> Result<Clip, ClipError> {
+    Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(files)).unwrap()))
+}
+
 pub fn as_file(bytes: &[u8]) -> NamedTempFile {
     let mut file = NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
@@ -148,12 +155,9 @@ pub fn write(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Returns the CRC-32 of PNG (RFC 2083, appendix 15) and zip.
+/// Returns the CRC-32 of PNG and zip.
 pub fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0u32, |crc, byte| {
-        (0..8).fold(
-            crc ^ u32::from(*byte),
-            |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 },
-        )
-    })
+    let mut crc = flate2::Crc::new();
+    crc.update(bytes);
+    crc.sum()
 }

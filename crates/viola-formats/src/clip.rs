@@ -35,7 +35,7 @@ use viola_geometry::{Pinhole, Pose3, Vector3};
 const MAX_FRAMES: usize = 100_000;
 
 /// Summary of a clip for its sender.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ClipInfo {
     /// Name of the layout, for example `stray_scanner`, `record3d`, `polycam`, `scannet`, `tum_rgbd`.
     pub layout: String,
@@ -77,23 +77,14 @@ impl ClipInfo {
     /// are the width and height of the pictures in pixels.
     pub fn in_memory(frames: usize, color: [u32; 2], depth: [u32; 2]) -> ClipInfo {
         ClipInfo {
-            layout: String::new(),
-            pose_convention: String::new(),
-            depth_unit: String::new(),
-            gravity: String::new(),
-            intrinsics: String::new(),
             frames,
             frames_with_pose: frames,
-            skipped_without_pose: 0,
-            skipped_incomplete: 0,
             color_width: color[0],
             color_height: color[1],
             depth_width: depth[0],
             depth_height: depth[1],
-            duration_s: None,
             metric: true,
-            recorded_at_ms: None,
-            notes: Vec::new(),
+            ..ClipInfo::default()
         }
     }
 }

@@ -60,7 +60,7 @@ pub fn open_in(path: &Path, scratch: &Scratch) -> Result<Box<dyn Container>, Con
         return Err(ContainerError::Empty);
     }
     match Kind::of(&head) {
-        Kind::Zip => Ok(Box::new(Zip::open_in(path, scratch)?)),
+        Kind::Zip => Ok(Box::new(Zip::index(region, scratch)?)),
         Kind::Tar => Ok(Box::new(Tar::index(region, scratch)?)),
         Kind::Packed(packing) => packed::open(&region, packing, scratch),
         Kind::Other => Ok(Box::new(Single::new(region, path, scratch))),

@@ -149,7 +149,7 @@ impl LidarMap {
             return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
         }
         match bytes {
-            [b'P', b'K', 3 | 5, ..] => return ros::read_zip(bytes),
+            _ if ros::is_zip(bytes) => return ros::read_zip(bytes),
             _ if robot::is_gzip(bytes) => return robot::read_gzip(bytes),
             [0x89, b'P', b'N', b'G', ..] => return valetudo::read_png(bytes),
             [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),

@@ -40,7 +40,7 @@ pub use sandbox::open_no_more_files;
 pub use status::was_asked_to_stop;
 
 use crate::container::Region;
-use inside::{Inside, Step};
+use inside::Inside;
 use region::clone;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -82,17 +82,11 @@ pub fn decode_planes(
     let track = open(region, wanted)?;
     let mut inside = Some(Inside::open(clone(region)?, Arc::new(track), wanted)?);
     Ok(std::iter::from_fn(move || {
-        loop {
-            match inside.as_mut()?.step() {
-                Ok(Step::Working) => {}
-                Ok(Step::Frame(number, planes)) => return Some(Ok((number, planes))),
-                Ok(Step::Done) => inside = None,
-                Err(error) => {
-                    inside = None;
-                    return Some(Err(error));
-                }
-            }
+        let frame = inside.as_mut()?.next().transpose();
+        if !matches!(frame, Some(Ok(_))) {
+            inside = None;
         }
+        frame
     }))
 }
 

@@ -3,9 +3,7 @@
 use super::*;
 use crate::exports;
 use crate::refusals::check_error;
-use crate::writers::as_folder;
 use nalgebra::{Rotation3, Vector3};
-use viola_formats::clip::{Clip, ClipError};
 
 /// Checks the poses and pixels of a bag that gives the up direction, and that its notes have these words.
 fn check(messages: &[Message], recording: &Recording, words: &[&str]) {
@@ -13,7 +11,7 @@ fn check(messages: &[Message], recording: &Recording, words: &[&str]) {
 }
 
 fn check_with_up(messages: &[Message], recording: &Recording, knows_up: bool, words: &[&str]) {
-    let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
+    let folder = folder_of(messages);
     exports::check(folder.path(), "ros2_bag", knows_up, recording);
     check_notes(&Clip::open(folder.path()).unwrap(), words);
 }
@@ -160,11 +158,7 @@ fn a_robots_own_tree_does_not_replace_the_few_poses_of_odometry() {
         with_head(&recording, "base_link", |time_s, pose| odometry_of("base_link", time_s, pose));
     let end_s = recording.frames[2].time_s - 0.05;
     messages.retain(|(time_s, topic, ..)| *topic != "/odom" || *time_s < end_s);
-    let open = |messages: &[Message]| {
-        let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
-        Clip::open(folder.path()).unwrap()
-    };
-    let clip = open(&messages);
+    let clip = open(&messages).unwrap();
     assert_eq!(clip.info().frames_with_pose, 2);
     check_notes(&clip, &["poses are from /odom,"]);
     // Another topic has all poses.
@@ -175,7 +169,7 @@ fn a_robots_own_tree_does_not_replace_the_few_poses_of_odometry() {
     check(&both, &recording, &["poses are from /robot/pose,", few]);
     // A robot that only turns its head needs no topic.
     messages.retain(|(_, topic, ..)| *topic != "/odom");
-    let clip = open(&messages);
+    let clip = open(&messages).unwrap();
     assert_eq!(clip.info().frames_with_pose, 5);
     check_notes(&clip, &["base_link was taken as the world", "stands still"]);
 }
@@ -185,11 +179,6 @@ fn without_static(recording: &Recording) -> Vec<Message> {
     let mut messages = messages(recording, PosesBy::Tree);
     messages.retain(|(_, topic, ..)| *topic != "/tf_static");
     messages
-}
-
-fn open(messages: &[Message]) -> Result<Clip, ClipError> {
-    let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
-    Clip::open(folder.path())
 }
 
 #[test]
@@ -208,6 +197,19 @@ fn a_camera_that_the_tree_does_not_place_has_no_poses_and_a_note() {
     // Without colour, nothing could track the camera.
     messages.retain(|(_, topic, ..)| *topic != COLOR);
     check_error(open(&messages).err().unwrap(), "bad_metadata", unconnected);
+}
+
+/// A message of 64 MiB may have ten thousand names, and a bag thousands of such messages.
+#[test]
+fn a_frame_with_a_long_name_is_refused() {
+    let with_name_of = |length: usize| {
+        let mut messages = messages(&Recording::small(3), PosesBy::Tree);
+        let named = transform(5000.0, "odom", &"n".repeat(length), &Matrix4::identity());
+        messages.push((5000.0, "/tf", TRANSFORMS, named));
+        open(&messages)
+    };
+    assert!(with_name_of(255).is_ok());
+    check_error(with_name_of(256).err().unwrap(), "bad_metadata", "a message of /tf is damaged");
 }
 
 /// The height and the tilt of the camera on the robot are unknown, and so is the up direction.

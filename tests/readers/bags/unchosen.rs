@@ -1,9 +1,7 @@
 //! Pictures in a bag that are neither colour nor depth.
 
 use super::*;
-use crate::writers::as_folder;
 use std::sync::Arc;
-use viola_formats::clip::Clip;
 use viola_formats::container::{Budget, Scratch};
 use viola_formats::video::Tools;
 
@@ -22,8 +20,7 @@ fn pictures_that_are_never_chosen_are_not_copied() {
                 messages.push((frame.time_s, *topic, IMAGE, cdr.0));
             }
         }
-        let file = mcap_file(&messages, "", <[u8]>::to_vec);
-        let folder = as_folder(&[("bag.mcap".to_owned(), file)]);
+        let folder = folder_of(&messages);
         let budget = Arc::new(Budget::new(1 << 30));
         let scratch = Scratch::new(folder.path(), vec![budget.clone()]);
         let clip = Clip::open_in(&folder.path().join("bag.mcap"), &Tools::default(), &scratch).unwrap();

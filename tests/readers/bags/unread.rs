@@ -3,13 +3,6 @@
 use super::*;
 use crate::exports::check_poses;
 use crate::refusals::check_error;
-use crate::writers::as_folder;
-use viola_formats::clip::{Clip, ClipError};
-
-fn open(messages: &[Message]) -> Result<Clip, ClipError> {
-    let folder = as_folder(&[("bag.mcap".to_owned(), mcap_file(messages, "", <[u8]>::to_vec))]);
-    Clip::open(folder.path())
-}
 
 /// Replaces the last `count` messages of a topic.
 fn spoil(mut messages: Vec<Message>, topic: &str, count: usize, odd: &[u8]) -> Vec<Message> {

@@ -25,11 +25,15 @@ pub(super) fn find_file(container: &dyn Container, name: &str) -> Option<String>
         return Some(name.to_string());
     }
     let dot = name.rfind('.').filter(|dot| !name[*dot..].contains('/'))?;
-    let stem = &name[..=dot];
-    let names = container.names();
-    let first = names.partition_point(|other| other.as_str() < stem);
-    let mut others = names[first..].iter().take_while(|other| other.starts_with(stem)).take(MAX_ENDINGS);
+    let mut others = names_from(container, &name[..=dot]).take(MAX_ENDINGS);
     others.find(|other| other.eq_ignore_ascii_case(name)).cloned()
+}
+
+/// Returns the names that begin with a folder or with a part of a name, in their order.
+pub(super) fn names_from<'a>(container: &'a dyn Container, start: &str) -> impl Iterator<Item = &'a String> {
+    let names = container.names();
+    let first = names.partition_point(|name| name.as_str() < start);
+    names[first..].iter().take_while(move |name| name.starts_with(start))
 }
 
 /// Place of a frame's colour picture.

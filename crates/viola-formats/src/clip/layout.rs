@@ -29,7 +29,7 @@ use super::files::{ColorAt, DepthAt};
 use super::{ClipError, Shutter};
 use crate::container::{Container, ContainerError, Region};
 use inertial::Forces;
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use viola_geometry::{Pose3, Vector3};
 
 pub(super) const OPENCV: &str = "camera-to-world, OpenCV (x right, y down, z forward)";
@@ -171,6 +171,14 @@ pub(super) struct Source {
     pub numbers: Option<Numbers>,
 }
 
+impl Source {
+    /// Returns a frame with only a number and pictures.
+    fn new(number: u32, color: ColorAt, depth: DepthAt) -> Source {
+        let (time_s, world_from_camera, confidence, numbers) = (None, None, None, None);
+        Source { number, time_s, world_from_camera, color, depth, confidence, numbers }
+    }
+}
+
 /// A reader: returns its result, or `None` if the container holds another layout.
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 
@@ -266,6 +274,13 @@ pub(super) fn views_differ((a_x, a_y): (f64, f64), (b_x, b_y): (f64, f64)) -> bo
 fn with_opencv_axes(world_from_camera: Pose3) -> Pose3 {
     let half_turn = UnitQuaternion::from_quaternion(Quaternion::new(0.0, 1.0, 0.0, 0.0));
     world_from_camera * Pose3::from_parts(Translation3::identity(), half_turn)
+}
+
+/// Returns the pose of a camera that looks along the x axis of a body with z up (REP 103).
+fn body_from_optical() -> Pose3 {
+    let rotation = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Pose3::from_parts(Translation3::identity(), rotation)
 }
 
 impl Numbers {

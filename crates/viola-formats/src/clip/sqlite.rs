@@ -115,6 +115,7 @@ impl<'a> Database<'a> {
         };
         let (header, pointers) = tree.split_at_checked(header_bytes).ok_or_else(damaged)?;
         let cells = usize::from(u16::from_be_bytes([header[3], header[4]]));
+        let mut room = page.len();
         for pointer in pointers.as_chunks().0.get(..cells).ok_or_else(damaged)? {
             let cell = page.get(usize::from(u16::from_be_bytes(*pointer))..).ok_or_else(damaged)?;
             if header_bytes == INTERIOR_HEADER {
@@ -122,6 +123,8 @@ impl<'a> Database<'a> {
                 self.walk(u32::from_be_bytes(*child), depth + 1, visit)?;
             } else {
                 let cell = Cell::parse(cell, self.usable).ok_or_else(damaged)?;
+                // Cells that overlap would repeat the work for one of them thousands of times.
+                room = room.checked_sub(cell.local.len()).ok_or_else(damaged)?;
                 visit(&Row::new(self, cell)?)?;
             }
         }
@@ -153,5 +156,40 @@ impl<'a> Database<'a> {
 
     fn bad(&self, reason: String) -> ClipError {
         ClipError::BadMetadata { name: self.name.to_string(), reason }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a database of one page, whose rows are all in one place.
+    fn with_rows(count: u8) -> Region {
+        const AT: u16 = 400;
+        let mut page = [0; 512];
+        page[..16].copy_from_slice(MAGIC);
+        page[16] = 2;
+        page[100] = 13;
+        page[104] = count;
+        for pointer in page[108..].as_chunks_mut().0.iter_mut().take(count.into()) {
+            *pointer = AT.to_be_bytes();
+        }
+        // A record of eight bytes with one column, which is empty.
+        page[usize::from(AT)..][..4].copy_from_slice(&[8, 1, 2, 0]);
+        let mut file = tempfile::tempfile().unwrap();
+        std::io::Write::write_all(&mut file, &page).unwrap();
+        Region::whole(file).unwrap()
+    }
+
+    #[test]
+    fn rows_that_have_no_room_on_their_page_are_refused() {
+        for (count, is_read) in [(0, true), (64, true), (65, false), (140, false)] {
+            let region = with_rows(count);
+            let opened = Database::open(&region, "a.db").map(|database| database.is_some());
+            match opened {
+                Ok(opened) => assert!(opened && is_read, "{count}"),
+                Err(error) => assert!(!is_read && error.to_string().contains("page 1 is damaged"), "{error}"),
+            }
+        }
     }
 }

@@ -20,20 +20,21 @@ impl Folder {
     pub fn open(path: &Path) -> Result<Folder, ContainerError> {
         let root = fs::canonicalize(path).map_err(|source| ContainerError::unreadable(path, source))?;
         let mut folder = Folder { root, names: Vec::new() };
-        folder.collect(&mut 0)?;
+        folder.collect()?;
         folder.names.sort_unstable();
         Ok(folder)
     }
 
-    fn collect(&mut self, entries: &mut usize) -> Result<(), ContainerError> {
+    fn collect(&mut self) -> Result<(), ContainerError> {
+        let mut entries = 0;
         let mut open = vec![(String::new(), vec![self.root.clone()])];
         while let Some((prefix, above)) = open.pop() {
             let path = self.root.join(&prefix);
             let unreadable = |source| ContainerError::unreadable(&path, source);
             for entry in fs::read_dir(&path).map_err(unreadable)? {
                 let entry = entry.map_err(unreadable)?;
-                *entries += 1;
-                if *entries > MAX_ENTRIES {
+                entries += 1;
+                if entries > MAX_ENTRIES {
                     return Err(ContainerError::TooManyEntries);
                 }
                 // A name that is not UTF-8 belongs to no layout.

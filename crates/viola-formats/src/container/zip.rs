@@ -10,9 +10,7 @@ use super::{Container, ContainerError, MAX_ENTRIES, Region, Scratch};
 use ::zip::CompressionMethod;
 use directory::damaged;
 use entry::Entry;
-use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
 
 /// Maximum declared size of one entry, unpacked: a large mesh beside the pictures passes, a bomb does not.
 const MAX_ENTRY_BYTES: u64 = 4 << 30;
@@ -29,19 +27,16 @@ trait ReadSeek: Read + Seek + Send + Sync {}
 impl<T: Read + Seek + Send + Sync> ReadSeek for T {}
 
 enum Source {
-    Path(PathBuf),
+    File(Region),
     Bytes(Vec<u8>),
 }
 
 impl Source {
     /// Returns a new reader for each caller, so that threads do not wait for each other.
-    fn reader(&self) -> Result<Box<dyn ReadSeek + '_>, ContainerError> {
+    fn reader(&self) -> Box<dyn ReadSeek + '_> {
         match self {
-            Source::Path(path) => match File::open(path) {
-                Ok(file) => Ok(Box::new(file)),
-                Err(source) => Err(ContainerError::unreadable(path, source)),
-            },
-            Source::Bytes(bytes) => Ok(Box::new(Cursor::new(bytes.as_slice()))),
+            Source::File(region) => Box::new(region.reader()),
+            Source::Bytes(bytes) => Box::new(Cursor::new(bytes.as_slice())),
         }
     }
 }
@@ -56,12 +51,9 @@ pub struct Zip {
 }
 
 impl Zip {
-    pub fn open(path: &Path) -> Result<Zip, ContainerError> {
-        Zip::open_in(path, &Scratch::default())
-    }
-
-    pub(super) fn open_in(path: &Path, scratch: &Scratch) -> Result<Zip, ContainerError> {
-        Zip::check(Source::Path(path.to_path_buf()), scratch)
+    /// Reads the directory of an archive on disk.
+    pub(super) fn index(region: Region, scratch: &Scratch) -> Result<Zip, ContainerError> {
+        Zip::check(Source::File(region), scratch)
     }
 
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Zip, ContainerError> {
@@ -69,7 +61,7 @@ impl Zip {
     }
 
     fn check(source: Source, scratch: &Scratch) -> Result<Zip, ContainerError> {
-        let packed_bytes = check_footer(&mut BufReader::new(source.reader()?))?;
+        let packed_bytes = check_footer(&mut BufReader::new(source.reader()))?;
         let mut found = Entries::new();
         let mut total_bytes = 0u64;
         for directory in directory::read(|| source.reader())? {
@@ -124,12 +116,9 @@ impl Zip {
     }
 
     /// Returns a stored entry of an archive on disk, in place. Its checksum is not checked.
-    fn stored(&self, path: &Path, name: &str, entry: Entry) -> Result<Region, ContainerError> {
-        let unreadable = |source| ContainerError::unreadable(path, source);
-        let mut file = File::open(path).map_err(unreadable)?;
-        let offset = entry.data_at(&mut file, name)?;
-        let whole = Region::whole(file).map_err(unreadable)?;
-        whole.part(offset, entry.bytes).map_err(|source| match source.kind() {
+    fn stored(archive: &Region, name: &str, entry: Entry) -> Result<Region, ContainerError> {
+        let offset = entry.data_at(&mut archive.reader(), name)?;
+        archive.part(offset, entry.bytes).map_err(|source| match source.kind() {
             ErrorKind::UnexpectedEof => {
                 ContainerError::ZipDamaged { reason: format!("{name} does not lie inside the archive") }
             }
@@ -149,7 +138,7 @@ impl Container for Zip {
 
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
         let entry = self.sized(name, max_bytes)?;
-        let mut file = entry.reader(self.source.reader()?, name)?;
+        let mut file = entry.reader(self.source.reader(), name)?;
         // An entry that unpacks to more than its declared size has evaded the checks at opening.
         match read_bounded(&mut file, name, entry.bytes) {
             Err(ContainerError::FileTooLarge { name, .. }) => Err(larger_than_declared(&name)),
@@ -163,10 +152,10 @@ impl Container for Zip {
 
     fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
         let entry = self.sized(name, max_bytes)?;
-        if let (Source::Path(path), false) = (&self.source, entry.is_deflated) {
-            return self.stored(path, name, entry);
+        if let (Source::File(archive), false) = (&self.source, entry.is_deflated) {
+            return Zip::stored(archive, name, entry);
         }
-        let mut file = entry.reader(self.source.reader()?, name)?;
+        let mut file = entry.reader(self.source.reader(), name)?;
         let region = spool(
             &mut file,
             name,
@@ -208,9 +197,6 @@ fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> 
     let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
 
     let len = reader.seek(SeekFrom::End(0)).map_err(io)?;
-    if len == 0 {
-        return Err(ContainerError::Empty);
-    }
     reader.seek(SeekFrom::Start(0)).map_err(io)?;
     let mut head = Vec::new();
     reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;

@@ -16,6 +16,7 @@ const ROUNDING_M: f64 = 1e-6;
 pub const MAX_DISTANCE_M: f64 = 1e5;
 
 /// The result of one format's reader.
+#[derive(Default)]
 pub(super) struct Parts {
     pub format: &'static str,
     pub frame: &'static str,

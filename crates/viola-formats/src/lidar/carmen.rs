@@ -79,11 +79,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         frame: "metres, the log's odometry frame at its first scan, x right, y up",
         occupied_m: occupied_centres(&grid)?,
         cells: Some(grid),
-        rooms: Vec::new(),
-        charger: None,
         marks: MapMarks { robot: poses.last().copied(), ..MapMarks::default() },
-        carpet_m: Vec::new(),
         notes,
+        ..Parts::default()
     })
 }
 

@@ -6,7 +6,7 @@ mod yaml;
 
 use self::yaml::Description;
 use super::build::{Parts, build, occupied_centres};
-use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
+use super::{LidarError, LidarMap, MAX_FILE_BYTES};
 use crate::container::{Container, ContainerError, Zip};
 use std::f64::consts::TAU;
 use viola_geometry::{Grid, GridFrame};
@@ -97,6 +97,11 @@ fn yamls_of_maps(zip: &Zip) -> Result<Vec<&str>, LidarError> {
     Ok(if own.is_empty() { all } else { own })
 }
 
+/// Returns whether a file begins as a zip does: with its first entry, or with the end of one without entries.
+pub(super) fn is_zip(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PK\x03") || bytes.starts_with(b"PK\x05")
+}
+
 /// Reads a zip with the yaml file of one map and the image that it names, or with one file of any other map.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
@@ -104,7 +109,8 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         && !is_yaml(name)
     {
         let bytes = zip.read(name, MAX_FILE_BYTES)?;
-        if bytes.starts_with(b"PK\x03\x04") {
+        // Archives in archives would be read by calls in calls, until the stack is full.
+        if is_zip(&bytes) {
             return Err(ContainerError::ArchiveInside { name: name.clone() }.into());
         }
         return LidarMap::read(&bytes);
@@ -212,11 +218,8 @@ pub(super) fn read(
         frame: "metres, the map frame of the yaml file",
         occupied_m,
         cells: Some(grid),
-        rooms: Vec::new(),
-        charger: None,
-        marks: MapMarks::default(),
-        carpet_m: Vec::new(),
         notes,
+        ..Parts::default()
     })
 }
 
@@ -279,6 +282,23 @@ fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Cursor, Write};
+
+    /// An archive may begin with the mark of its end. One that holds another one thousands of times would fill the stack.
+    #[test]
+    fn archives_in_archives_are_refused() {
+        let behind_an_end = |inner: &[u8]| {
+            let mut start = Cursor::new(b"PK\x05\x06".to_vec());
+            start.set_position(4);
+            let mut zip = ::zip::ZipWriter::new(start);
+            zip.start_file("map.csv", ::zip::write::SimpleFileOptions::default()).unwrap();
+            zip.write_all(inner).unwrap();
+            zip.finish().unwrap().into_inner()
+        };
+        let one = behind_an_end(b"x,y\n0,0\n0,1\n");
+        assert!(LidarMap::read(&one).is_ok());
+        assert_eq!(LidarMap::read(&behind_an_end(&one)).unwrap_err().code(), "not_an_archive");
+    }
 
     #[test]
     fn coarse_cells_are_noted() {

@@ -14,6 +14,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Number of pictures decoded at a time; the pixels are the same for any number.
 const THREADS: usize = 2;
 
+/// Length of a unit's length, as it is given to the decoder of H.264.
+const LENGTH_BYTES: usize = size_of::<u32>();
+
 /// A decoded picture: three planes without padding, chroma half as wide and half as high.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planes {
@@ -60,12 +63,7 @@ pub enum Failure {
     Broke,
 }
 
-pub struct Decoder {
-    engine: Engine,
-    length_bytes: usize,
-}
-
-enum Engine {
+pub enum Decoder {
     H264(Box<ThreadedDecoder>),
     Hevc(Box<rust_h265::Decoder>),
 }
@@ -73,11 +71,10 @@ enum Engine {
 impl Decoder {
     /// Returns a decoder with the track's parameter sets.
     pub fn new(track: &Track) -> Result<Decoder, Failure> {
-        let engine = match track.codec {
-            Codec::H264 => Engine::H264(Box::new(ThreadedDecoder::with_max_depth(THREADS, track.reorder))),
-            Codec::Hevc => Engine::Hevc(Box::new(rust_h265::Decoder::new().with_threads(THREADS))),
+        let mut decoder = match track.codec {
+            Codec::H264 => Decoder::H264(Box::new(ThreadedDecoder::with_max_depth(THREADS, track.reorder))),
+            Codec::Hevc => Decoder::Hevc(Box::new(rust_h265::Decoder::new().with_threads(THREADS))),
         };
-        let mut decoder = Decoder { engine, length_bytes: 4 };
         for unit in track.vps.iter().chain([&track.sps]).chain(&track.pps) {
             decoder.feed(&[unit])?;
         }
@@ -91,24 +88,22 @@ impl Decoder {
 
     /// Decodes the units of one picture, and returns the completed pictures.
     pub fn feed(&mut self, units: &[&[u8]]) -> Result<Vec<Planes>, Failure> {
-        let engine = &mut self.engine;
-        let length_bytes = self.length_bytes;
-        guarded(|| match engine {
-            Engine::H264(decoder) => {
+        guarded(|| match self {
+            Decoder::H264(decoder) => {
                 let mut done = Vec::new();
                 let mut sized = Vec::new();
                 for unit in units {
                     sized.clear();
                     sized.extend_from_slice(&(unit.len() as u32).to_be_bytes());
                     sized.extend_from_slice(unit);
-                    for nal in parse_avcc(&sized, length_bytes) {
+                    for nal in parse_avcc(&sized, LENGTH_BYTES) {
                         let frames = decoder.decode_nal(&nal).map_err(refused)?;
                         done.extend(frames.into_iter().map(from_h264));
                     }
                 }
                 Ok(done)
             }
-            Engine::Hevc(decoder) => {
+            Decoder::Hevc(decoder) => {
                 let mut done = Vec::new();
                 for nal in units.iter().filter_map(|unit| rust_h265::parse_nal(unit)) {
                     done.extend(decoder.decode_nal(&nal).map_err(refused)?);
@@ -120,10 +115,9 @@ impl Decoder {
 
     /// Returns the remaining pictures, at the end of the input.
     pub fn finish(&mut self) -> Result<Vec<Planes>, Failure> {
-        let engine = &mut self.engine;
-        guarded(|| match engine {
-            Engine::H264(decoder) => Ok(decoder.flush().into_iter().map(from_h264).collect()),
-            Engine::Hevc(decoder) => {
+        guarded(|| match self {
+            Decoder::H264(decoder) => Ok(decoder.flush().into_iter().map(from_h264).collect()),
+            Decoder::Hevc(decoder) => {
                 let done: Vec<_> = std::iter::from_fn(|| decoder.flush()).collect();
                 match decoder.next_error() {
                     Some(error) => Err(refused(error)),

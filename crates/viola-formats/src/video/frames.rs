@@ -1,7 +1,7 @@
 //! The wanted frames, from any of the decoders.
 
 use super::child::Child;
-use super::inside::{Inside, Step};
+use super::inside::Inside;
 use super::track::Track;
 use super::{Tools, VideoError, colour, ffmpeg, region};
 use crate::container::Region;
@@ -65,14 +65,9 @@ impl Frames {
         let due = self.wanted.get(self.given).copied();
         let found = match &mut self.source {
             Source::Ended => return Ok(None),
-            Source::Inside(inside) => loop {
-                match inside.step()? {
-                    Step::Working => {}
-                    Step::Frame(number, planes) => {
-                        break Some((number, colour::to_rgb(&planes, self.track.format.colour)?));
-                    }
-                    Step::Done => break None,
-                }
+            Source::Inside(inside) => match inside.next()? {
+                Some((number, planes)) => Some((number, colour::to_rgb(&planes, self.track.format.colour)?)),
+                None => None,
             },
             Source::Viola(child) | Source::Ffmpeg(child) => match due {
                 Some(_) => child.next()?,

@@ -30,6 +30,17 @@ impl Inside {
         Ok(Inside { region, track, runs, active: None })
     }
 
+    /// Returns the next frame, or `None` after the last one.
+    pub fn next(&mut self) -> Result<Option<(usize, Planes)>, VideoError> {
+        loop {
+            match self.step()? {
+                Step::Working => {}
+                Step::Frame(number, planes) => return Ok(Some((number, planes))),
+                Step::Done => return Ok(None),
+            }
+        }
+    }
+
     /// Decodes one more sample, or returns a frame that is due.
     pub fn step(&mut self) -> Result<Step, VideoError> {
         let Some(active) = &mut self.active else {

@@ -6,10 +6,11 @@
 
 use super::associate::associate;
 use super::text::{numbers, parse_row, read_table, rigid};
-use super::trajectory::{Timed, no_pose_near, pose_at, times};
+use super::trajectory::{Timed, nearest, no_pose_near, pose_at, times};
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
 };
+use crate::clip::files::names_from;
 use crate::container::Container;
 use nalgebra::UnitQuaternion;
 use viola_geometry::{Pose3, Vector3};
@@ -43,24 +44,22 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     )];
     let poses = read_trajectory(container, &format!("{root}{TRAJECTORY}"), &mut notes)?;
 
-    let (color_s, depth_s, camera_s) = (times(&color), times(&depth), times(&cameras));
-    let confidence_s = times(&confidence);
+    let (color_s, depth_s) = (times(&color), times(&depth));
     let mut sources = Vec::new();
     for (number, (color_index, depth_index)) in
         associate(&color_s, &depth_s, MAX_PAIR_GAP_S).into_iter().enumerate()
     {
         let time_s = depth_s[depth_index];
         // A frame without its own file takes the one nearest in time: the lens moves little.
-        let camera = nearest(&camera_s, time_s).map(|index| &cameras[index].value);
-        let trust = nearest(&confidence_s, time_s)
-            .filter(|&index| (confidence_s[index] - time_s).abs() <= MAX_PAIR_GAP_S);
+        let camera = nearest(&cameras, time_s).map(|camera| camera.value);
+        let trust = nearest(&confidence, time_s).filter(|trust| trust.gap_s(time_s) <= MAX_PAIR_GAP_S);
         sources.push(Source {
             number: number as u32,
             time_s: Some(time_s),
             world_from_camera: pose_at(&poses, time_s, MAX_POSE_GAP_S),
             color: ColorAt::File(color[color_index].value.to_string()),
             depth: DepthAt::Png(depth[depth_index].value.to_string()),
-            confidence: trust.map(|index| confidence[index].value.to_string()),
+            confidence: trust.map(|trust| trust.value.to_string()),
             numbers: camera.map(|name| read_pincam(container, name)).transpose()?,
         });
     }
@@ -85,11 +84,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
 /// Returns the files `<anything>_<seconds>.<ending>` right under a folder, in the order of their times.
 fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> Vec<Timed<&'a str>> {
-    let names = container.names();
-    let first = names.partition_point(|name| name.as_str() < folder);
-    let mut files: Vec<Timed<&str>> = names[first..]
-        .iter()
-        .take_while(|name| name.starts_with(folder))
+    let mut files: Vec<Timed<&str>> = names_from(container, folder)
         .filter_map(|name| {
             let (stem, _) = name.rsplit_once('.').filter(|(_, own)| own.eq_ignore_ascii_case(ending))?;
             let time_s: f64 = stem.rsplit(['_', '/']).next()?.parse().ok()?;
@@ -98,14 +93,6 @@ fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> 
         .collect();
     files.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     files
-}
-
-/// Returns the index of the time nearest to `time_s` in an ascending list.
-fn nearest(times_s: &[f64], time_s: f64) -> Option<usize> {
-    let after = times_s.partition_point(|&t| t < time_s);
-    let candidates = [after.checked_sub(1), Some(after).filter(|&index| index < times_s.len())];
-    let gap_s = |&index: &usize| (times_s[index] - time_s).abs();
-    candidates.into_iter().flatten().min_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))
 }
 
 /// Reads one line: width, height, fx, fy, cx, cy.

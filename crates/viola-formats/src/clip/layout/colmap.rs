@@ -48,13 +48,9 @@ fn layout(container: &dyn Container, root: &str, model: Model) -> Result<Layout,
             .get(&camera)
             .ok_or_else(|| ClipError::MissingIntrinsics { name: format!("camera {camera} of {name}") })?;
         sources.push(Source {
-            number: number as u32,
-            time_s: None,
             world_from_camera,
-            color: ColorAt::File(color),
-            depth: DepthAt::Colmap(depth),
-            confidence: None,
             numbers: Some(*numbers),
+            ..Source::new(number as u32, ColorAt::File(color), DepthAt::Colmap(depth))
         });
     }
     let numbers =

@@ -283,14 +283,11 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         let (Some(color), Some(depth)) = (color, depth) else { continue };
         let own = frame.camera.is_given();
         sources.push(Source {
-            number: number as u32,
             time_s: frame.timestamp.filter(|time_s| time_s.is_finite()),
             world_from_camera: pose_from_rows(frame.transform_matrix.as_flattened())
                 .map(|pose| in_unit_of_depth(with_opencv_axes(pose), is_scaled.then_some(applied))),
-            color: ColorAt::File(color),
-            depth: arrays::depth_at(depth),
-            confidence: None,
             numbers: if own { frame.camera.numbers(&file.camera, &name)? } else { None },
+            ..Source::new(number as u32, ColorAt::File(color), arrays::depth_at(depth))
         });
     }
     let numbers =

@@ -2,8 +2,12 @@
 
 use super::text::read_pose;
 use super::{ClipError, ColorAt, DepthAt, Source, only_root};
+use crate::clip::files::names_from;
 use crate::container::Container;
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Endings of pictures.
+pub(super) const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
@@ -56,24 +60,14 @@ impl Files<'_> {
         let numbers: BTreeSet<u32> = color.keys().chain(depth.keys()).copied().collect();
         let mut sources = Vec::new();
         for &number in &numbers {
-            let at = match color.get(&number) {
-                Some(name) => ColorAt::File(name.to_string()),
-                None if color.is_empty() => ColorAt::Absent,
-                None => continue,
-            };
-            let Some(depth) = depth.get(&number) else { continue };
+            let (Some(color), Some(depth)) = (color_at(color, number), depth.get(&number)) else { continue };
             let world_from_camera = match pose.get(&number) {
                 Some(name) => read_pose(container, name)?,
                 None => None,
             };
             sources.push(Source {
-                number,
-                time_s: None,
                 world_from_camera,
-                color: at,
-                depth: DepthAt::Png(depth.to_string()),
-                confidence: None,
-                numbers: None,
+                ..Source::new(number, color, DepthAt::Png(depth.to_string()))
             });
         }
         let incomplete = numbers.len() - sources.len();
@@ -87,16 +81,34 @@ pub(super) fn numbered_under<'a>(
     folder: &str,
     number_of: impl Fn(&str) -> Option<u32>,
 ) -> Result<BTreeMap<u32, &'a str>, ClipError> {
-    let names = container.names();
-    let first = names.partition_point(|name| name.as_str() < folder);
     let mut files = BTreeMap::new();
-    for name in names[first..].iter().take_while(|name| name.starts_with(folder)) {
+    for name in names_from(container, folder) {
         let Some(number) = number_of(&name[folder.len()..].to_ascii_lowercase()) else { continue };
         if let Some(first) = files.insert(number, name.as_str()) {
             return Err(ClipError::DuplicateFrame { first: first.to_string(), second: name.clone() });
         }
     }
     Ok(files)
+}
+
+/// Returns the files `NUMBER.ENDING` under a folder by their numbers, which must be unique.
+pub(super) fn pictures_under<'a>(
+    container: &'a dyn Container,
+    folder: &str,
+    endings: &[&str],
+) -> Result<BTreeMap<u32, &'a str>, ClipError> {
+    numbered_under(container, folder, |file| {
+        let (stem, ending) = file.rsplit_once('.')?;
+        number(stem).filter(|_| endings.contains(&ending))
+    })
+}
+
+/// Returns the place of a frame's colour, which is absent if no frame has any; `None` if other frames have it.
+pub(super) fn color_at(color: &BTreeMap<u32, &str>, number: u32) -> Option<ColorAt> {
+    match color.get(&number) {
+        Some(name) => Some(ColorAt::File(name.to_string())),
+        None => color.is_empty().then_some(ColorAt::Absent),
+    }
 }
 
 /// Parses a frame's number; only digits are allowed, not `+1` and `1e3`.

@@ -3,6 +3,7 @@
 //!
 //! Each pose sees the points that no nearer ones hide; so the rest of the program has its depth pictures.
 
+use super::trajectory::Timed;
 use super::tum::read_poses;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
 use crate::clip::MAX_FRAMES;
@@ -11,6 +12,7 @@ use crate::clip::rendered::Cloud;
 use crate::container::Container;
 use crate::ply::Vertices;
 use std::sync::Arc;
+use viola_geometry::Pose3;
 
 /// Eight million points with colour in binary; with [`MAX_POINTS`] below the bound of a reader's memory.
 const MAX_PLY_BYTES: u64 = 120 << 20;
@@ -57,16 +59,15 @@ fn layout(container: &dyn Container, name: &str, path: &str) -> Result<Layout, C
     }
     let count = poses.len().div_ceil(step);
     let cloud = Arc::new(cloud);
-    let sources = poses.into_iter().step_by(step).enumerate().map(|(number, pose)| Source {
-        number: number as u32,
-        time_s: Some(pose.time_s),
-        world_from_camera: Some(pose.value),
-        color: ColorAt::Absent,
-        depth: DepthAt::Rendered { cloud: cloud.clone(), world_from_camera: pose.value, size: VIEW_SIZE },
-        confidence: None,
-        numbers: None,
-    });
-    let sources = sources.collect();
+    let source = |(number, Timed { time_s, value: world_from_camera }): (usize, Timed<Pose3>)| {
+        let depth = DepthAt::Rendered { cloud: cloud.clone(), world_from_camera, size: VIEW_SIZE };
+        Source {
+            time_s: Some(time_s),
+            world_from_camera: Some(world_from_camera),
+            ..Source::new(number as u32, ColorAt::Absent, depth)
+        }
+    };
+    let sources = poses.into_iter().step_by(step).enumerate().map(source).collect();
     let camera = Intrinsics { name: "the view of a point cloud".to_string(), numbers: VIEW };
     Ok(Layout {
         pose_files: "the trajectory",

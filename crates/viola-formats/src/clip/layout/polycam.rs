@@ -3,18 +3,18 @@
 //! core/capture_folder.py).
 
 use super::json::read_json;
+use super::numbered::PICTURES;
 use super::text::pose_from_rows;
 use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENGL, Of, Source,
     only_root, with_opencv_axes,
 };
-use crate::clip::files::{find_file, has_ending};
+use crate::clip::files::{find_file, has_ending, names_from};
 use crate::container::Container;
 use serde::Deserialize;
 use viola_geometry::Vector3;
 
 const MAX_CAMERA_BYTES: u64 = 64 << 10;
-const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 const CAMERAS: &str = "keyframes/cameras/";
 const CORRECTED_CAMERAS: &str = "keyframes/corrected_cameras/";
 
@@ -70,8 +70,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
     let under = |folder: &str| -> Vec<&str> {
         let prefix = format!("{root}keyframes/{folder}/");
-        let first = names.partition_point(|name| name.as_str() < prefix.as_str());
-        names[first..].iter().map_while(|name| name.strip_prefix(&prefix)).collect()
+        names_from(container, &prefix).map(|name| &name[prefix.len()..]).collect()
     };
     let corrected = !under("corrected_cameras").is_empty() && !under("corrected_images").is_empty();
     let kind = if corrected { "corrected_" } else { "" };

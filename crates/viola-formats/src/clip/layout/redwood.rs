@@ -4,11 +4,9 @@
 mod log;
 
 use super::json::read_json;
-use super::numbered::{number, numbered_under};
+use super::numbered::{PICTURES, color_at, number, numbered_under};
 use super::tum::KINECT;
-use super::{
-    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
-};
+use super::{Cameras, ClipError, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root};
 use crate::clip::files::{find_file, has_ending};
 use crate::container::Container;
 use log::{Log, Poses};
@@ -85,19 +83,10 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     };
     let mut sources = Vec::new();
     for (&number, &depth) in &depth {
-        let color = match color.get(&number) {
-            Some(name) => ColorAt::File(name.to_string()),
-            None if color.is_empty() => ColorAt::Absent,
-            None => continue,
-        };
+        let Some(color) = color_at(&color, number) else { continue };
         sources.push(Source {
-            number,
-            time_s: None,
             world_from_camera: poses.get(&number).copied().flatten(),
-            color,
-            depth: DepthAt::Png(depth.to_string()),
-            confidence: None,
-            numbers: None,
+            ..Source::new(number, color, DepthAt::Png(depth.to_string()))
         });
     }
     let incomplete = incomplete(color.len(), depth.len(), sources.len());
@@ -152,6 +141,6 @@ fn camera(
 
 /// Returns the number of a picture by its name in lower case: `000012.png`, or `0000012-000000400000.png` with microseconds.
 fn picture(file: &str) -> Option<u32> {
-    let (stem, "png" | "jpg" | "jpeg") = file.rsplit_once('.')? else { return None };
+    let (stem, _) = file.rsplit_once('.').filter(|(_, ending)| PICTURES.contains(ending))?;
     number(stem.split_once('-').map_or(stem, |(number, _)| number))
 }

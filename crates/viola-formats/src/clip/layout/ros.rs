@@ -196,18 +196,13 @@ fn sources(
         let number = number as u32;
         let picture = &depth.pictures[depth_index];
         let numbered = |part: Part| Part { number, ..part };
-        Source {
-            number,
-            time_s: Some(picture.time_s),
-            world_from_camera,
-            color: color_index.zip(color).map_or(ColorAt::Absent, |(index, (_, color))| {
-                let picture = &color.pictures[index].value;
-                ColorAt::Part { part: numbered(picture.part), size: picture.size }
-            }),
-            depth: DepthAt::Part { part: numbered(picture.value.part), size: picture.value.size },
-            confidence: None,
-            numbers: None,
-        }
+        let color = color_index.zip(color).map_or(ColorAt::Absent, |(index, (_, color))| {
+            let picture = &color.pictures[index].value;
+            ColorAt::Part { part: numbered(picture.part), size: picture.size }
+        });
+        let depth = DepthAt::Part { part: numbered(picture.value.part), size: picture.value.size };
+        let time_s = Some(picture.time_s);
+        Source { time_s, world_from_camera, ..Source::new(number, color, depth) }
     };
     pairs.iter().enumerate().zip(poses).map(source).collect()
 }

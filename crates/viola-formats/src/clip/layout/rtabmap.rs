@@ -87,10 +87,7 @@ impl Reader<'_> {
             if let Some(source) = pictures.source(self, row, &columns, &nodes)? {
                 sources.push(source);
             }
-            if sources.len() > MAX_FRAMES {
-                return Err(ClipError::TooManyFrames { frames: sources.len(), max: MAX_FRAMES });
-            }
-            Ok(())
+            check_count(sources.len())
         })?;
         let numbers =
             pictures.numbers.unwrap_or(Numbers { fx: 0.0, fy: 0.0, cx: 0.0, cy: 0.0, of: super::Of::Depth });
@@ -129,10 +126,7 @@ impl Reader<'_> {
             let time_s = row.real(stamp)?.filter(|time_s| time_s.is_finite() && *time_s > 0.0);
             let world_from_base = row.blob(pose, 48)?.and_then(|bytes| pose_of(&bytes));
             nodes.insert(row.id(id)?, Node { time_s, map: row.integer(map)?.unwrap_or(0), world_from_base });
-            if nodes.len() > MAX_FRAMES {
-                return Err(ClipError::TooManyFrames { frames: nodes.len(), max: MAX_FRAMES });
-            }
-            Ok(())
+            check_count(nodes.len())
         })?;
         Ok(nodes)
     }
@@ -154,7 +148,7 @@ impl Reader<'_> {
                 let values = values.as_chunks::<48>().0.iter().map(|pose| pose_of(pose));
                 poses.extend(ids.zip(values).filter_map(|(id, pose)| Some((id, pose?))));
             }
-            Ok::<(), ClipError>(())
+            check_count(poses.len())
         })?;
         Ok(poses)
     }
@@ -171,6 +165,14 @@ impl Reader<'_> {
         }
         Ok(has_gravity)
     }
+}
+
+/// Refuses more frames, nodes or poses than a clip may have frames.
+fn check_count(frames: usize) -> Result<(), ClipError> {
+    if frames > MAX_FRAMES {
+        return Err(ClipError::TooManyFrames { frames, max: MAX_FRAMES });
+    }
+    Ok(())
 }
 
 /// Drops the poses of all sessions but the largest: each session has a world of its own until it is optimised.
@@ -276,22 +278,20 @@ impl Pictures {
         self.numbers.get_or_insert(camera.numbers);
         let node = nodes.get(&id);
         let depth = self.depth_at(&depth, confidence.as_deref(), number)?;
+        let color = match color {
+            Some(bytes) => {
+                let part = self.part(&bytes, Coding::Picture, number)?;
+                ColorAt::Part { part, size: picture::size_of(&bytes, &part.name("colour"))? }
+            }
+            None => ColorAt::Absent,
+        };
         Ok(Some(Source {
-            number,
             time_s: node.and_then(|node| node.time_s),
             world_from_camera: node
                 .and_then(|node| node.world_from_base)
                 .map(|base| base * camera.base_from_camera),
-            color: match color {
-                Some(bytes) => {
-                    let part = self.part(&bytes, Coding::Picture, number)?;
-                    ColorAt::Part { part, size: picture::size_of(&bytes, &part.name("colour"))? }
-                }
-                None => ColorAt::Absent,
-            },
-            depth,
-            confidence: None,
             numbers: Some(camera.numbers),
+            ..Source::new(number, color, depth)
         }))
     }
 

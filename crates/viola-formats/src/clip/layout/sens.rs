@@ -194,16 +194,10 @@ impl Cursor<'_> {
             let color = self.part(color_bytes, header.color_coding, number)?;
             let depth = self.part(depth_bytes, header.depth_coding, number)?;
             // Microseconds; arbitrary if the recorder had no clock.
-            let time_s = depth_time as f64 * 1e-6;
-            sources.push(Source {
-                number,
-                time_s: Some(time_s),
-                world_from_camera,
-                color: ColorAt::Part { part: color, size: header.color_size },
-                depth: DepthAt::Part { part: depth, size: header.depth_size },
-                confidence: None,
-                numbers: None,
-            });
+            let time_s = Some(depth_time as f64 * 1e-6);
+            let color = ColorAt::Part { part: color, size: header.color_size };
+            let depth = DepthAt::Part { part: depth, size: header.depth_size };
+            sources.push(Source { time_s, world_from_camera, ..Source::new(number, color, depth) });
         }
         if !sources.is_sorted_by(|a, b| a.time_s < b.time_s) {
             for source in &mut sources {

@@ -8,7 +8,7 @@ mod lines;
 
 use super::inertial::Forces;
 use super::json::{or_default, read_json};
-use super::numbered::{number, numbered_under};
+use super::numbered::{PICTURES, pictures_under};
 use super::text::{pose_from_quaternion, pose_from_rows};
 use super::trajectory::{Timed, pose_at};
 use super::{
@@ -25,7 +25,6 @@ use viola_geometry::{Pose3, Vector3};
 
 const DATA: &str = "data.jsonl";
 const CALIBRATION: &str = "calibration.json";
-const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
 const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
 /// Maximum time between a frame and the poses before and after it.
 const MAX_POSE_GAP_S: f64 = 0.05;
@@ -179,13 +178,7 @@ fn color_of(number: u32, video: Option<&VideoInfo>, pictures: &BTreeMap<u32, &st
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, DATA))? else { return Ok(None) };
-    let pictures = |folder: &str| {
-        numbered_under(container, &format!("{root}{folder}/"), |file| {
-            let (stem, ending) = file.rsplit_once('.')?;
-            let is_picture = PICTURES.iter().any(|picture| ending.eq_ignore_ascii_case(picture));
-            number(stem).filter(|_| is_picture)
-        })
-    };
+    let pictures = |folder: &str| pictures_under(container, &format!("{root}{folder}/"), &PICTURES);
     let depth = pictures("frames2")?;
     if depth.is_empty() {
         refuse_depth_video(container, root)?;
@@ -217,15 +210,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         }
         let camera_from_imu = frame.camera_from_imu.or(calibrated);
         sources.push(Source {
-            number,
             time_s: Some(frame.time_s),
             world_from_camera: pose_at(&poses, frame.time_s, MAX_POSE_GAP_S)
                 .zip(camera_from_imu)
                 .map(|(world_from_imu, camera_from_imu)| world_from_imu * camera_from_imu.inverse()),
-            color,
-            depth: DepthAt::Png(depth.to_string()),
-            confidence: None,
             numbers: frame.numbers,
+            ..Source::new(number, color, DepthAt::Png(depth.to_string()))
         });
     }
     let color_pictures = color.len() + shown;

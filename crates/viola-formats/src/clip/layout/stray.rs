@@ -9,7 +9,7 @@
 mod imu;
 mod odometry;
 
-use super::numbered::{number, numbered_under};
+use super::numbered::{self, PICTURES, pictures_under};
 use super::text::read_intrinsics;
 use super::{
     ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, incomplete,
@@ -23,7 +23,6 @@ use viola_geometry::Vector3;
 
 const ODOMETRY: &str = "odometry.csv";
 const INTRINSICS: &str = "camera_matrix.csv";
-const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 
 const TURNED: &str = "colour is upright and depth lies as the sensor does: colour was turned back by a quarter, against \
     the rotation by 90 degrees that the app writes into its video";
@@ -36,12 +35,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some(root) = only_root(roots_of(container, ODOMETRY))? else { return Ok(None) };
     let mut notes = Vec::new();
     let rows = odometry::read(container, &format!("{root}{ODOMETRY}"), &mut notes)?;
-    let pictures = |folder: &str, endings: &[&str]| {
-        numbered_under(container, &format!("{root}{folder}/"), |file| {
-            let (stem, ending) = file.rsplit_once('.')?;
-            number(stem).filter(|_| endings.contains(&ending))
-        })
-    };
+    let pictures =
+        |folder: &str, endings: &[&str]| pictures_under(container, &format!("{root}{folder}/"), endings);
     let (color, confidence) = (pictures("rgb", &PICTURES)?, pictures("confidence", &["png"])?);
     let mut depth = pictures("depth", &["png"])?;
     // Early versions of the app wrote NumPy files.
@@ -58,8 +53,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             let (frame, size) = (number.checked_sub(first_shown)?, (info.width, info.height));
             ((frame as usize) < shown).then_some(ColorAt::Video { frame, size })
         }
-        None if color.is_empty() => Some(ColorAt::Absent),
-        None => color.get(&number).map(|name| ColorAt::File(name.to_string())),
+        None => numbered::color_at(&color, number),
     };
     let intrinsics = read_intrinsics(container, &format!("{root}{INTRINSICS}"), Of::Color)?;
     let use_own = use_own(&rows, &intrinsics.numbers, &mut notes);

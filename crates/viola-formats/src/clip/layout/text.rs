@@ -20,11 +20,8 @@ const QUATERNION_TOLERANCE: f64 = 0.1;
 
 /// Reads a camera-to-world pose of 4x4 numbers, row by row; `None` if it is not a finite rigid motion.
 pub(super) fn read_pose(container: &dyn Container, name: &str) -> Result<Option<Pose3>, ClipError> {
-    Ok(parse_pose(&container.read(name, MAX_POSE_BYTES)?))
-}
-
-fn parse_pose(bytes: &[u8]) -> Option<Pose3> {
-    pose_from_rows(&numbers(bytes, 16)?)
+    let bytes = container.read(name, MAX_POSE_BYTES)?;
+    Ok(numbers(&bytes, 16).and_then(|rows| pose_from_rows(&rows)))
 }
 
 /// Returns the pose of a 3x4 or 4x4 matrix, row by row; `None` if it is not a finite rigid motion.

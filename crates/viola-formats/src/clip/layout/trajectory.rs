@@ -8,6 +8,19 @@ pub(super) struct Timed<T> {
     pub value: T,
 }
 
+impl<T> Timed<T> {
+    pub fn gap_s(&self, time_s: f64) -> f64 {
+        (self.time_s - time_s).abs()
+    }
+}
+
+/// Returns the item of an ascending list that is nearest to a time; `None` without any.
+pub(super) fn nearest<T>(timed: &[Timed<T>], time_s: f64) -> Option<&Timed<T>> {
+    let after = timed.partition_point(|item| item.time_s < time_s);
+    let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| timed.get(at));
+    near.min_by(|a, b| a.gap_s(time_s).total_cmp(&b.gap_s(time_s)))
+}
+
 pub(super) fn times<T>(timed: &[Timed<T>]) -> Vec<f64> {
     timed.iter().map(|t| t.time_s).collect()
 }
@@ -19,7 +32,7 @@ const HELD_S: f64 = 0.02;
 /// most twice the gap apart. A pose without such a neighbour counts if it is within [`HELD_S`].
 pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Option<Pose3> {
     let next = poses.partition_point(|pose| pose.time_s < time_s);
-    let gap_s = |pose: &Timed<Pose3>| (pose.time_s - time_s).abs();
+    let gap_s = |pose: &Timed<Pose3>| pose.gap_s(time_s);
     let before = next.checked_sub(1).map(|index| &poses[index]);
     let after = poses.get(next);
     match (before, after) {
@@ -31,9 +44,9 @@ pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Op
             // Opposite rotations cannot be interpolated; the earlier pose is the fallback.
             before.value.try_lerp_slerp(&after.value, fraction, 1e-9).or(Some(before.value))
         }
-        (one, other) => {
-            let alone = one.into_iter().chain(other).filter(|pose| gap_s(pose) <= HELD_S.min(max_gap_s));
-            alone.min_by(|a, b| gap_s(a).total_cmp(&gap_s(b))).map(|pose| pose.value)
+        _ => {
+            let alone = nearest(poses, time_s).filter(|pose| gap_s(pose) <= HELD_S.min(max_gap_s));
+            alone.map(|pose| pose.value)
         }
     }
 }

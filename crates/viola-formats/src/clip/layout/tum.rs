@@ -88,15 +88,12 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     ));
     let sources = pictures_of.iter().enumerate().map(|(number, &(color_index, depth_index))| {
         let picture = &depth.present[depth_index];
+        let color =
+            color_index.map_or(ColorAt::Absent, |index| ColorAt::File(color.present[index].value.clone()));
         Source {
-            number: number as u32,
             time_s: Some(picture.time_s),
             world_from_camera: pose_at(&poses, picture.time_s - late_s, max_pose_gap_s),
-            color: color_index
-                .map_or(ColorAt::Absent, |index| ColorAt::File(color.present[index].value.clone())),
-            depth: DepthAt::Png(picture.value.clone()),
-            confidence: None,
-            numbers: None,
+            ..Source::new(number as u32, color, DepthAt::Png(picture.value.clone()))
         }
     });
     let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };

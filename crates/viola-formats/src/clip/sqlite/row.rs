@@ -11,7 +11,7 @@ const MAX_HEADER_BYTES: u64 = 4 << 10;
 pub(super) struct Cell<'a> {
     number: i64,
     bytes: u64,
-    local: &'a [u8],
+    pub local: &'a [u8],
     overflow: Option<u32>,
 }
 

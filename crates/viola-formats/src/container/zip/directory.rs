@@ -25,15 +25,13 @@ const PART: usize = 1 << 15;
 
 /// Reads the directory, in parts if it has more entries than its end counts. `open` returns a new reader of the archive.
 pub(super) fn read<R: Read + Seek>(
-    open: impl Fn() -> Result<R, ContainerError>,
+    open: impl Fn() -> R,
 ) -> Result<Vec<Arc<ZipArchiveMetadata>>, ContainerError> {
-    let counted = parse(open()?)?;
+    let (counted, start) = parse(open())?;
     let headers = (0..counted.len()).filter_map(|index| counted.entry(index).ok());
-    let Some(last) = headers.map(|entry| entry.central_header_start()).max() else {
-        return Ok(vec![counted]);
-    };
+    let last = headers.map(|entry| entry.central_header_start()).max();
     let most = MAX_ENTRIES.saturating_sub(counted.len());
-    let Rest { parts, is_ended } = Rest::behind(last, most, open()?)?;
+    let Rest { parts, is_ended } = Rest::read(last, start, most, open())?;
     let more: usize = parts.iter().map(|part| part.entries).sum();
     if more > 0 && !is_ended || !more.is_multiple_of(LOST) {
         let all = counted.len() + more;
@@ -45,15 +43,17 @@ pub(super) fn read<R: Read + Seek>(
         let end = part.end_record().ok_or_else(|| ContainerError::ZipDamaged {
             reason: "its directory is too far away".to_string(),
         })?;
-        directories.push(parse(WithEnd { archive: open()?, at: 0, end_at: part.to, end })?);
+        directories.push(parse(WithEnd { archive: open(), at: 0, end_at: part.to, end })?.0);
     }
     Ok(directories)
 }
 
-fn parse(archive: impl Read + Seek) -> Result<Arc<ZipArchiveMetadata>, ContainerError> {
+/// Returns the entries that the end record counts, and the offset of the directory.
+fn parse(archive: impl Read + Seek) -> Result<(Arc<ZipArchiveMetadata>, u64), ContainerError> {
     // A known offset keeps the crate from searching the whole file for the directory.
     let config = Config { archive_offset: ArchiveOffset::Known(0) };
-    Ok(ZipArchive::with_config(config, BufReader::new(archive)).map_err(damaged)?.metadata())
+    let archive = ZipArchive::with_config(config, BufReader::new(archive)).map_err(damaged)?;
+    Ok((archive.metadata(), archive.central_directory_start()))
 }
 
 pub(super) fn damaged(error: ZipError) -> ContainerError {
@@ -94,14 +94,21 @@ struct Rest {
 }
 
 impl Rest {
-    /// Returns the headers behind the one at `last`, or an error for more than `most`.
-    fn behind(last: u64, most: usize, archive: impl Read + Seek) -> Result<Rest, ContainerError> {
+    /// Returns the headers behind the one at `last`, which is the last one that is counted, or an error for more than `most`.
+    /// The end counts none of exactly 65 536 entries; their headers begin at `start`.
+    fn read(
+        last: Option<u64>,
+        start: u64,
+        most: usize,
+        archive: impl Read + Seek,
+    ) -> Result<Rest, ContainerError> {
         let failed = |source: io::Error| ContainerError::damaged_zip("the archive", source);
         let mut reader = BufReader::new(archive);
-        reader.seek(SeekFrom::Start(last)).map_err(failed)?;
+        let (mut at, mut bytes) = (last.unwrap_or(start), Vec::new());
+        reader.seek(SeekFrom::Start(at)).map_err(failed)?;
         let mut parts: Vec<Part> = Vec::new();
-        let (mut at, mut bytes) = (last, Vec::new());
-        for number in 0..=most + 1 {
+        let counted = usize::from(last.is_some());
+        for number in 0..=most + counted {
             bytes.clear();
             reader.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
             let header = bytes.first_chunk::<HEADER_BYTES>().filter(|header| header.starts_with(&HEADER));
@@ -115,8 +122,7 @@ impl Rest {
             let from = at;
             at += HEADER_BYTES as u64 + u64::from(behind);
             match parts.last_mut() {
-                // The first header is the last one that is counted.
-                _ if number == 0 => {}
+                _ if number < counted => {}
                 Some(part) if part.entries < PART => (part.to, part.entries) = (at, part.entries + 1),
                 _ => parts.push(Part { from, to: at, entries: 1 }),
             }
@@ -171,10 +177,17 @@ mod tests {
         let mut header = [0; HEADER_BYTES];
         header[..4].copy_from_slice(&HEADER);
         let archive = [header.repeat(4), END.to_vec()].concat();
-        for (most, expected) in [(4, Some(3)), (3, Some(3)), (2, None), (0, None)] {
-            let rest = Rest::behind(0, most, io::Cursor::new(&archive)).ok();
+        for (last, most, expected) in [
+            (Some(0), 4, Some(3)),
+            (Some(0), 3, Some(3)),
+            (Some(0), 2, None),
+            (Some(0), 0, None),
+            (None, 4, Some(4)),
+            (None, 3, None),
+        ] {
+            let rest = Rest::read(last, 0, most, io::Cursor::new(&archive)).ok();
             let entries = rest.map(|rest| rest.parts.iter().map(|part| part.entries).sum::<usize>());
-            assert_eq!(entries, expected, "{most}");
+            assert_eq!(entries, expected, "{last:?} {most}");
         }
     }
 

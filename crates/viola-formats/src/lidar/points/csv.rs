@@ -1,6 +1,6 @@
 //! Points as lines of text.
 
-use super::records::{Columns, Points};
+use super::{Columns, Points};
 use crate::lidar::{LidarError, LidarMap};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;

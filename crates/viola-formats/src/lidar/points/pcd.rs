@@ -3,7 +3,7 @@
 
 mod lzf;
 
-use super::records::{Columns, Points};
+use super::{Columns, Points};
 use crate::lidar::{LidarError, LidarMap, MAX_FILE_BYTES, MAX_POINTS};
 use crate::scalar::Scalar;
 

@@ -1,6 +1,6 @@
 //! Points as PLY.
 
-use super::records::{Columns, Points};
+use super::{Columns, Points};
 use crate::lidar::{LidarError, LidarMap, MAX_POINTS};
 use crate::ply::{PlyError, Vertices};
 

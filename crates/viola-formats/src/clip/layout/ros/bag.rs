@@ -65,10 +65,10 @@ pub(super) struct Bag {
 }
 
 impl Bag {
-    /// Reads the files of a bag; returns `None` if the first of them is not a bag's.
-    pub fn read(container: &dyn Container, names: &[&String]) -> Result<Option<Bag>, ClipError> {
-        let mut bag = Bag {
-            spool: Spool::new(&container.scratch(), MAX_PICTURES_BYTES)?,
+    /// Returns a bag without messages.
+    pub fn new(spool: Spool) -> Bag {
+        Bag {
+            spool,
             images: BTreeMap::new(),
             unread: BTreeMap::new(),
             cameras: BTreeMap::new(),
@@ -77,7 +77,12 @@ impl Bag {
             frames: Frames::default(),
             pictures: 0,
             pose_count: 0,
-        };
+        }
+    }
+
+    /// Reads the files of a bag; returns `None` if one of them is not a bag's.
+    pub fn read(container: &dyn Container, names: &[&String]) -> Result<Option<Bag>, ClipError> {
+        let mut bag = Bag::new(Spool::new(&container.scratch(), MAX_PICTURES_BYTES)?);
         for name in names {
             let region = container.region(name, MAX_FILE_BYTES)?;
             let unreadable = |source| ContainerError::Unreadable { name: name.to_string(), source };

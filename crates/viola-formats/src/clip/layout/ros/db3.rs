@@ -1,6 +1,6 @@
 //! Bags of rosbag2's SQLite storage: `topics` and `messages` (ros2/rosbag2, sqlite_storage.cpp).
 
-use super::message::{Kind, MAX_MESSAGE_BYTES, Visit};
+use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
 use crate::clip::ClipError;
 use crate::clip::sqlite::{Database, Table};
 use std::collections::BTreeMap;
@@ -28,6 +28,9 @@ pub(super) fn read(database: &Database, name: &str, visit: Visit) -> Result<(), 
             Kind::of(&text(kind)?).filter(|_| text(format).is_ok_and(|format| format == "cdr"))
         {
             wanted.insert(row.id(id)?, (text(topic)?, kind));
+        }
+        if wanted.len() > MAX_TOPICS {
+            return Err(bad(format!("it has more than {MAX_TOPICS} topics")));
         }
         Ok(())
     })?;

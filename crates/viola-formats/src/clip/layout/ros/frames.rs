@@ -2,13 +2,14 @@
 
 use super::message::Transform;
 use crate::clip::layout::trajectory::{Timed, pose_at};
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use viola_geometry::Pose3;
 
 /// Maximum time between a picture and the poses around it: odometry of 10 Hz.
 pub(super) const MAX_GAP_S: f64 = 0.11;
 const MAX_LEVELS: usize = 64;
+/// Maximum number of frames with a parent; a robot has hundreds. Later ones are ignored.
+const MAX_EDGES: usize = 10_000;
 
 /// Poses of a frame in its parent.
 struct Edge {
@@ -28,6 +29,9 @@ impl Frames {
     pub fn add(&mut self, transform: Transform, is_static: bool) {
         let Transform { parent, child, pose } = transform;
         let Some(pose) = pose.filter(|_| parent != child) else { return };
+        if self.edges.len() >= MAX_EDGES && !self.has(&child) {
+            return;
+        }
         let edge = self.edges.entry(child).or_insert_with(|| Edge {
             parent: parent.clone(),
             is_static,
@@ -136,9 +140,18 @@ impl Edge {
     }
 }
 
-/// Returns the pose of a camera that looks along the x axis of a body with z up (REP 103).
-pub(super) fn body_from_optical() -> Pose3 {
-    let rotation = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Pose3::from_parts(Translation3::identity(), rotation)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tree_of_millions_of_frames_is_cut() {
+        let mut frames = Frames::default();
+        for number in 0..2 * MAX_EDGES {
+            let pose = Some(Timed { time_s: 0.0, value: Pose3::identity() });
+            frames.add(Transform { parent: "map".into(), child: number.to_string(), pose }, false);
+        }
+        assert_eq!(frames.edges.len(), MAX_EDGES);
+        assert!(frames.has("0") && !frames.has(&MAX_EDGES.to_string()));
+    }
 }

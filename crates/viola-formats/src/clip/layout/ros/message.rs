@@ -16,6 +16,8 @@ pub(super) const MAX_MESSAGE_BYTES: u64 = 64 << 20;
 pub(super) const MAX_TOPICS: usize = 1000;
 /// Maximum transforms of one message.
 const MAX_TRANSFORMS: u32 = 10_000;
+/// Maximum length of a frame's name.
+const MAX_FRAME_BYTES: usize = 255;
 /// Bytes before compressed depth: a kind and two parameters (compressed_depth_image_transport,
 /// compression_common.hpp).
 const DEPTH_HEADER_BYTES: usize = 12;
@@ -67,7 +69,8 @@ fn header(cdr: &mut Cdr) -> Option<Header> {
 
 /// Returns a frame's name; old ones begin with a slash.
 fn frame(cdr: &mut Cdr) -> Option<String> {
-    Some(cdr.text()?.trim_start_matches('/').to_string())
+    let name = cdr.text()?.trim_start_matches('/');
+    (name.len() <= MAX_FRAME_BYTES).then(|| name.to_string())
 }
 
 /// A picture inside of a message.

@@ -1,13 +1,17 @@
 //! The camera's poses, from the tree of frames, from odometry, or from poses with a header.
 
 use super::bag::{Bag, Poses};
-use super::frames::{MAX_GAP_S, body_from_optical, is_base};
+use super::frames::{MAX_GAP_S, is_base};
+use crate::clip::layout::body_from_optical;
 use crate::clip::layout::trajectory::pose_at;
 use std::cmp::Reverse;
 use viola_geometry::Pose3;
 
 /// Worlds whose z axis is up (REP 105).
 const WORLDS: [&str; 3] = ["map", "odom", "world"];
+/// Maximum number of poses that are looked for; sources beyond it are not examined. A recording of an hour may have ten, and
+/// a hostile bag has a thousand, each of them as long.
+const MAX_LOOKS: usize = 1_000_000;
 /// Maximum number of notes about sources that were not used.
 const MAX_NOTED: usize = 10;
 
@@ -40,8 +44,9 @@ pub(super) fn find(bag: &Bag, camera: &str, times_s: &[f64]) -> Path {
     let root = root.filter(|root| !is_robot(bag, root) || topics().next().is_none());
     let of_tree = |world: &str| of_frames(bag, world, camera, times_s);
     let of_topics = topics().map(|(topic, poses)| of_topic(bag, topic, poses, camera, times_s));
+    let sources = named.map(of_tree).chain(of_topics).chain(root.into_iter().map(of_tree));
     let mut paths: Vec<Path> = Vec::new();
-    for path in named.map(of_tree).chain(of_topics).chain(root.into_iter().map(of_tree)) {
+    for path in sources.take(MAX_LOOKS / times_s.len().max(1) + 1) {
         let is_enough = 2 * path.count() >= times_s.len();
         paths.push(path);
         if is_enough {
@@ -138,4 +143,29 @@ pub(super) fn unconnected(bag: &Bag, camera: &str) -> Option<String> {
 
 fn is_world(frame: &str) -> bool {
     WORLDS.contains(&frame.rsplit('/').next().unwrap_or(frame))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clip::layout::trajectory::Timed;
+    use crate::container::{Scratch, Spool};
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn a_bag_of_many_pictures_and_topics_ends() {
+        let mut bag = Bag::new(Spool::new(&Scratch::default(), 0).unwrap());
+        for topic in 0..1000 {
+            let pose = Timed { time_s: 0.0, value: Pose3::identity() };
+            let poses = Some(pose).filter(|_| topic == 999).into_iter().collect();
+            let poses = Poses { world: "odom".into(), child: "robot".into(), poses };
+            bag.odometry.insert(format!("/odom/{topic}"), poses);
+        }
+        assert_eq!(find(&bag, "camera", &[0.0; 2]).from, "/odom/999");
+        let times_s = vec![0.0; 100_000];
+        let start = Instant::now();
+        let path = find(&bag, "camera", &times_s);
+        assert_eq!((path.count(), path.poses.len()), (0, times_s.len()));
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    }
 }

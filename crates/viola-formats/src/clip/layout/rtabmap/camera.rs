@@ -2,8 +2,7 @@
 //! camera's pose on its base as floats (introlab/rtabmap, CameraModel.cpp, `serialize`).
 
 use super::super::text::pose_from_rows;
-use super::super::{Numbers, Of};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use super::super::{Numbers, Of, body_from_optical};
 use viola_geometry::Pose3;
 
 const HEADER_BYTES: usize = 44;
@@ -63,18 +62,11 @@ impl Camera {
         let rows: Vec<f64> =
             floats.as_chunks().0.iter().map(|value| f64::from(f32::from_le_bytes(*value))).collect();
         let base_from_camera = if local == 0 {
-            optical()
+            body_from_optical()
         } else {
             pose_from_rows(&rows).ok_or("its pose on the device is not a rigid motion")?
         };
         let is_distorted = rectified.is_none() && doubles[k..k + d].iter().any(|value| *value != 0.0);
         Ok(Camera { numbers, base_from_camera, is_distorted })
     }
-}
-
-/// Returns the pose of a camera that looks ahead: its z is the base's x, its y down.
-fn optical() -> Pose3 {
-    let rotation = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-    Pose3::from_parts(nalgebra::Translation3::identity(), rotation)
 }

@@ -2,6 +2,7 @@
 
 use crate::clip::ClipError;
 use crate::clip::layout::text::{parse_row, read_table};
+use crate::clip::layout::trajectory::{Timed, nearest};
 use crate::container::Container;
 use viola_geometry::{Pose3, Vector3};
 
@@ -17,26 +18,21 @@ pub(super) fn compare(
     name: &str,
     poses: impl Iterator<Item = (f64, Pose3)>,
 ) -> Result<String, ClipError> {
-    let mut samples: Vec<(f64, Vector3)> = Vec::new();
+    let mut samples: Vec<Timed<Vector3>> = Vec::new();
     for (_, text) in read_table(container, name)?.rows() {
         // The columns' names and truncated rows are skipped.
         let Some([time_s, ax, ay, az, ..]) = parse_row::<7>(text) else { continue };
         let acceleration = Vector3::new(ax, ay, az);
         if time_s.is_finite() && acceleration.norm().is_finite() && acceleration.norm() > 1e-6 {
-            samples.push((time_s, acceleration.normalize()));
+            samples.push(Timed { time_s, value: acceleration.normalize() });
         }
     }
-    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     let mut sum_in_world = Vector3::zeros();
     let mut frames = 0;
     for (time_s, world_from_camera) in poses {
-        let after = samples.partition_point(|(t, _)| *t < time_s);
-        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| samples.get(at));
-        let gap_s = |sample: &&(f64, Vector3)| (sample.0 - time_s).abs();
-        let Some((_, a)) = near.min_by(|a, b| gap_s(a).total_cmp(&gap_s(b))).filter(|s| gap_s(s) < MAX_GAP_S)
-        else {
-            continue;
-        };
+        let sample = nearest(&samples, time_s).filter(|sample| sample.gap_s(time_s) < MAX_GAP_S);
+        let Some(Timed { value: a, .. }) = sample else { continue };
         // Converts the device's axes (x right, y up, z out of the screen, held upright) to the camera's,
         // which records with the device on its side.
         let in_camera = Vector3::new(-a.y, -a.x, -a.z);
