@@ -4,6 +4,7 @@ use super::SegmentError;
 use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View, surface_from_grid};
 use super::instances::agree;
 use super::likeliest::ByClass;
+use super::numbers::all_finite;
 use super::sites::Sites;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -29,12 +30,12 @@ const BOX_NUMBERS: usize = 6;
 pub struct SurfaceNetwork {
     name: String,
     version: String,
-    network: Arc<dyn Network>,
+    network: Arc<Network>,
 }
 
 impl SurfaceNetwork {
     /// Returns the network after a check of its inputs and outputs.
-    pub fn new(entry: &ModelEntry, network: Arc<dyn Network>) -> Result<SurfaceNetwork, SegmentError> {
+    pub fn new(entry: &ModelEntry, network: Arc<Network>) -> Result<SurfaceNetwork, SegmentError> {
         let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
         let inputs = [
             ("grid", F32, vec![Some(1), Some(PLANES), None, None]),
@@ -126,24 +127,24 @@ impl SurfaceNetwork {
             ("place", numbers(columns.place)),
             ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
         ];
-        let outputs = self.network.run(&inputs).map_err(|error| SegmentError::Run(error.to_string()))?;
-        let output = |name: &str, numbers: usize| {
-            let tensor = outputs.iter().find(|(output, _)| output == name).map(|(_, tensor)| tensor);
-            let values = tensor.filter(|tensor| tensor.shape == [voxels, numbers]).and_then(Tensor::as_f32);
-            let values = values.ok_or_else(|| SegmentError::Shape {
-                got: "other outputs".to_owned(),
-                want: format!("{name} of {voxels} x {numbers}"),
-            })?;
-            let is_finite = values.iter().all(|value| value.is_finite());
-            if is_finite { Ok(values) } else { Err(SegmentError::NotFinite) }
-        };
-        let (logits, boxes) = (output("logits", CLASSES)?, output("box", BOX_NUMBERS)?);
+        let outputs = self.network.run(&inputs, ["logits", "box"]);
+        let [logits, boxes] = outputs.map_err(|error| SegmentError::Run(error.to_string()))?;
+        let (logits, boxes) = (finite(&logits, [voxels, CLASSES])?, finite(&boxes, [voxels, BOX_NUMBERS])?);
         let turned = surface_from_grid(normals, view);
         let to_centre = |numbers: &[f32]| turned(&Vector3::from_fn(|axis, _| f64::from(numbers[axis])));
         let of_voxel = logits.par_chunks_exact(CLASSES).map(softmax).collect();
         let to_centre_m = boxes.chunks_exact(BOX_NUMBERS).map(to_centre).collect();
         Ok(VoxelClasses { of_voxel, to_centre_m, of_site: columns.of_site })
     }
+}
+
+/// Returns the finite numbers of a tensor of this shape.
+fn finite(tensor: &Tensor, shape: [usize; 2]) -> Result<&[f32], SegmentError> {
+    let values = tensor.as_f32().filter(|_| tensor.shape == shape).ok_or_else(|| SegmentError::Shape {
+        got: format!("{:?} {:?}", tensor.data.element(), tensor.shape),
+        want: format!("F32 {shape:?}"),
+    })?;
+    if all_finite(values) { Ok(values) } else { Err(SegmentError::NotFinite) }
 }
 
 /// Probabilities of the classes of sites, and the centres of their objects.

@@ -16,9 +16,9 @@ const SIDES: std::ops::RangeInclusive<usize> = 8..=2048;
 
 /// The networks, and the sizes that they agree on.
 pub(super) struct Parts {
-    encoder: Arc<dyn Network>,
-    unet: Arc<dyn Network>,
-    decoder: Arc<dyn Network>,
+    encoder: Arc<Network>,
+    unet: Arc<Network>,
+    decoder: Arc<Network>,
     /// Size of the picture, in pixels.
     pub(super) size: Raster,
     channels: usize,
@@ -28,16 +28,12 @@ pub(super) struct Parts {
 }
 
 /// Opens one of the networks in a pipeline's folder.
-pub(super) fn open(
-    folder: &Path,
-    name: &str,
-    params: &RuntimeParams,
-) -> Result<Arc<dyn Network>, InpaintError> {
+pub(super) fn open(folder: &Path, name: &str, params: &RuntimeParams) -> Result<Arc<Network>, InpaintError> {
     network::open(&folder.join(name), params).map_err(|error| InpaintError::Open(error.to_string()))
 }
 
 /// Checks a network's inputs and outputs; each is a name, its element type and its axes.
-fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
+fn is(network: &Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
     for (what, infos, ports) in [("input", network.inputs(), inputs), ("output", network.outputs(), outputs)]
     {
         for (port, element, axes) in ports {
@@ -54,7 +50,7 @@ fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> R
 type Port<'a> = (&'a str, Element, &'a [Option<usize>]);
 
 /// Returns the text encoder's embedding of a prompt's tokens, 1 x length to 1 x length x width.
-pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
+pub(super) fn embed(encoder: &Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
     let length = tokens.len();
     let input = Tensor { shape: vec![1, length], data: Data::I64(tokens) };
     let [embeds] = run(encoder, &[("input_ids", input)], ["prompt_embeds"])?;
@@ -65,7 +61,7 @@ pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, I
 }
 
 /// Checks that a network is a text encoder for `length` tokens.
-pub(super) fn is_text_encoder(encoder: &dyn Network, length: usize) -> Result<(), String> {
+pub(super) fn is_text_encoder(encoder: &Network, length: usize) -> Result<(), String> {
     let input: Port = ("input_ids", Element::I64, &[Some(1), Some(length)]);
     let output: Port = ("prompt_embeds", Element::F32, &[Some(1), Some(length), None]);
     is(encoder, "text_encoder.onnx", &[input], &[output])
@@ -165,22 +161,12 @@ impl Parts {
     }
 }
 
-/// Runs a network, and returns its outputs of these names.
 fn run<const N: usize>(
-    network: &dyn Network,
+    network: &Network,
     inputs: &[(&str, Tensor)],
     names: [&str; N],
 ) -> Result<[Tensor; N], InpaintError> {
-    let mut outputs = network.run(inputs).map_err(|error| InpaintError::Run(error.to_string()))?;
-    let mut found = Vec::with_capacity(N);
-    for name in names {
-        let place = outputs
-            .iter()
-            .position(|(output, _)| output == name)
-            .ok_or_else(|| InpaintError::Run(format!("the output {name} is missing")))?;
-        found.push(outputs.swap_remove(place).1);
-    }
-    found.try_into().map_err(|_| InpaintError::Run("outputs are missing".to_owned()))
+    network.run(inputs, names).map_err(|error| InpaintError::Run(error.to_string()))
 }
 
 /// Returns the finite numbers of a tensor of this shape.
