@@ -32,8 +32,9 @@ pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<Network>, Network
 
 /// Loads a network from its weights in ONNX format.
 ///
-/// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does
-/// not load, `rten` is the fallback, and [`Network::reason`] names the error.
+/// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does not load, or
+/// does not run the network, `rten` is the fallback: [`Network::reason`] names the error, and [`RuntimeParams::warn`]
+/// receives it.
 pub fn open_weights(weights: &Weights, params: &RuntimeParams) -> Result<Arc<Network>, NetworkError> {
     weights.check()?;
     let network = choose(weights, params)?;
@@ -61,10 +62,11 @@ fn choose(weights: &Weights, params: &RuntimeParams) -> Result<Network, NetworkE
         (Runtime::Rten, _) => rten("it was asked for".to_owned()),
         (_, Some(library)) => onnxruntime(library, format!("{} was named", library.display())),
         (_, None) => match library::find(&params.look_in) {
-            Some(library) => match library::load(&library) {
-                Err(error) if !is_asked => rten(format!("ONNX Runtime cannot be used: {error}")),
-                _ => onnxruntime(&library, format!("ONNX Runtime's library {} is there", library.display())),
-            },
+            Some(library) => {
+                let opened =
+                    onnxruntime(&library, format!("ONNX Runtime's library {} is there", library.display()));
+                opened.or_else(|error| if is_asked { Err(error) } else { fall_back(&error, weights, params) })
+            }
             None if is_asked => {
                 Err(NetworkError::LibraryNowhere { places: library::places(&params.look_in) })
             }
@@ -73,4 +75,18 @@ fn choose(weights: &Weights, params: &RuntimeParams) -> Result<Network, NetworkE
             }
         },
     }
+}
+
+/// Loads a network in `rten` because of an error of the ONNX Runtime that was found.
+fn fall_back(
+    error: &NetworkError,
+    weights: &Weights,
+    params: &RuntimeParams,
+) -> Result<Network, NetworkError> {
+    let reason = format!("ONNX Runtime cannot be used: {error}");
+    let network = with_rten::open(weights, params.threads, reason)?;
+    if let Some(warn) = params.warn {
+        warn(&format!("{} runs in {}, because {}", weights.name(), network.runtime, network.reason));
+    }
+    Ok(network)
 }

@@ -93,6 +93,8 @@ pub struct RuntimeParams {
     pub device: Device,
     /// Threads of one run. Default: the runtime decides.
     pub threads: Option<NonZeroUsize>,
+    /// Receives a message if a library was found but cannot run a network, and `rten` runs it.
+    pub warn: Option<fn(&str)>,
 }
 
 impl Device {
