@@ -180,13 +180,7 @@ impl Tracker {
                 }
                 let followed = Followed { key, camera_from_key: moved.step.camera_from_key };
                 if moved.is_key {
-                    self.edges.push(Edge {
-                        a: key,
-                        b: key + 1,
-                        b_from_a: followed.camera_from_key,
-                        information: moved.step.trusted_information(),
-                        is_loop: false,
-                    });
+                    self.edges.push(Edge::of(key, key + 1, &moved.step, false));
                     self.edges.extend(expected.and_then(|expected| self.device_edge(key, expected)));
                     let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
                     self.keep(&moved.pyramid, self.keys[key].segment, pose);
@@ -216,18 +210,12 @@ impl Tracker {
         if let Some((a, step)) = self.relocalise(&key) {
             key.segment = self.keys[a].segment;
             key.world_from_key = self.keys[a].world_from_key * step.camera_from_key.inverse();
-            self.edges.push(Edge {
-                a,
-                b: self.keys.len(),
-                b_from_a: step.camera_from_key,
-                information: step.trusted_information(),
-                is_loop: false,
-            });
+            self.edges.push(Edge::of(a, self.keys.len(), &step, false));
             // The segment continues.
             self.ended[key.segment] = None;
-            return Some(self.start(key, pyramid));
+        } else {
+            self.ended.push(None);
         }
-        self.ended.push(None);
         Some(self.start(key, pyramid))
     }
 

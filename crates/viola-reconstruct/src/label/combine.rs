@@ -1,6 +1,6 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::likeliest::{ByClass, likeliest, likeliest_in_structure};
+use super::likeliest::{ByClass, by_class, likeliest, likeliest_in_structure};
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;
@@ -85,11 +85,7 @@ impl Alone {
     /// Returns the factor of each class at a site beside the pictures.
     fn factors(&self, site: usize) -> ByClass {
         let Alone::Voter(labels) = self else { return [1.0; CLASSES] };
-        let mut said = [0f32; CLASSES];
-        labels[site]
-            .fractions()
-            .for_each(|(class, fraction)| said[class as usize] += f32::from(fraction) / 255.0);
-        said.map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
+        by_class(&labels[site]).map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
     }
 }
 

@@ -173,7 +173,7 @@ fn checked(
                 if let Some(found) = check(reference, &keys[b], &start)
                     && way.can_reach(keys, a, b, &found.camera_from_key)
                 {
-                    edges.push((place, edge(a, b, &found)));
+                    edges.push((place, Edge::of(a, b, &found, true)));
                 }
             }
             Ok(edges)
@@ -182,10 +182,6 @@ fn checked(
     let mut edges = found?.concat();
     edges.sort_by_key(|(place, _)| *place);
     Ok(edges.into_iter().map(|(_, edge)| edge).collect())
-}
-
-fn edge(a: usize, b: usize, found: &Step) -> Edge {
-    Edge { a, b, b_from_a: found.camera_from_key, information: found.trusted_information(), is_loop: true }
 }
 
 #[cfg(test)]
