@@ -1,7 +1,6 @@
 //! Objects in pictures that distinguish rooms: a bed stands in no bathroom.
 
-use super::hit::RaycastParams;
-use crate::scan::hit::MAX_HEIGHT_M;
+use super::hit::{MAX_HEIGHT_M, RaycastParams};
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{Class, Purposes};
 use viola_geometry::{Point2, Pose2, Vector2, angle_between, cell_of};

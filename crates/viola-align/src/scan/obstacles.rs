@@ -1,8 +1,6 @@
 //! Obstacles on the floor plan that stop a ray at the vacuum's height.
 
-use super::hit::{FREE_CELL_M, HIT_SPACING_M};
-use super::hit::{Hit, RaycastParams};
-use crate::scan::hit::MAX_HEIGHT_M;
+use super::hit::{FREE_CELL_M, HIT_SPACING_M, Hit, MAX_HEIGHT_M, RaycastParams};
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::{Point2, Vector2, cell_of, cells_around};
 use viola_reconstruct::{CloudPoint, PointCloud};
@@ -77,13 +75,9 @@ impl Obstacles {
             (high - low).max(0.0)
         };
         let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool| Hit {
-            point_m,
-            normal,
-            weight: 1.0,
             extent_m,
             at_vacuum_height,
-            completed: false,
-            from_m: Point2::origin(),
+            ..Hit::standing(point_m, normal)
         };
         let mut points: Vec<Hit> = cloud
             .points

@@ -31,15 +31,7 @@ fn room() -> Observation {
             add(x, f64::from(j) * 0.05, 0.0, [0.0, 0.0, 1.0]);
         }
     }
-    let hit = |x: f64| Hit {
-        point_m: Point2::new(x, 3.0),
-        normal: Vector2::new(0.0, -1.0),
-        weight: 1.0,
-        extent_m: 2.4,
-        at_vacuum_height: true,
-        completed: false,
-        from_m: Point2::new(1.0, 1.0),
-    };
+    let hit = |x: f64| Hit::standing(Point2::new(x, 3.0), Vector2::new(0.0, -1.0));
     let hits = (0..40).map(|i| hit(f64::from(i) * 0.05)).collect();
     let key = |x: f64, pitch_rad: f64| {
         let yaw_rad = std::f64::consts::FRAC_PI_2;
