@@ -181,9 +181,10 @@ impl Tracker {
                 let followed = Followed { key, camera_from_key: moved.step.camera_from_key };
                 if moved.is_key {
                     self.edges.push(Edge::of(key, key + 1, &moved.step, false));
-                    self.edges.extend(expected.and_then(|expected| self.device_edge(key, expected)));
+                    self.edges.extend(expected.map(|expected| device::edge(key, key + 1, expected)));
                     let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
-                    self.keep(&moved.pyramid, self.keys[key].segment, pose);
+                    let (frame, segment) = (self.frames.len(), self.keys[key].segment);
+                    self.keys.push(KeyFrame::new(frame, segment, pose, &moved.pyramid, &self.describer));
                 }
                 Some(followed)
             }
@@ -226,15 +227,10 @@ impl Tracker {
         Followed { key: self.keys.len() - 1, camera_from_key: Pose3::identity() }
     }
 
-    fn keep(&mut self, pyramid: &Pyramid, segment: usize, world_from_key: Pose3) {
-        let frame = self.frames.len();
-        self.keys.push(KeyFrame::new(frame, segment, world_from_key, pyramid, &self.describer));
-    }
-
     /// Returns the key frame that shows the place of a new one.
     fn relocalise(&self, key: &KeyFrame) -> Option<(usize, step::Step)> {
         let mut alike: Vec<(usize, usize)> =
-            self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key.words()), i)).collect();
+            self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key), i)).collect();
         alike.sort_by(|a, b| b.cmp(a));
         alike.iter().take(RELOCALISE_TRIES).find_map(|&(_, a)| {
             let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;

@@ -1,6 +1,7 @@
 //! Labels of a home's map: its surface shows more of each object than a clip does.
 
 use super::SegmentError;
+use super::columns::View;
 use super::combine::{self, Alone};
 use super::instances::agree;
 use super::likeliest::{ByClass, by_class};
@@ -33,13 +34,13 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
     let of_point = &sites.of_point[..count];
     // Sites are numbered in the order of their points.
     let asked = of_point.iter().max().map_or(0, |last| *last as usize + 1);
-    let (of_map, failure) =
-        match network.map(|network| network.classify_as_is(&sites.positions_m, &sites.normals, asked)) {
-            // Without surface in the network's slices, it has nothing to say.
-            None | Some(Err(SegmentError::NoSurface { .. })) => (None, None),
-            Some(Ok(of_map)) => (Some(of_map), None),
-            Some(Err(failure)) => (None, Some(failure)),
-        };
+    let (of_map, failure) = match network.map(|network| network.classify_in(&View::default(), &sites, asked))
+    {
+        // Without surface in the network's slices, it has nothing to say.
+        None | Some(Err(SegmentError::NoSurface { .. })) => (None, None),
+        Some(Ok(of_map)) => (Some(of_map), None),
+        Some(Err(failure)) => (None, Some(failure)),
+    };
     let surface = |site: usize| {
         let label = &of_clips[site];
         let of_clips = (label.views == 0 && label.fractions().next().is_some()).then(|| by_class(label));
@@ -60,7 +61,7 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
     };
     let surfaced = combine::surfaced(&segments, &shapes, |site| said[site]);
     // The labels of pictured points have heard the network's answers for the clips, but not that for the map.
-    let alone = if of_map.is_some() { Alone::Voter(surfaced) } else { Alone::Fallback(surfaced) };
+    let alone = Alone { labels: surfaced, is_voter: of_map.is_some() };
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
     MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }
 }

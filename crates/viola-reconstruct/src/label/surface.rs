@@ -79,7 +79,7 @@ impl SurfaceNetwork {
     fn classify_alone(&self, sites: &Sites) -> Result<OfSites, SegmentError> {
         let mut sums = vec![([0f32; CLASSES], Vector3::zeros(), 0f32); sites.len()];
         for view in &VIEWS {
-            let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
+            let said = self.classify_in(view, sites, sites.len())?;
             sums.par_iter_mut().enumerate().for_each(|(site, (sum, to_centre_m, count))| {
                 let (Some(of_view), Some(towards_m)) = (said.of(site), said.to_centre(site)) else {
                     return;
@@ -98,24 +98,14 @@ impl SurfaceNetwork {
         Ok(OfSites { said, centres_m })
     }
 
-    /// Returns the answer for the first `asked` places of the surface in one view only. Positions are in a frame whose
-    /// floor is at 0.
-    pub(super) fn classify_as_is(
-        &self,
-        positions_m: &[Point3],
-        normals: &[Vector3],
-        asked: usize,
-    ) -> Result<VoxelClasses, SegmentError> {
-        self.classify_in(&View::default(), positions_m, normals, asked)
-    }
-
-    fn classify_in(
+    /// Returns the answer for the first `asked` sites in one view only. `sites` are in a frame whose floor is at 0.
+    pub(super) fn classify_in(
         &self,
         view: &View,
-        positions_m: &[Point3],
-        normals: &[Vector3],
+        sites: &Sites,
         asked: usize,
     ) -> Result<VoxelClasses, SegmentError> {
+        let Sites { positions_m, normals, .. } = sites;
         let columns = Columns::new(positions_m, normals, asked, view);
         let columns = columns.filter(|columns| !columns.column.is_empty());
         let Some(columns) = columns else { return Err(SegmentError::NoSurface { height_m: TOP_M }) };
@@ -237,7 +227,9 @@ mod tests {
         let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
         let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
         let network = opened("columns.onnx").unwrap();
-        let said = network.classify_as_is(&positions_m, &normals, positions_m.len()).unwrap();
+        let sites = Sites { positions_m: positions_m.clone(), normals, ..Sites::default() };
+        let one = |view: &View| network.classify_in(view, &sites, sites.len()).unwrap();
+        let said = one(&View::default());
         let classes = said.of_sites();
         assert!(expected.sites.len() > 10);
         for ExpectedSite { site, class, probability, bounds } in expected.sites {
@@ -249,10 +241,8 @@ mod tests {
             assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
         }
         // The answer is the mean over all views, of which this is the first.
-        let one = |view: &View| network.classify_in(view, &positions_m, &normals, positions_m.len()).unwrap();
         let of_views: Vec<VoxelClasses> = VIEWS.iter().map(one).collect();
         assert_eq!(of_views[0].of_sites(), classes);
-        let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
         let OfSites { said, centres_m } = network.classify_alone(&sites).unwrap();
         for (site, (all, centre_m)) in said.into_iter().zip(centres_m).enumerate() {
             let (all, centre_m) = (all.expect("it is in the grid"), centre_m.expect("as its class"));

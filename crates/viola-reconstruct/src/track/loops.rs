@@ -94,7 +94,7 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64, progress: &dyn Progress) -> 
     let alike = |b: usize| -> Vec<usize> {
         let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + APART <= b;
         let mut alike: Vec<(usize, usize)> =
-            (0..b).filter(apart).map(|a| (keys[a].similarity(keys[b].words()), a)).collect();
+            (0..b).filter(apart).map(|a| (keys[a].similarity(&keys[b]), a)).collect();
         alike.sort_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
         alike.into_iter().take(TRIES).map(|(_, a)| a).collect()
     };
