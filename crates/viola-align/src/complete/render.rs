@@ -125,7 +125,6 @@ pub fn render(points: &[CloudPoint], voxel_m: f64, camera: &Pinhole, clip_from_c
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_reconstruct::Label;
     use viola_reconstruct::cloud::BLACK;
 
     const VOXEL_M: f64 = 0.03;
@@ -138,13 +137,8 @@ mod tests {
         (0..steps * steps)
             .map(|i| (place(i % steps), place(i / steps)))
             .filter(|(x, y)| !hole || x.abs().max(y.abs()) > 0.3)
-            .map(|(x, y)| CloudPoint {
-                position_m: [x as f32, y as f32, depth_m as f32],
-                normal: [0.0, 0.0, if faces { -1.0 } else { 1.0 }],
-                color,
-                label: Label::NONE,
-                weight: 1,
-            })
+            .map(|(x, y)| [x as f32, y as f32, depth_m as f32])
+            .map(|at| CloudPoint { color, ..CloudPoint::new(at, [0.0, 0.0, if faces { -1.0 } else { 1.0 }]) })
             .collect()
     }
 

@@ -94,11 +94,8 @@ mod tests {
 
     fn cloud(points: &[([f32; 3], Label)]) -> PointCloud {
         let point = |(position_m, label): &([f32; 3], Label)| CloudPoint {
-            position_m: *position_m,
-            normal: [0.0, 0.0, 1.0],
-            color: [0; 3],
             label: *label,
-            weight: 256,
+            ..CloudPoint::new(*position_m, [0.0, 0.0, 1.0])
         };
         PointCloud { points: points.iter().map(point).collect(), voxel_m: 0.03 }
     }

@@ -159,18 +159,12 @@ impl Obstacles {
 mod tests {
     use super::*;
     use crate::scan::VACUUM_HEIGHT_M;
-    use viola_reconstruct::Label;
 
     #[test]
     fn the_extent_of_an_obstacle_is_the_same_above_a_floor_below_the_first_one() {
         for floor_m in [0.0, -0.65] {
-            let point = |height_m: f64| CloudPoint {
-                position_m: [1.0, 0.0, (floor_m + height_m) as f32],
-                normal: [-1.0, 0.0, 0.0],
-                color: [200; 3],
-                label: Label::NONE,
-                weight: 1,
-            };
+            let point =
+                |height_m: f64| CloudPoint::new([1.0, 0.0, (floor_m + height_m) as f32], [-1.0, 0.0, 0.0]);
             let cloud = PointCloud { points: [0.05, 0.15, 0.25].map(point).to_vec(), voxel_m: 0.03 };
             let params = RaycastParams { vacuum_height_m: floor_m + VACUUM_HEIGHT_M, floor_m };
             let obstacles = Obstacles::new(&cloud, &[], &params);

@@ -1,7 +1,7 @@
 use super::*;
 use crate::scan::{Hit, VirtualScan};
 use viola_geometry::Pose3;
-use viola_reconstruct::{CloudPoint, KeyFrame, Label};
+use viola_reconstruct::{CloudPoint, KeyFrame};
 
 const CAMERA: Pinhole = Pinhole { width: 512, height: 384, fx: 440.0, fy: 440.0, cx: 255.5, cy: 191.5 };
 const HEIGHT_M: f64 = 0.12;
@@ -11,13 +11,7 @@ const HEIGHT_M: f64 = 0.12;
 fn room() -> Observation {
     let mut points = Vec::new();
     let mut add = |x: f64, y: f64, z: f64, normal: [f32; 3]| {
-        points.push(CloudPoint {
-            position_m: [x as f32, y as f32, z as f32],
-            normal,
-            color: [0; 3],
-            label: Label::NONE,
-            weight: 1,
-        });
+        points.push(CloudPoint::new([x as f32, y as f32, z as f32], normal));
     };
     for i in 0..80 {
         let x = f64::from(i) * 0.05;
