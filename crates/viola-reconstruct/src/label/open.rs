@@ -7,9 +7,9 @@ use super::{ClassMap, SegmentError, Segmenter};
 use image::RgbImage;
 use std::sync::Arc;
 use viola_network::Element::F32;
+use viola_network::Network;
 use viola_network::manifest::{ModelEntry, Output};
 use viola_network::signature::{expect, one};
-use viola_network::{Network, NetworkError};
 
 /// Returns a segmenter for a loaded network, after a check of the network against its entry.
 pub fn open_segmenter(entry: &ModelEntry, network: Arc<Network>) -> Result<Box<dyn Segmenter>, SegmentError> {
@@ -96,14 +96,13 @@ impl Segmenter for NetworkSegmenter {
         };
         let input = picture::tensor(picture, fit, &self.input.rule, align_corners);
         let inputs = [(self.input.name.as_str(), input)];
-        let failed = |error: NetworkError| SegmentError::Run(error.to_string());
         match &self.head {
             Head::Logits { output, logits } => {
-                let [output] = self.network.run(&inputs, [output]).map_err(failed)?;
+                let [output] = self.network.run(&inputs, [output])?;
                 logits.read(&output, fit)
             }
             Head::Mask2Former { classes, masks, queries } => {
-                let [classes, masks] = self.network.run(&inputs, [classes, masks]).map_err(failed)?;
+                let [classes, masks] = self.network.run(&inputs, [classes, masks])?;
                 queries.read(&classes, &masks, fit)
             }
         }

@@ -117,8 +117,7 @@ impl SurfaceNetwork {
             ("place", numbers(columns.place)),
             ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
         ];
-        let outputs = self.network.run(&inputs, ["logits", "box"]);
-        let [logits, boxes] = outputs.map_err(|error| SegmentError::Run(error.to_string()))?;
+        let [logits, boxes] = self.network.run(&inputs, ["logits", "box"])?;
         let (logits, boxes) = (finite(&logits, [voxels, CLASSES])?, finite(&boxes, [voxels, BOX_NUMBERS])?);
         let turned = surface_from_grid(normals, view);
         let to_centre = |numbers: &[f32]| turned(&Vector3::from_fn(|axis, _| f64::from(numbers[axis])));

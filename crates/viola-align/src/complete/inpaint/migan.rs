@@ -72,8 +72,7 @@ impl Inpainter for MiGan {
             (self.picture.as_str(), Tensor::u8([1, 3, height, width], planes(picture))),
             (self.mask.as_str(), Tensor::u8([1, 1, height, width], mask)),
         ];
-        let outputs = self.network.run(&inputs, [&self.result]);
-        let [result] = outputs.map_err(|error| InpaintError::Run(error.to_string()))?;
+        let [result] = self.network.run(&inputs, [&self.result])?;
         let filled = read(&result, width, height)?;
         Ok(hole::put_back(picture, hole, &filled))
     }

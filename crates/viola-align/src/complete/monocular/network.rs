@@ -64,8 +64,7 @@ impl DepthEstimator for NetworkEstimator {
         let raster = self.input.fixed.unwrap_or_else(|| Fit::by_rule(size, &self.input.rule).input);
         let fit = Fit { input: raster, content: raster };
         let input = picture::tensor(picture, fit, &self.input.rule, false);
-        let outputs = self.network.run(&[(&self.input.name, input)], [&self.output_name]);
-        let [output] = outputs.map_err(|error| DepthError::Run(error.to_string()))?;
+        let [output] = self.network.run(&[(&self.input.name, input)], [&self.output_name])?;
         let (values, raster) = read(&output)?;
         let depth = depths(values, self.scale, self.inverse)?;
         Ok(picture::resized(&depth, raster, size))

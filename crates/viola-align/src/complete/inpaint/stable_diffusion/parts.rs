@@ -53,7 +53,7 @@ type Port<'a> = (&'a str, Element, &'a [Option<usize>]);
 pub(super) fn embed(encoder: &Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
     let length = tokens.len();
     let input = Tensor { shape: vec![1, length], data: Data::I64(tokens) };
-    let [embeds] = run(encoder, &[("input_ids", input)], ["prompt_embeds"])?;
+    let [embeds] = encoder.run(&[("input_ids", input)], ["prompt_embeds"])?;
     match (embeds.shape.as_slice(), embeds.as_f32()) {
         (&[1, rows, width], Some(values)) if rows == length && values.len() == rows * width => Ok(embeds),
         _ => Err(wrong(&embeds, &format!("[1, {length}, width]"))),
@@ -125,7 +125,7 @@ impl Parts {
 
     /// Returns mean and standard deviation of a picture's latents.
     pub(super) fn encode(&self, picture: Tensor) -> Result<(Vec<f32>, Vec<f32>), InpaintError> {
-        let [mean, std] = run(&*self.encoder, &[("picture", picture)], ["mean", "std"])?;
+        let [mean, std] = self.encoder.run(&[("picture", picture)], ["mean", "std"])?;
         let shape = [1, self.channels, self.rows, self.columns];
         Ok((numbers(mean, &shape)?, numbers(std, &shape)?))
     }
@@ -145,28 +145,20 @@ impl Parts {
         );
         let timestep = Tensor::f32([1], vec![timestep as f32]);
         let inputs = [("sample", sample), ("timestep", timestep), ("prompt_embeds", prompt.clone())];
-        let [prediction] = run(&*self.unet, &inputs, ["prediction"])?;
+        let [prediction] = self.unet.run(&inputs, ["prediction"])?;
         numbers(prediction, &[1, self.channels, self.rows, self.columns])
     }
 
     /// Returns the picture of some latents, from -1 to 1, 3 x height x width.
     pub(super) fn decode(&self, latents: Vec<f32>) -> Result<Vec<f32>, InpaintError> {
         let latents = Tensor::f32([1, self.channels, self.rows, self.columns], latents);
-        let [picture] = run(&*self.decoder, &[("latents", latents)], ["picture"])?;
+        let [picture] = self.decoder.run(&[("latents", latents)], ["picture"])?;
         numbers(picture, &[1, 3, self.size.height, self.size.width])
     }
 
     pub(super) fn runtime(&self) -> &str {
         self.unet.runtime()
     }
-}
-
-fn run<const N: usize>(
-    network: &Network,
-    inputs: &[(&str, Tensor)],
-    names: [&str; N],
-) -> Result<[Tensor; N], InpaintError> {
-    network.run(inputs, names).map_err(|error| InpaintError::Run(error.to_string()))
 }
 
 /// Returns the finite numbers of a tensor of this shape.
