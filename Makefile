@@ -15,4 +15,4 @@ test:
 
 # Unit tests, the crates' own tests and the rules of the house: what to run after every edit.
 quick:
-	cargo test --workspace --lib --test house --test named_rooms
+	cargo test --workspace --lib --test house --test named_rooms --test libraries

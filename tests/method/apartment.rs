@@ -1,31 +1,14 @@
 //! The whole method on a real apartment (ScanNet scene0000_00), with the thresholds of the paper's protocol.
 
-use std::path::{Path, PathBuf};
+use crate::evaluate::run;
+use crate::runtimes::apartment;
+use std::path::Path;
 use viola_align as align;
 use viola_align::{AlignParams, Alignment, AlignmentState};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Progress, Silent, Stage};
-use viola_lab::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips, Unit};
-
-fn apartment() -> Option<PathBuf> {
-    viola_testing::data::folder("scannet/scene0000_00")
-}
-
-/// Runs `viola` on clips of a scene, given as ranges of its frames.
-fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult> {
-    let observe = AlignParams::default();
-    let run = Run {
-        suite: &SceneClips::new(scene, clips, Unit::Metres),
-        methods: &[Method::viola(AlignParams::default())],
-        observe: &observe,
-        workers: 1,
-        journal: None,
-        program: "",
-        pictures: None,
-    };
-    run.results(&Silent, &|_| {}).unwrap()
-}
+use viola_lab::evaluate::{self, Method, Scene, SceneClips, Unit};
 
 /// Checks three of the nine 60-frame excerpts against one form of the map: success in each, medians under
 /// half a degree and 5 cm. `viola evaluate` runs all nine.
@@ -34,7 +17,8 @@ fn check(scene: &Path, lidar: &str, truth: &str) {
     let scene = Scene::open(scene, &lidar_folder.join(lidar), &lidar_folder.join(truth)).unwrap();
     let all = evaluate::excerpts(scene.clip.frames().len(), 60);
     let three = [all[0].clone(), all[4].clone(), all[8].clone()];
-    let results = evaluate(scene, three.to_vec());
+    let suite = SceneClips::new(scene, three.to_vec(), Unit::Metres);
+    let results = run(&suite, &[Method::viola(AlignParams::default())], 1);
     assert_eq!(results.len(), 3);
     for result in &results {
         assert!(result.is_success(), "{lidar}: {result:?}");

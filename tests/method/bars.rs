@@ -1,24 +1,18 @@
 //! The bars that no change may fall below, on fixed clips. CONTRIBUTING.md lists them with the claims of BENCHMARKS.md
 //! that they hold. They are loose enough for another machine and tight enough for a real loss.
 
-use std::path::{Path, PathBuf};
+use crate::evaluate::run;
+use crate::runtimes::{apartment, built_in_labels};
+use std::path::Path;
 use viola_align::{AlignParams, AlignmentState};
 use viola_formats::clip::Clip;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::home::{SampleParams, consecutive, fuse, simulated};
 use viola_lab::evaluate::labels::{self, Truth};
 use viola_lab::evaluate::{
-    ClipResult, HomeClips, HomesParams, Method, Run, Scene, SceneClips, Suite, Unit, excerpts,
+    ClipResult, HomeClips, HomesParams, Method, Scene, SceneClips, Suite, Unit, excerpts,
 };
 use viola_lab::simulate::Set;
-use viola_network::RuntimeParams;
-use viola_network::manifest::{self, Task};
-use viola_reconstruct::LabelParams;
-use viola_reconstruct::label::SurfaceNetwork;
-
-fn apartment() -> Option<PathBuf> {
-    viola_testing::data::folder("scannet/scene0000_00")
-}
 
 fn scene(folder: &Path) -> Scene {
     let lidar = folder.join("lidar");
@@ -27,17 +21,7 @@ fn scene(folder: &Path) -> Scene {
 
 fn results(suite: &dyn Suite, methods: &[&str]) -> Vec<ClipResult> {
     let methods: Vec<Method> = methods.iter().map(|name| Method::named(name, 0, None).unwrap()).collect();
-    let observe = AlignParams::default();
-    let run = Run {
-        suite,
-        methods: &methods,
-        observe: &observe,
-        workers: 1,
-        journal: None,
-        program: "",
-        pictures: None,
-    };
-    run.results(&Silent, &|_| {}).unwrap()
+    run(suite, &methods, 1)
 }
 
 /// Returns the numbers of right clips, of aligned ones, and of those that are wrong.
@@ -111,11 +95,7 @@ fn floors_of_real_clips_are_right() {
 
 #[test]
 fn the_built_in_network_labels_simulated_homes() {
-    let installed = manifest::installed(Task::Surface, None).unwrap().unwrap();
-    let network = viola_network::open_weights(&installed.weights, &RuntimeParams::default()).unwrap();
-    let surface = Some(SurfaceNetwork::new(&installed.entry, network).unwrap().into());
-    let params =
-        AlignParams { label: LabelParams { surface, ..LabelParams::default() }, ..AlignParams::default() };
+    let params = AlignParams { label: built_in_labels(), ..AlignParams::default() };
     let rows = labels::simulated(&homes(&[Set::Normal], 2000..2002, 12), &params, &|_| {}).unwrap();
     let [(shapes, _), (volume, _)] = rows.as_slice() else { panic!("{rows:?}") };
     eprintln!("{rows:?}");

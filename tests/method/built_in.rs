@@ -1,6 +1,6 @@
 //! The surface network in the program: used with nothing installed, replaced by a file, switched off by a word.
 
-use crate::runtimes::fixture;
+use crate::runtimes::{built_in_labels, fixture};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -10,10 +10,6 @@ use viola_geometry::Point3;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::labels::{self, Truth};
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set};
-use viola_network::RuntimeParams;
-use viola_network::manifest::{self, Task};
-use viola_reconstruct::LabelParams;
-use viola_reconstruct::label::SurfaceNetwork;
 use viola_testing::process::viola;
 use viola_testing::{room, zips};
 
@@ -99,11 +95,7 @@ fn the_list_shows_it_as_built_in() {
 fn the_evaluation_of_labels_has_a_row_for_the_volume() {
     let home = Home::generate(&HomeParams::new(Set::Normal, 3));
     let clip = home.clip(&home.survey(), 0, &ClipParams { frames: 6, ..ClipParams::default() }).into_clip();
-    let installed = manifest::installed(Task::Surface, None).unwrap().unwrap();
-    let network = viola_network::open_weights(&installed.weights, &RuntimeParams::default()).unwrap();
-    let surface = Some(SurfaceNetwork::new(&installed.entry, network).unwrap().into());
-    let label = LabelParams { surface, ..LabelParams::default() };
-    let params = AlignParams { label, ..AlignParams::default() };
+    let params = AlignParams { label: built_in_labels(), ..AlignParams::default() };
     let truth = Truth { vertices_m: vec![Point3::origin()], classes: vec![Some(0)] };
     let rows = labels::evaluate(&clip, &truth, None, &params, &|_| Box::new(Silent)).unwrap();
     let variants: Vec<&str> = rows.iter().map(|row| row.variant.as_str()).collect();

@@ -14,7 +14,7 @@ use viola_network::manifest::{self, Installed, Manifest, ModelEntry, Task};
 use viola_network::{Network, NetworkError, Runtime, RuntimeParams, Tensor};
 use viola_reconstruct::label::{ClassMap, SegmentError, open_segmenter};
 
-fn open(name: &str, params: &RuntimeParams) -> Arc<dyn Network> {
+fn open(name: &str, params: &RuntimeParams) -> Arc<Network> {
     network::open(&fixture(name), params).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
@@ -185,7 +185,11 @@ fn inputs_are_checked_before_a_run() {
     let good = || Tensor::f32([1, 3, 96, 160], vec![0.0; 3 * 96 * 160]);
     for params in runtimes() {
         let network = open("segformer.onnx", &params);
-        assert_eq!(network.run(&[("pixel_values", good())]).unwrap()[0].1.shape, [1, 150, 24, 40]);
+        let output = network.outputs()[0].name.clone();
+        let run = |inputs: &[(&str, Tensor)], output: &str| network.run(inputs, [output]);
+        let right = [("pixel_values", good())];
+        assert_eq!(run(&right, &output).unwrap()[0].shape, [1, 150, 24, 40]);
+        assert!(run(&right, "scores").unwrap_err().to_string().contains("the output scores is missing"));
         for (inputs, told) in [
             (vec![], "is not given"),
             (vec![("pixel_values", good()), ("more", good())], "no input more"),
@@ -198,7 +202,7 @@ fn inputs_are_checked_before_a_run() {
             (vec![("pixel_values", Tensor::f32([1, 3, 96, 160], vec![0.0; 5]))], "with 5 numbers"),
             (vec![("pixel_values", Tensor::f32([3, 96, 160], vec![0.0; 3 * 96 * 160]))], "takes 1x3x96x160"),
         ] {
-            let error = network.run(&inputs).expect_err(told).to_string();
+            let error = run(&inputs, &output).expect_err(told).to_string();
             assert!(error.contains(told), "{told}: {error}");
         }
     }

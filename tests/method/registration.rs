@@ -53,21 +53,12 @@ fn target(points: Vec<Point2>) -> Target {
 /// Returns the observation of these points by a clip that starts at `map_from_clip`.
 fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
     let clip_from_map = map_from_clip.inverse();
-    let hit = |p: &Point2| Hit {
-        point_m: clip_from_map.apply(p),
-        normal: Vector2::x(),
-        weight: 1.0,
-        extent_m: 2.0,
-        at_vacuum_height: true,
-        completed: false,
-        from_m: Point2::origin(),
-    };
+    let hit = |p: &Point2| Hit { extent_m: 2.0, ..Hit::standing(clip_from_map.apply(p), Vector2::x()) };
     Observation {
         scan: VirtualScan {
             hits: seen.iter().map(hit).collect(),
-            free_m: Vec::new(),
             cameras: vec![Pose2::IDENTITY],
-            landmarks: Vec::new(),
+            ..VirtualScan::default()
         },
         key_frames: 10,
         floor: Some(FloorReport {

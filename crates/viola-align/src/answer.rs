@@ -10,7 +10,7 @@ use viola_reconstruct::label::LabelReport;
 use viola_reconstruct::{FloorReport, Reason};
 
 /// The verdict on a clip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AlignmentState {
     /// One pose stands out.
@@ -18,6 +18,7 @@ pub enum AlignmentState {
     /// Several poses that are not close to each other explain the clip about equally well.
     Ambiguous,
     /// No pose can be given; the reasons say why.
+    #[default]
     Failed,
 }
 
@@ -84,7 +85,7 @@ pub struct ReferenceCamera {
 }
 
 /// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
     pub state: AlignmentState,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null without a pose.
@@ -170,30 +171,7 @@ impl Alternative {
 impl Alignment {
     /// Returns an answer without a pose or any data.
     pub fn failed() -> Alignment {
-        Alignment {
-            state: AlignmentState::Failed,
-            probability: None,
-            level: LevelName::MAIN,
-            map_from_clip: None,
-            covariance: None,
-            loss_m: None,
-            inliers: None,
-            coverage: None,
-            alternatives: Vec::new(),
-            spread: None,
-            scale: None,
-            scale_std: None,
-            scale_rival_gaps_m: Vec::new(),
-            better_scale: None,
-            reasons: Vec::new(),
-            hits: 0,
-            key_frames: 0,
-            labels: None,
-            floor: None,
-            reference_camera: None,
-            completion: None,
-            seconds: BTreeMap::new(),
-        }
+        Alignment::default()
     }
 }
 

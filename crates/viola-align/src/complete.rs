@@ -274,8 +274,8 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
     use viola_geometry::{Point2, Pose2, Pose3, Vector2};
+    use viola_reconstruct::CloudPoint;
     use viola_reconstruct::label::Wall;
-    use viola_reconstruct::{CloudPoint, Label};
 
     /// Cancels at the second poll of the completion; the first one is at its start.
     #[derive(Default)]
@@ -302,11 +302,8 @@ mod tests {
         let corner: Vec<Point2> =
             corner.flat_map(|t| [Point2::new(2.0, t), Point2::new(2.0 - t, 1.5)]).collect();
         let point = |at: &Point2| CloudPoint {
-            position_m: [at.x as f32, at.y as f32, 0.12],
-            normal: [-1.0, 0.0, 0.0],
             color: [200; 3],
-            label: Label::NONE,
-            weight: 1,
+            ..CloudPoint::new([at.x as f32, at.y as f32, 0.12], [-1.0, 0.0, 0.0])
         };
         let cloud_in_clip = PointCloud { points: corner.iter().map(point).collect(), voxel_m: 0.03 };
         let camera = VirtualScan { cameras: vec![Pose2::IDENTITY], ..VirtualScan::default() };

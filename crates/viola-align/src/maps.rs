@@ -91,15 +91,7 @@ fn middle(points_m: &[Point2]) -> Point2 {
 
 /// Returns a point of the map as a hit, from `middle`. Search and refinement use its place and weight only.
 fn hit((point_m, fraction): (&Point2, &f64), middle: &Point2) -> Hit {
-    Hit {
-        point_m: Point2::from(point_m - middle),
-        normal: Vector2::x(),
-        weight: *fraction,
-        extent_m: 1.0,
-        at_vacuum_height: true,
-        completed: false,
-        from_m: Point2::origin(),
-    }
+    Hit { weight: *fraction, ..Hit::standing(Point2::from(point_m - middle), Vector2::x()) }
 }
 
 /// Fractions of the points of each map that have a counterpart in the other.

@@ -13,7 +13,7 @@ use viola_reconstruct::features::features;
 use viola_reconstruct::floor::{self, Floor, NoFloor};
 use viola_reconstruct::label::{LabelReport, Labeller, Wall};
 use viola_reconstruct::track::{self, TrackedClip};
-use viola_reconstruct::trajectory::Trajectory;
+use viola_reconstruct::trajectory::{Trajectory, posed};
 use viola_reconstruct::{Feature, FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
 
 /// A clip of unknown unit has a floor at any nominal height.
@@ -260,8 +260,8 @@ impl Fusion {
 fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Trajectory>) -> Option<Up> {
     match (tracked, by_device) {
         // Tracking has a world of its own, in which only the measured forces give the upward direction.
-        (Some(tracked), _) if !tracked.is_refined => Up::felt(tracked.posed(clip)),
-        (_, Some(trajectory)) => clip.up_by(trajectory.posed(clip)),
+        (Some(tracked), _) if !tracked.is_refined => Up::felt(posed(clip, &tracked.world_from_camera)),
+        (_, Some(trajectory)) => clip.up_by(posed(clip, &trajectory.world_from_camera)),
         _ => clip.up_in_world(),
     }
 }
@@ -354,25 +354,12 @@ impl Observation {
     fn with_floor(&self, floor: &FloorReport, scan: VirtualScan, floor_offset_m: f64) -> Observation {
         let lower = Pose3::translation(0.0, 0.0, floor_offset_m);
         let raise = |range: (f64, f64)| (range.0 + floor_offset_m, range.1 + floor_offset_m);
-        let mut walls = self.walls.clone();
-        walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
-        Observation {
-            cloud_in_clip: self.cloud_in_clip.clone().transformed(&lower),
-            scan,
-            walls,
-            clip_from_world: self.clip_from_world.map(|clip_from_world| lower * clip_from_world),
-            first_camera: self.first_camera.clone(),
-            floor: Some(floor.clone()),
-            other_floors: Vec::new(),
-            sparse_track: self.sparse_track,
-            scale: self.scale.clone(),
-            keys: self.keys.clone(),
-            features: self.features.clone(),
-            key_frames: self.key_frames,
-            labels: self.labels.clone(),
-            pictures: self.pictures.clone(),
-            reasons: self.reasons.clone(),
-        }
+        let mut moved =
+            Observation { scan, floor: Some(floor.clone()), other_floors: Vec::new(), ..self.clone() };
+        moved.cloud_in_clip = moved.cloud_in_clip.transformed(&lower);
+        moved.clip_from_world = moved.clip_from_world.map(|clip_from_world| lower * clip_from_world);
+        moved.walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
+        moved
     }
 
     /// Returns the camera that defines the clip frame above a floor of the clip.

@@ -169,7 +169,8 @@ fn median_depth(clip: &Clip, frames: Option<&Range<u32>>) -> Result<Option<f64>,
         headers.filter(|(_, header)| wanted(header.number)).map(|(index, _)| index).collect();
     let some = indices.iter().copied().step_by(indices.len().div_ceil(SAMPLED_FRAMES).max(1));
     let mut depths: Vec<f32> = Vec::new();
-    for frame in clip.stream(some.collect()).next_batch(SAMPLED_FRAMES) {
+    let (mut frames, at_a_time) = (clip.stream(some.collect()), clip.batch(SAMPLED_FRAMES));
+    for frame in (0..SAMPLED_FRAMES).flat_map(|_| frames.next_batch(at_a_time)) {
         match frame {
             Ok(frame) => {
                 depths.extend(frame.depth.depth_m.iter().filter(|depth| depth.is_finite() && **depth > 0.0))

@@ -143,12 +143,8 @@ impl<'a> Search<'a> {
 
     /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
     pub fn run(&mut self, reach: &SearchLimits, progress: &dyn Progress) -> Result<Modes, AlignError> {
-        self.resume(
-            reach.modes,
-            |best| reach.min_score_ratio * best.map_or(0.0, |best| best.score),
-            progress,
-        )?;
-        Ok(self.found())
+        let least = |best: Option<&Candidate>| reach.min_score_ratio * best.map_or(0.0, |best| best.score);
+        self.resume(reach.modes, least, progress)
     }
 
     /// Resumes until it has `modes` modes, or no other pose scores `least`; returns all modes so far, best first.
@@ -158,8 +154,7 @@ impl<'a> Search<'a> {
         modes: usize,
         progress: &dyn Progress,
     ) -> Result<Modes, AlignError> {
-        self.resume(modes, |_| least, progress)?;
-        Ok(self.found())
+        self.resume(modes, |_| least, progress)
     }
 
     /// Drops the nodes that score less than `least`.
@@ -174,13 +169,14 @@ impl<'a> Search<'a> {
         self.modes.first().map_or(dived, |best| best.score)
     }
 
-    /// Resumes until it has `modes` modes, or no open node scores at least what `least` returns for the best mode.
+    /// Resumes until it has `modes` modes, or no open node scores at least what `least` returns for the best mode; returns
+    /// all modes so far, best first.
     fn resume(
         &mut self,
         modes: usize,
         least: impl Fn(Option<&Candidate>) -> f64,
         progress: &dyn Progress,
-    ) -> Result<(), AlignError> {
+    ) -> Result<Modes, AlignError> {
         while let Some(top) = self.open.peek() {
             let enough = self.modes.len() >= modes || self.nodes >= self.params.max_nodes;
             if enough || self.space.fraction(top.bound) < least(self.modes.first()) {
@@ -203,7 +199,7 @@ impl<'a> Search<'a> {
                 batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
             self.open.extend(children.into_iter().flatten().filter(|child| child.bound > self.hopeless));
         }
-        Ok(())
+        Ok(self.found())
     }
 
     fn found(&self) -> Modes {

@@ -21,8 +21,13 @@ impl Plane {
         self.normal.dot(&point.coords) - self.offset_m
     }
 
-    pub fn flipped(&self) -> Plane {
-        Plane { normal: -self.normal, offset_m: -self.offset_m }
+    /// Returns the plane with its normal to the side of a direction.
+    pub fn facing(self, direction: &Vector3) -> Plane {
+        if self.normal.dot(direction) < 0.0 {
+            Plane { normal: -self.normal, offset_m: -self.offset_m }
+        } else {
+            self
+        }
     }
 
     /// Returns the plane of least squared distance to the points, or `None` if they do not span one.
@@ -65,10 +70,7 @@ mod tests {
                 Point3::new(x, y, z)
             })
             .collect();
-        let mut plane = Plane::fit(&points.iter().collect::<Vec<_>>()).unwrap();
-        if plane.normal.z < 0.0 {
-            plane = plane.flipped();
-        }
+        let plane = Plane::fit(&points.iter().collect::<Vec<_>>()).unwrap().facing(&Vector3::z());
         assert!((plane.normal - truth.normal).norm() < 1e-9);
         assert!((plane.offset_m - truth.offset_m).abs() < 1e-9);
         assert!((plane.height_m(&Point3::new(0.0, 0.0, 2.0)) - truth.normal.z).abs() < 1e-9);

@@ -24,28 +24,36 @@ pub use weights::Weights;
 
 use std::path::Path;
 use std::sync::Arc;
-use with_onnxruntime::OnnxRuntimeNetwork;
-use with_rten::RtenNetwork;
 
 /// Loads a network from an ONNX file, as [`open_weights`] does.
-pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
+pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<Network>, NetworkError> {
     open_weights(&Weights::File(path.to_owned()), params)
 }
 
 /// Loads a network from its weights in ONNX format.
 ///
-/// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does
-/// not load, `rten` is the fallback, and [`Network::reason`] names the error.
-pub fn open_weights(weights: &Weights, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
+/// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does not load, or
+/// does not run the network, `rten` is the fallback: [`Network::reason`] names the error, and [`RuntimeParams::warn`]
+/// receives it.
+pub fn open_weights(weights: &Weights, params: &RuntimeParams) -> Result<Arc<Network>, NetworkError> {
     weights.check()?;
-    let rten = |reason: String| -> Result<Arc<dyn Network>, NetworkError> {
-        Ok(Arc::new(RtenNetwork::open(weights, params.threads, reason)?))
+    let network = choose(weights, params)?;
+    if network.outputs.is_empty() {
+        return Err(NetworkError::NotANetwork {
+            file: weights.name(),
+            reason: "it has no outputs".to_owned(),
+        });
+    }
+    Ok(Arc::new(network))
+}
+
+/// Loads a network in the runtime that the parameters select.
+fn choose(weights: &Weights, params: &RuntimeParams) -> Result<Network, NetworkError> {
+    let rten = |reason: String| with_rten::open(weights, params.threads, reason);
+    let onnxruntime = |library: &Path, reason: String| {
+        with_onnxruntime::open(weights, library, params.device, params.threads, reason)
     };
-    let onnxruntime = |library: &Path, reason: String| -> Result<Arc<dyn Network>, NetworkError> {
-        Ok(Arc::new(OnnxRuntimeNetwork::open(weights, library, params.device, params.threads, reason)?))
-    };
-    let found = |library: &Path| format!("ONNX Runtime's library {} is there", library.display());
-    let asked = params.runtime == Runtime::OnnxRuntime || params.device != Device::Cpu;
+    let is_asked = params.runtime == Runtime::OnnxRuntime || params.device != Device::Cpu;
     match (params.runtime, &params.library) {
         (Runtime::Rten, _) if params.device != Device::Cpu => Err(NetworkError::Device {
             device: params.device.name(),
@@ -54,15 +62,31 @@ pub fn open_weights(weights: &Weights, params: &RuntimeParams) -> Result<Arc<dyn
         (Runtime::Rten, _) => rten("it was asked for".to_owned()),
         (_, Some(library)) => onnxruntime(library, format!("{} was named", library.display())),
         (_, None) => match library::find(&params.look_in) {
-            Some(library) if asked => onnxruntime(&library, found(&library)),
-            Some(library) => match library::load(&library) {
-                Ok(_) => onnxruntime(&library, found(&library)),
-                Err(error) => rten(format!("ONNX Runtime cannot be used: {error}")),
-            },
-            None if asked => Err(NetworkError::LibraryNowhere { places: library::places(&params.look_in) }),
+            Some(library) => {
+                let opened =
+                    onnxruntime(&library, format!("ONNX Runtime's library {} is there", library.display()));
+                opened.or_else(|error| if is_asked { Err(error) } else { fall_back(&error, weights, params) })
+            }
+            None if is_asked => {
+                Err(NetworkError::LibraryNowhere { places: library::places(&params.look_in) })
+            }
             None => {
                 rten(format!("no library of ONNX Runtime is found in {}", library::places(&params.look_in)))
             }
         },
     }
+}
+
+/// Loads a network in `rten` because of an error of the ONNX Runtime that was found.
+fn fall_back(
+    error: &NetworkError,
+    weights: &Weights,
+    params: &RuntimeParams,
+) -> Result<Network, NetworkError> {
+    let reason = format!("ONNX Runtime cannot be used: {error}");
+    let network = with_rten::open(weights, params.threads, reason)?;
+    if let Some(warn) = params.warn {
+        warn(&format!("{} runs in {}, because {}", weights.name(), network.runtime, network.reason));
+    }
+    Ok(network)
 }

@@ -1,54 +1,45 @@
 //! Networks run by ONNX Runtime.
 
 use super::library::{self, OnnxRuntime};
+use super::runtime::Engine;
 use super::{Data, Device, Element, Network, NetworkError, Tensor, TensorInfo, Weights, check};
 use ort::ep::{self, ExecutionProvider, ExecutionProviderDispatch};
 use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{Session, SessionInputValue};
-use ort::value::{DynValue, Outlet, TensorElementType, TensorRef};
+use ort::value::{DynValue, Outlet, PrimitiveTensorElementType, TensorElementType, TensorRef};
+use std::collections::HashMap;
+use std::fmt::Debug;
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-pub(super) struct OnnxRuntimeNetwork {
+struct OnnxRuntimeNetwork {
     /// The binding needs exclusive access to a session during a run. One run takes all threads anyway.
     session: Mutex<Session>,
-    inputs: Vec<TensorInfo>,
-    outputs: Vec<TensorInfo>,
-    /// Types of the inputs in the file, in the order of `inputs`.
-    types: Vec<Option<TensorElementType>>,
-    runtime: String,
-    reason: String,
+    /// Types of the inputs in the file.
+    types: HashMap<String, TensorElementType>,
 }
 
-impl OnnxRuntimeNetwork {
-    pub(super) fn open(
-        weights: &Weights,
-        library: &Path,
-        device: Device,
-        threads: Option<NonZeroUsize>,
-        reason: String,
-    ) -> Result<OnnxRuntimeNetwork, NetworkError> {
-        let loaded = library::load(library)?;
-        let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
-        let provider = provider(device)?;
-        let session = check::guarded(
-            || session(loaded, weights, provider, threads).map_err(|error| refuse(first_line(&error))),
-            refuse,
-        )?;
-        let (inputs, outputs) = (infos(session.inputs()), infos(session.outputs()));
-        if outputs.is_empty() {
-            return Err(refuse("it has no outputs".to_owned()));
-        }
-        let types = session.inputs().iter().map(|outlet| outlet.dtype().tensor_type()).collect();
-        let on = match device {
-            Device::Cpu => "CPU",
-            Device::Cuda => "CUDA",
-            Device::CoreMl => "Core ML",
-        };
-        let runtime = format!("ONNX Runtime {} ({on})", loaded.version);
-        Ok(OnnxRuntimeNetwork { session: Mutex::new(session), inputs, outputs, types, runtime, reason })
-    }
+pub(super) fn open(
+    weights: &Weights,
+    library: &Path,
+    device: Device,
+    threads: Option<NonZeroUsize>,
+    reason: String,
+) -> Result<Network, NetworkError> {
+    let loaded = library::load(library)?;
+    let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
+    let provider = provider(device)?;
+    let session = check::guarded(
+        || session(loaded, weights, provider, threads).map_err(|error| refuse(first_line(&error))),
+        refuse,
+    )?;
+    let (inputs, outputs) = (infos(session.inputs()), infos(session.outputs()));
+    let type_of = |input: &Outlet| Some((input.name().to_owned(), input.dtype().tensor_type()?));
+    let types = session.inputs().iter().filter_map(type_of).collect();
+    let runtime = format!("ONNX Runtime {} ({})", loaded.version, device.name());
+    let engine = Box::new(OnnxRuntimeNetwork { session: Mutex::new(session), types });
+    Ok(Network { inputs, outputs, runtime, reason, engine })
 }
 
 fn session(
@@ -76,18 +67,16 @@ fn session(
 
 /// Returns the accelerator's provider, or `None` for the CPU.
 fn provider(device: Device) -> Result<Option<ExecutionProviderDispatch>, NetworkError> {
-    let (name, available, provider) = match device {
+    let (available, provider) = match device {
         Device::Cpu => return Ok(None),
-        Device::Cuda => ("CUDA", ep::CUDA::is_available(), ep::CUDA::default().build()),
-        Device::CoreMl => ("Core ML", ep::CoreML::is_available(), ep::CoreML::default().build()),
+        Device::Cuda => (ep::CUDA::is_available(), ep::CUDA::default().build()),
+        Device::CoreMl => (ep::CoreML::is_available(), ep::CoreML::default().build()),
     };
+    let refuse = |reason: String| Err(NetworkError::Device { device: device.name(), reason });
     match available {
         Ok(true) => Ok(Some(provider.error_on_failure())),
-        Ok(false) => Err(NetworkError::Device {
-            device: name,
-            reason: "this ONNX Runtime was built without it".to_owned(),
-        }),
-        Err(error) => Err(NetworkError::Device { device: name, reason: first_line(&error) }),
+        Ok(false) => refuse("this ONNX Runtime was built without it".to_owned()),
+        Err(error) => refuse(first_line(&error)),
     }
 }
 
@@ -96,47 +85,20 @@ fn first_line<R>(error: &ort::Error<R>) -> String {
     error.message().lines().next().unwrap_or_default().to_owned()
 }
 
-impl Network for OnnxRuntimeNetwork {
-    fn inputs(&self) -> &[TensorInfo] {
-        &self.inputs
-    }
-
-    fn outputs(&self) -> &[TensorInfo] {
-        &self.outputs
-    }
-
-    fn run(&self, inputs: &[(&str, Tensor)]) -> Result<Vec<(String, Tensor)>, NetworkError> {
-        check::inputs(&self.inputs, inputs)?;
-        let failed = |reason: String| NetworkError::Run { reason };
-        check::guarded(
-            || {
-                let mut values = Vec::with_capacity(inputs.len());
-                for (name, tensor) in inputs {
-                    let place = self.inputs.iter().position(|info| info.name == *name);
-                    values.push((*name, value(name, tensor, place.and_then(|at| self.types[at]))?));
-                }
-                let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-                let results = session.run(values).map_err(|error| failed(first_line(&error)))?;
-                self.outputs
-                    .iter()
-                    .map(|info| {
-                        let value = results
-                            .get(&info.name)
-                            .ok_or_else(|| NetworkError::OutputType { output: info.name.clone() })?;
-                        Ok((info.name.clone(), tensor(&info.name, value)?))
-                    })
-                    .collect()
-            },
-            failed,
-        )
-    }
-
-    fn runtime(&self) -> &str {
-        &self.runtime
-    }
-
-    fn reason(&self) -> &str {
-        &self.reason
+impl Engine for OnnxRuntimeNetwork {
+    fn run(&self, inputs: &[(&str, Tensor)], outputs: &[TensorInfo]) -> Result<Vec<Tensor>, NetworkError> {
+        let mut values = Vec::with_capacity(inputs.len());
+        for (name, tensor) in inputs {
+            values.push((*name, value(name, tensor, self.types.get(*name))?));
+        }
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        let results =
+            session.run(values).map_err(|error| NetworkError::Run { reason: first_line(&error) })?;
+        let output = |info: &TensorInfo| {
+            let unreadable = || NetworkError::OutputType { output: info.name.clone() };
+            results.get(&info.name).and_then(tensor).ok_or_else(unreadable)
+        };
+        outputs.iter().map(output).collect()
     }
 }
 
@@ -166,56 +128,60 @@ fn infos(outlets: &[Outlet]) -> Vec<TensorInfo> {
 fn value<'t>(
     name: &str,
     tensor: &'t Tensor,
-    wanted: Option<TensorElementType>,
+    wanted: Option<&TensorElementType>,
 ) -> Result<SessionInputValue<'t>, NetworkError> {
-    let shape = tensor.shape.clone();
-    let misfit = |error: ort::Error| NetworkError::Run { reason: first_line(&error) };
-    let range = || NetworkError::InputRange { input: name.to_owned() };
-    Ok(match (&tensor.data, wanted) {
-        (Data::F32(values), _) => {
-            TensorRef::from_array_view((shape, values.as_slice())).map_err(misfit)?.into()
-        }
-        (Data::U8(values), _) => {
-            TensorRef::from_array_view((shape, values.as_slice())).map_err(misfit)?.into()
-        }
-        (Data::Bool(values), _) => {
-            TensorRef::from_array_view((shape, values.as_slice())).map_err(misfit)?.into()
-        }
-        (Data::I64(values), Some(TensorElementType::Int32)) => {
-            let values: Result<Vec<i32>, _> = values.iter().map(|v| i32::try_from(*v)).collect();
-            let values = values.map_err(|_| range())?;
-            ort::value::Tensor::from_array((shape, values)).map_err(misfit)?.into()
-        }
-        (Data::I64(values), Some(TensorElementType::Int8)) => {
-            let values: Result<Vec<i8>, _> = values.iter().map(|v| i8::try_from(*v)).collect();
-            let values = values.map_err(|_| range())?;
-            ort::value::Tensor::from_array((shape, values)).map_err(misfit)?.into()
-        }
-        (Data::I64(values), _) => {
-            TensorRef::from_array_view((shape, values.as_slice())).map_err(misfit)?.into()
-        }
-    })
+    let shape = &tensor.shape;
+    match (&tensor.data, wanted) {
+        (Data::F32(values), _) => view(shape, values),
+        (Data::U8(values), _) => view(shape, values),
+        (Data::Bool(values), _) => view(shape, values),
+        (Data::I64(values), Some(TensorElementType::Int32)) => narrowed::<i32>(name, shape, values),
+        (Data::I64(values), Some(TensorElementType::Int8)) => narrowed::<i8>(name, shape, values),
+        (Data::I64(values), _) => view(shape, values),
+    }
 }
 
-fn tensor(name: &str, value: &DynValue) -> Result<Tensor, NetworkError> {
-    let unreadable = || NetworkError::OutputType { output: name.to_owned() };
+fn view<'t, T: PrimitiveTensorElementType + Debug + Clone + 'static>(
+    shape: &[usize],
+    values: &'t [T],
+) -> Result<SessionInputValue<'t>, NetworkError> {
+    Ok(TensorRef::from_array_view((shape.to_vec(), values)).map_err(misfit)?.into())
+}
+
+fn narrowed<'t, T: PrimitiveTensorElementType + Debug + Clone + TryFrom<i64> + 'static>(
+    name: &str,
+    shape: &[usize],
+    values: &[i64],
+) -> Result<SessionInputValue<'t>, NetworkError> {
+    let values: Result<Vec<T>, _> = values.iter().map(|value| T::try_from(*value)).collect();
+    let values = values.map_err(|_| NetworkError::InputRange { input: name.to_owned() })?;
+    Ok(ort::value::Tensor::from_array((shape.to_vec(), values)).map_err(misfit)?.into())
+}
+
+fn misfit(error: ort::Error) -> NetworkError {
+    NetworkError::Run { reason: first_line(&error) }
+}
+
+/// Returns the numbers of a value; `None` if they are of a type that is not read.
+fn tensor(value: &DynValue) -> Option<Tensor> {
     macro_rules! read {
         ($number:ty, $data:ident, $convert:expr) => {{
-            let (shape, values) = value.try_extract_tensor::<$number>().map_err(|_| unreadable())?;
+            let (shape, values) = value.try_extract_tensor::<$number>().ok()?;
             (shape.iter().map(|n| *n as usize).collect(), Data::$data($convert(values)))
         }};
     }
-    let wide = |values: &[i32]| values.iter().map(|v| i64::from(*v)).collect();
-    let (shape, data): (Vec<usize>, Data) = match value.dtype().tensor_type() {
-        Some(TensorElementType::Float32) => read!(f32, F32, <[f32]>::to_vec),
-        Some(TensorElementType::Uint8) => read!(u8, U8, <[u8]>::to_vec),
-        Some(TensorElementType::Bool) => read!(bool, Bool, <[bool]>::to_vec),
-        Some(TensorElementType::Int64) => read!(i64, I64, <[i64]>::to_vec),
-        Some(TensorElementType::Int32) => read!(i32, I64, wide),
-        Some(TensorElementType::Int8) => {
-            read!(i8, I64, |values: &[i8]| values.iter().map(|v| i64::from(*v)).collect())
-        }
-        _ => return Err(unreadable()),
+    let (shape, data): (Vec<usize>, Data) = match value.dtype().tensor_type()? {
+        TensorElementType::Float32 => read!(f32, F32, <[f32]>::to_vec),
+        TensorElementType::Uint8 => read!(u8, U8, <[u8]>::to_vec),
+        TensorElementType::Bool => read!(bool, Bool, <[bool]>::to_vec),
+        TensorElementType::Int64 => read!(i64, I64, <[i64]>::to_vec),
+        TensorElementType::Int32 => read!(i32, I64, widened),
+        TensorElementType::Int8 => read!(i8, I64, widened),
+        _ => return None,
     };
-    Ok(Tensor { shape, data })
+    Some(Tensor { shape, data })
+}
+
+fn widened<T: Copy + Into<i64>>(values: &[T]) -> Vec<i64> {
+    values.iter().map(|value| (*value).into()).collect()
 }

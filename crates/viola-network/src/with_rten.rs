@@ -1,6 +1,7 @@
 //! Networks run by `rten`: pure Rust, on the CPU, with nothing to install.
 
 use super::check;
+use super::runtime::Engine;
 use super::{Data, Element, Network, NetworkError, Tensor, TensorInfo, Weights};
 use rten::{
     DataType, Dimension, Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueOrView, ValueType,
@@ -10,87 +11,49 @@ use rten_tensor::prelude::*;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-pub(super) struct RtenNetwork {
+struct Rten {
     model: Model,
-    inputs: Vec<TensorInfo>,
-    outputs: Vec<TensorInfo>,
     /// `None` is the pool that all networks share, with one thread per core.
     pool: Option<Arc<ThreadPool>>,
+}
+
+pub(super) fn open(
+    weights: &Weights,
+    threads: Option<NonZeroUsize>,
     reason: String,
+) -> Result<Network, NetworkError> {
+    let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
+    let model = check::guarded(
+        || {
+            // Packing the weights once, when loading, makes every run faster.
+            let mut options = ModelOptions::with_all_ops();
+            let options = options.prepack_weights(true);
+            let loaded = match weights {
+                Weights::File(path) => options.load_file(path),
+                Weights::BuiltIn { bytes, .. } => options.load_static_slice(bytes),
+            };
+            loaded.map_err(|error| refuse(error.to_string()))
+        },
+        refuse,
+    )?;
+    let (inputs, outputs) = (infos(&model, model.input_ids()), infos(&model, model.output_ids()));
+    let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads.get())));
+    let (runtime, engine) = ("rten 0.27".to_owned(), Box::new(Rten { model, pool }));
+    Ok(Network { inputs, outputs, runtime, reason, engine })
 }
 
-impl RtenNetwork {
-    pub(super) fn open(
-        weights: &Weights,
-        threads: Option<NonZeroUsize>,
-        reason: String,
-    ) -> Result<RtenNetwork, NetworkError> {
-        let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
-        let model = check::guarded(
-            || {
-                // Packing the weights once, when loading, makes every run faster.
-                let mut options = ModelOptions::with_all_ops();
-                let options = options.prepack_weights(true);
-                let loaded = match weights {
-                    Weights::File(path) => options.load_file(path),
-                    Weights::BuiltIn { bytes, .. } => options.load_static_slice(bytes),
-                };
-                loaded.map_err(|error| refuse(error.to_string()))
-            },
-            refuse,
-        )?;
-        let inputs = infos(&model, model.input_ids());
-        let outputs = infos(&model, model.output_ids());
-        if outputs.is_empty() {
-            return Err(refuse("it has no outputs".to_owned()));
-        }
-        let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads.get())));
-        Ok(RtenNetwork { model, inputs, outputs, pool, reason })
-    }
-
-    fn node(&self, name: &str) -> Result<NodeId, NetworkError> {
-        self.model.node_id(name).map_err(|error| NetworkError::Run { reason: error.to_string() })
-    }
-}
-
-impl Network for RtenNetwork {
-    fn inputs(&self) -> &[TensorInfo] {
-        &self.inputs
-    }
-
-    fn outputs(&self) -> &[TensorInfo] {
-        &self.outputs
-    }
-
-    fn run(&self, inputs: &[(&str, Tensor)]) -> Result<Vec<(String, Tensor)>, NetworkError> {
-        check::inputs(&self.inputs, inputs)?;
+impl Engine for Rten {
+    fn run(&self, inputs: &[(&str, Tensor)], outputs: &[TensorInfo]) -> Result<Vec<Tensor>, NetworkError> {
         let failed = |reason: String| NetworkError::Run { reason };
         let mut values = Vec::with_capacity(inputs.len());
         for (name, tensor) in inputs {
-            values.push((self.node(name)?, value(name, tensor)?));
+            let node = self.model.node_id(name).map_err(|error| failed(error.to_string()))?;
+            values.push((node, value(name, tensor)?));
         }
         let options = RunOptions::default().with_thread_pool(self.pool.clone());
-        let results = check::guarded(
-            || {
-                self.model
-                    .run(values, self.model.output_ids(), Some(options))
-                    .map_err(|error| failed(error.to_string()))
-            },
-            failed,
-        )?;
-        self.outputs
-            .iter()
-            .zip(results)
-            .map(|(info, value)| Ok((info.name.clone(), tensor(&info.name, value)?)))
-            .collect()
-    }
-
-    fn runtime(&self) -> &str {
-        "rten 0.27"
-    }
-
-    fn reason(&self) -> &str {
-        &self.reason
+        let results = self.model.run(values, self.model.output_ids(), Some(options));
+        let results = results.map_err(|error| failed(error.to_string()))?;
+        outputs.iter().zip(results).map(|(info, value)| tensor(&info.name, value)).collect()
     }
 }
 
@@ -122,25 +85,20 @@ fn infos(model: &Model, nodes: &[NodeId]) -> Vec<TensorInfo> {
 /// surface has 189 MB.
 fn value<'a>(name: &str, tensor: &'a Tensor) -> Result<ValueOrView<'a>, NetworkError> {
     let shape = tensor.shape.as_slice();
-    let misfit = |reason: String| NetworkError::Run { reason };
-    let owned = |values: Vec<i32>| {
-        Value::from_shape(shape, values).map(ValueOrView::Value).map_err(|e| misfit(e.to_string()))
-    };
+    let owned = |values: Vec<i32>| Ok(Value::from_shape(shape, values).map_err(misfit)?.into());
     match &tensor.data {
-        Data::F32(values) => {
-            let view = ValueView::from_shape(shape, values.as_slice());
-            view.map(ValueOrView::View).map_err(|e| misfit(e.to_string()))
-        }
-        Data::U8(values) => {
-            let view = ValueView::from_shape(shape, values.as_slice());
-            view.map(ValueOrView::View).map_err(|e| misfit(e.to_string()))
-        }
+        Data::F32(values) => Ok(ValueView::from_shape(shape, values.as_slice()).map_err(misfit)?.into()),
+        Data::U8(values) => Ok(ValueView::from_shape(shape, values.as_slice()).map_err(misfit)?.into()),
         Data::Bool(values) => owned(values.iter().map(|v| i32::from(*v)).collect()),
         Data::I64(values) => {
             let values: Result<Vec<i32>, _> = values.iter().map(|v| i32::try_from(*v)).collect();
             owned(values.map_err(|_| NetworkError::InputRange { input: name.to_owned() })?)
         }
     }
+}
+
+fn misfit(error: impl std::error::Error) -> NetworkError {
+    NetworkError::Run { reason: error.to_string() }
 }
 
 fn tensor(name: &str, value: Value) -> Result<Tensor, NetworkError> {

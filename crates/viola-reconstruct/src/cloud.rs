@@ -85,16 +85,17 @@ pub struct CloudPoint {
 }
 
 impl CloudPoint {
+    /// Returns a point of the smallest weight without colour and label.
+    pub fn new(position_m: [f32; 3], normal: [f32; 3]) -> CloudPoint {
+        CloudPoint { position_m, normal, color: NO_COLOR, label: Label::NONE, weight: 1 }
+    }
+
     pub fn position(&self) -> Point3 {
-        Point3::new(
-            f64::from(self.position_m[0]),
-            f64::from(self.position_m[1]),
-            f64::from(self.position_m[2]),
-        )
+        Point3::from(self.position_m.map(f64::from))
     }
 
     pub fn normal(&self) -> Vector3 {
-        Vector3::new(f64::from(self.normal[0]), f64::from(self.normal[1]), f64::from(self.normal[2]))
+        Vector3::from(self.normal.map(f64::from))
     }
 }
 
@@ -118,10 +119,8 @@ impl PointCloud {
     /// Returns the points in another frame.
     pub fn transformed(mut self, to_from_this: &Pose3) -> PointCloud {
         for point in &mut self.points {
-            let position = to_from_this * point.position();
-            let normal = to_from_this * point.normal();
-            point.position_m = [position.x as f32, position.y as f32, position.z as f32];
-            point.normal = [normal.x as f32, normal.y as f32, normal.z as f32];
+            point.position_m = (to_from_this * point.position()).map(|axis| axis as f32).into();
+            point.normal = (to_from_this * point.normal()).map(|axis| axis as f32).into();
         }
         self
     }

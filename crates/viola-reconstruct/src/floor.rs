@@ -314,7 +314,7 @@ fn median_height_m(plane: &Plane, cameras: &[Point3]) -> f64 {
 fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
     let Some(first) = key_frames.first() else { return Vec::new() };
     let up = up.direction;
-    let camera = Point3::from(first.world_from_camera.translation.vector);
+    let camera = position(first);
     let stride = cloud.points.len().div_ceil(SCORED_POINTS).max(1);
     let mut depths_m: Vec<f64> =
         cloud.points.iter().step_by(stride).map(|p| up.dot(&(camera - p.position()))).collect();

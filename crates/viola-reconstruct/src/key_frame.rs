@@ -1,7 +1,6 @@
 //! Data kept of each fused frame.
 
-use crate::tsdf::MAX_DEPTH_M;
-use crate::tsdf::MIN_DEPTH_M;
+use crate::tsdf::{MAX_DEPTH_M, MIN_DEPTH_M};
 use viola_formats::clip::DepthImage;
 use viola_geometry::{Pinhole, Point3, Pose3};
 

@@ -164,14 +164,15 @@ impl Labeller {
             combine::shaped(&shapes)
         } else {
             let segments = segments::segments(&self.sites);
-            let alone = match &surface {
-                // Pictures are weighted by the shapes already, so shapes alone are no voter.
-                Some(surface) => Alone::Voter(combine::surfaced(&segments, &shapes, |site| surface[site])),
-                None => Alone::Fallback(combine::shaped(&shapes)),
+            let labels = match &surface {
+                Some(surface) => combine::surfaced(&segments, &shapes, |site| surface[site]),
+                None => combine::shaped(&shapes),
             };
+            // Pictures are weighted by the shapes already, so shapes alone are no voter.
+            let alone = Alone { labels, is_voter: surface.is_some() };
             match &self.votes {
                 Some(votes) => combine::combined(&segments, &shapes, |site| votes.of(site), &alone),
-                None => alone.into_labels(),
+                None => alone.labels,
             }
         };
         self.write(&labels, cloud);

@@ -180,16 +180,11 @@ impl Tracker {
                 }
                 let followed = Followed { key, camera_from_key: moved.step.camera_from_key };
                 if moved.is_key {
-                    self.edges.push(Edge {
-                        a: key,
-                        b: key + 1,
-                        b_from_a: followed.camera_from_key,
-                        information: moved.step.trusted_information(),
-                        is_loop: false,
-                    });
-                    self.edges.extend(expected.and_then(|expected| self.device_edge(key, expected)));
+                    self.edges.push(Edge::of(key, key + 1, &moved.step, false));
+                    self.edges.extend(expected.map(|expected| device::edge(key, key + 1, expected)));
                     let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
-                    self.keep(&moved.pyramid, self.keys[key].segment, pose);
+                    let (frame, segment) = (self.frames.len(), self.keys[key].segment);
+                    self.keys.push(KeyFrame::new(frame, segment, pose, &moved.pyramid, &self.describer));
                 }
                 Some(followed)
             }
@@ -216,18 +211,12 @@ impl Tracker {
         if let Some((a, step)) = self.relocalise(&key) {
             key.segment = self.keys[a].segment;
             key.world_from_key = self.keys[a].world_from_key * step.camera_from_key.inverse();
-            self.edges.push(Edge {
-                a,
-                b: self.keys.len(),
-                b_from_a: step.camera_from_key,
-                information: step.trusted_information(),
-                is_loop: false,
-            });
+            self.edges.push(Edge::of(a, self.keys.len(), &step, false));
             // The segment continues.
             self.ended[key.segment] = None;
-            return Some(self.start(key, pyramid));
+        } else {
+            self.ended.push(None);
         }
-        self.ended.push(None);
         Some(self.start(key, pyramid))
     }
 
@@ -238,15 +227,10 @@ impl Tracker {
         Followed { key: self.keys.len() - 1, camera_from_key: Pose3::identity() }
     }
 
-    fn keep(&mut self, pyramid: &Pyramid, segment: usize, world_from_key: Pose3) {
-        let frame = self.frames.len();
-        self.keys.push(KeyFrame::new(frame, segment, world_from_key, pyramid, &self.describer));
-    }
-
     /// Returns the key frame that shows the place of a new one.
     fn relocalise(&self, key: &KeyFrame) -> Option<(usize, step::Step)> {
         let mut alike: Vec<(usize, usize)> =
-            self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key.words()), i)).collect();
+            self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key), i)).collect();
         alike.sort_by(|a, b| b.cmp(a));
         alike.iter().take(RELOCALISE_TRIES).find_map(|&(_, a)| {
             let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;

@@ -28,12 +28,13 @@ pub struct Trajectory {
     pub reason: Reason,
 }
 
-impl Trajectory {
-    /// Returns the frames that have a pose.
-    pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
-        let frames = clip.frames().iter().zip(&self.world_from_camera);
-        frames.filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
-    }
+/// Returns the frames that have one of the poses, which are one for each frame of a clip.
+pub fn posed<'a>(
+    clip: &'a Clip,
+    world_from_camera: &'a [Option<Pose3>],
+) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
+    let frames = clip.frames().iter().zip(world_from_camera);
+    frames.filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
 }
 
 /// Drops the outliers among the poses of the frames in `range` (all if `None`); `None` without outliers.

@@ -79,7 +79,7 @@ impl NetworkArguments {
         manifest::installed(task, self.folder()).context("the list of networks")
     }
 
-    fn open(&self, installed: &Installed) -> Result<Arc<dyn Network>> {
+    fn open(&self, installed: &Installed) -> Result<Arc<Network>> {
         let name = &installed.entry.name;
         let network = network::open_weights(&installed.weights, &self.runtime.params(self.folder()))
             .with_context(|| format!("network {name}"))?;

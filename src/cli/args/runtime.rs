@@ -65,6 +65,7 @@ impl RuntimeArguments {
                 DeviceChoice::Coreml => Device::CoreMl,
             },
             threads: self.network_threads,
+            warn: Some(|text| tracing::warn!("{text}")),
         }
     }
 }

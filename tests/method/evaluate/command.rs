@@ -2,15 +2,14 @@
 
 use super::flat;
 use serde_json::json;
-use std::process::Command;
+use viola_testing::process::viola;
 
 #[test]
 fn leaves_tables_that_programs_can_read() {
     let folder = tempfile::tempdir().unwrap();
     let (map, out) = (flat::write(folder.path()), folder.path().join("out"));
     let evaluate = || {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
-        command.env_remove("VIOLA_MODELS");
+        let mut command = viola();
         command.arg("evaluate").arg("--map").arg(&map).arg("--out").arg(&out);
         let done =
             command.args(["--clips", "2", "--frames", "20,30", "--methods", "viola"]).output().unwrap();
@@ -71,8 +70,7 @@ fn options_without_an_effect_are_wrong_arguments() {
         (&["--set", "normal", "--drift", "nan"], "--drift"),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
-        let done = command.arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
+        let done = viola().arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
         let told = String::from_utf8_lossy(&done.stderr);
         assert!(done.status.code() == Some(2) && told.contains(option), "{arguments:?}: {told}");
     }
@@ -87,9 +85,7 @@ fn wants_one_source_and_known_methods() {
         &["--map", "missing.yaml"],
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
-        command.env_remove("VIOLA_MODELS");
-        let done = command.arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
+        let done = viola().arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
         assert!(!done.status.success(), "{arguments:?}");
     }
 }

@@ -2,24 +2,13 @@
 
 use super::flat;
 use viola_align::AlignParams;
-use viola_geometry::progress::Silent;
-use viola_lab::evaluate::{ClipResult, DrawnClips, DrawnError, DrawnParams, Method, MethodKind, Run};
+use viola_lab::evaluate::{ClipResult, DrawnClips, DrawnError, DrawnParams, Method, MethodKind};
 use viola_lab::paper::{PaperParams, Refiner};
 
 fn results(drawn: DrawnParams, methods: &[Method], workers: usize) -> Vec<ClipResult> {
     let folder = tempfile::tempdir().unwrap();
     let suite = DrawnClips::open(&[flat::write(folder.path())], drawn).unwrap();
-    let observe = AlignParams::default();
-    let run = Run {
-        suite: &suite,
-        methods,
-        observe: &observe,
-        workers,
-        journal: None,
-        program: "",
-        pictures: None,
-    };
-    run.results(&Silent, &|_| {}).unwrap()
+    super::run(&suite, methods, workers)
 }
 
 /// Returns the paper's method with its constants on a coarser raster, so that the test is quick.

@@ -4,7 +4,7 @@ use super::depth::CompletedDepth;
 use image::RgbImage;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Pose3};
-use viola_reconstruct::{CloudPoint, Label};
+use viola_reconstruct::CloudPoint;
 
 /// Returns the filled cells of a completed depth as points in the clip frame. A cell on a jump of the depth
 /// belongs to neither side and is left out.
@@ -35,12 +35,10 @@ pub(super) fn points(
             // Towards the camera, which is at the origin of its frame.
             let normal = if normal.dot(&at(x, y).coords) > 0.0 { -normal } else { normal };
             let (position, normal) = (clip_from_camera * at(x, y), clip_from_camera * normal);
+            let [u, v] = [x, y].map(|at| (at * step + step / 2) as u32);
             points.push(CloudPoint {
-                position_m: [position.x as f32, position.y as f32, position.z as f32],
-                normal: [normal.x as f32, normal.y as f32, normal.z as f32],
-                color: picture.get_pixel((x * step + step / 2) as u32, (y * step + step / 2) as u32).0,
-                label: Label::NONE,
-                weight: 1,
+                color: picture.get_pixel(u, v).0,
+                ..CloudPoint::new(position.map(|c| c as f32).into(), normal.map(|c| c as f32).into())
             });
         }
     }
@@ -94,13 +92,7 @@ mod tests {
     use super::*;
 
     fn point(x: f32, y: f32, z: f32) -> CloudPoint {
-        CloudPoint {
-            position_m: [x, y, z],
-            normal: [0.0, 0.0, 1.0],
-            color: [0; 3],
-            label: Label::NONE,
-            weight: 1,
-        }
+        CloudPoint::new([x, y, z], [0.0, 0.0, 1.0])
     }
 
     #[test]

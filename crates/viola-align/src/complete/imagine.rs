@@ -49,7 +49,7 @@ impl PartialEq for Imagination {
 pub struct CompletedView {
     pub view: View,
     pub camera: Pinhole,
-    /// The rendered cloud, black without a surface's front.
+    /// The rendered cloud, black without a surface's front or its colour.
     pub rendered: RgbImage,
     /// 255 for filled pixels.
     pub mask: GrayImage,
@@ -73,8 +73,9 @@ pub struct Imagined {
     pub failure: Option<String>,
 }
 
-/// Covered fraction of a view: with less there is no context, and with more no need for completion.
-const MIN_COVERED: f64 = 0.15;
+/// Minimum fraction of a view with a colour: with less there is no context.
+const MIN_COLORED: f64 = 0.15;
+/// Maximum fraction of a view with a surface: with more there is no need for completion.
 const MAX_COVERED: f64 = 0.99;
 
 /// Further inputs of the imagination.
@@ -117,7 +118,7 @@ pub(super) fn imagine(
         progress.advance(number as f64 / views.len() as f64);
         let clip_from_camera = view.clip_from_camera();
         let rendering = render::render(&surface, voxel_m, &camera, &clip_from_camera);
-        if !(MIN_COVERED..MAX_COVERED).contains(&rendering.covered()) {
+        if rendering.colored() < MIN_COLORED || rendering.covered() >= MAX_COVERED {
             continue;
         }
         let mask = rendering.mask();

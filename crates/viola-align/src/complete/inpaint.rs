@@ -9,6 +9,7 @@ pub use open::open_inpainter;
 pub use stable_diffusion::{Generated, Noise, StableDiffusion};
 
 use image::{GrayImage, RgbImage};
+use viola_network::NetworkError;
 
 /// Fills the holes of a picture.
 pub trait Inpainter: Send + Sync {
@@ -34,7 +35,7 @@ pub enum InpaintError {
     Cancelled,
     #[error("the network cannot be opened: {0}")]
     Open(String),
-    #[error("the network failed: {0}")]
+    #[error("{0}")]
     Run(String),
     #[error("the network gave {got} where {want} was expected")]
     Shape { got: String, want: String },
@@ -46,4 +47,10 @@ pub enum InpaintError {
     HoleSize { hole: String, picture: String },
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]
     Misfit { network: String, problem: String },
+}
+
+impl From<NetworkError> for InpaintError {
+    fn from(error: NetworkError) -> InpaintError {
+        InpaintError::Run(error.to_string())
+    }
 }

@@ -5,6 +5,7 @@ mod network;
 pub use network::open_estimator;
 
 use image::RgbImage;
+use viola_network::NetworkError;
 
 /// Estimates the depth of a picture's pixels.
 pub trait DepthEstimator: Send + Sync {
@@ -19,7 +20,7 @@ pub trait DepthEstimator: Send + Sync {
 /// Reason why there is no depth.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DepthError {
-    #[error("the network failed: {0}")]
+    #[error("{0}")]
     Run(String),
     #[error("the network gave {got} where {want} was expected")]
     Shape { got: String, want: String },
@@ -31,4 +32,10 @@ pub enum DepthError {
     NoPicture,
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]
     Misfit { network: String, problem: String },
+}
+
+impl From<NetworkError> for DepthError {
+    fn from(error: NetworkError) -> DepthError {
+        DepthError::Run(error.to_string())
+    }
 }

@@ -2,7 +2,7 @@
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use viola_geometry::{Pinhole, Pose3};
-use viola_reconstruct::CloudPoint;
+use viola_reconstruct::{CloudPoint, NO_COLOR};
 
 /// Coverage of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub enum Cover {
 #[derive(Debug, Clone)]
 pub struct Rendering {
     pub camera: Pinhole,
-    /// Black without a surface's front.
+    /// [`NO_COLOR`] without a surface's front, and for surface that no picture showed.
     pub color: RgbImage,
     /// Along the camera's axis, row by row; 0 in holes.
     pub depth_m: Vec<f32>,
@@ -27,11 +27,11 @@ pub struct Rendering {
 }
 
 impl Rendering {
-    /// Returns 255 for pixels without a surface's front, 0 for others.
+    /// Returns 255 for pixels without a colour, 0 for others.
     pub fn mask(&self) -> GrayImage {
         let mut mask = GrayImage::new(self.camera.width, self.camera.height);
-        for (pixel, cover) in mask.pixels_mut().zip(&self.cover) {
-            *pixel = Luma([if *cover == Cover::Surface { 0 } else { 255 }]);
+        for (pixel, color) in mask.pixels_mut().zip(self.color.pixels()) {
+            *pixel = Luma([if color.0 == NO_COLOR { 255 } else { 0 }]);
         }
         mask
     }
@@ -39,6 +39,12 @@ impl Rendering {
     /// Returns the fraction of the pixels that show a surface's front, 0..1.
     pub fn covered(&self) -> f64 {
         let count = self.cover.iter().filter(|cover| **cover == Cover::Surface).count();
+        count as f64 / self.cover.len().max(1) as f64
+    }
+
+    /// Returns the fraction of the pixels that have a colour, 0..1.
+    pub fn colored(&self) -> f64 {
+        let count = self.color.pixels().filter(|color| color.0 != NO_COLOR).count();
         count as f64 / self.cover.len().max(1) as f64
     }
 }
@@ -119,7 +125,7 @@ pub fn render(points: &[CloudPoint], voxel_m: f64, camera: &Pinhole, clip_from_c
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_reconstruct::Label;
+    use viola_reconstruct::cloud::BLACK;
 
     const VOXEL_M: f64 = 0.03;
     const CAMERA: Pinhole = Pinhole { width: 160, height: 120, fx: 140.0, fy: 140.0, cx: 79.5, cy: 59.5 };
@@ -131,13 +137,8 @@ mod tests {
         (0..steps * steps)
             .map(|i| (place(i % steps), place(i / steps)))
             .filter(|(x, y)| !hole || x.abs().max(y.abs()) > 0.3)
-            .map(|(x, y)| CloudPoint {
-                position_m: [x as f32, y as f32, depth_m as f32],
-                normal: [0.0, 0.0, if faces { -1.0 } else { 1.0 }],
-                color,
-                label: Label::NONE,
-                weight: 1,
-            })
+            .map(|(x, y)| [x as f32, y as f32, depth_m as f32])
+            .map(|at| CloudPoint { color, ..CloudPoint::new(at, [0.0, 0.0, if faces { -1.0 } else { 1.0 }]) })
             .collect()
     }
 
@@ -159,6 +160,19 @@ mod tests {
         let outside = 160 * 120 - 140 * 120;
         // The hole is 42 pixels wide, less the discs' rims.
         assert!((1200 + outside..=1764 + outside).contains(&hole), "{hole}");
+    }
+
+    /// A picture may have no pixel of a surface that the depth camera read.
+    #[test]
+    fn surface_without_a_colour_is_to_be_painted_and_black_surface_is_not() {
+        for (color, painted) in [(NO_COLOR, 255), (BLACK, 0)] {
+            let rendering = render(&square(2.0, true, false, color), VOXEL_M, &CAMERA, &Pose3::identity());
+            assert_eq!(at(&rendering, 80, 60), (Cover::Surface, 2.0, color));
+            assert_eq!(rendering.mask().get_pixel(80, 60).0, [painted], "{color:?}");
+            assert_eq!(rendering.mask().get_pixel(0, 0).0, [255], "{color:?}");
+            let colored = if painted == 0 { rendering.covered() } else { 0.0 };
+            assert!(rendering.covered() > 0.7 && rendering.colored() == colored, "{color:?}");
+        }
     }
 
     #[test]

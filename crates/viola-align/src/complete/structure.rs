@@ -192,12 +192,12 @@ impl ExtendedWall {
             }
             let at: Vector2 = wall.normal * wall.offset_m + along * along_m;
             let rows = (top_m / voxel_m) as usize;
+            let normal = [wall.normal.x as f32, wall.normal.y as f32, 0.0];
+            let place = |row: usize| [at.x as f32, at.y as f32, ((row as f64 + 0.5) * voxel_m) as f32];
             into.extend((0..rows).map(|row| CloudPoint {
-                position_m: [at.x as f32, at.y as f32, ((row as f64 + 0.5) * voxel_m) as f32],
-                normal: [wall.normal.x as f32, wall.normal.y as f32, 0.0],
                 color: [200, 200, 200],
                 label: Label::new(Class::Wall, 0.8, 0),
-                weight: 1,
+                ..CloudPoint::new(place(row), normal)
             }));
         }
     }

@@ -6,6 +6,7 @@ use crate::observe::Observation;
 use geo::{ConcaveHull, MultiPoint};
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use viola_geometry::{Pinhole, Point2, Point3, Vector2, cell_of, cells_around};
 use viola_reconstruct::PointCloud;
 
@@ -86,7 +87,8 @@ impl PointSets {
     fn of(observation: &Observation) -> PointSets {
         let seen = observation.scan.hits.iter().filter(|hit| hit.at_vacuum_height);
         let hits_m: Vec<Point2> = seen.map(|hit| hit.point_m).collect();
-        let down_projected_m = down_projected(&observation.cloud_in_clip);
+        // The floor is left out: where it was seen, nothing is missing.
+        let down_projected_m = plan(&observation.cloud_in_clip, 0.2..2.2);
         let near_hits = Vicinity::of(&hits_m);
         let missing_m: Vec<Point2> = down_projected_m.iter().filter(|p| !near_hits.has(p)).copied().collect();
         let mut sets = PointSets { hits_m, down_projected_m, missing_m, ..PointSets::default() };
@@ -104,8 +106,12 @@ impl PointSets {
         if cluster.is_empty() {
             return nearest(&Point2::origin(), &self.missing_m);
         }
-        let missing = Thinned::of(&self.missing_m);
-        let gap = |p: &&Point2| missing.distance2(p);
+        // One in 20 cm: the distances need not be exact.
+        let mut seen = FxHashSet::default();
+        let missing: Vec<&Point2> = self.missing_m.iter().filter(|p| seen.insert(cell_of(p, 0.2))).collect();
+        let gap = |from: &&Point2| {
+            missing.iter().map(|p| (*p - *from).norm_squared()).fold(f64::INFINITY, f64::min)
+        };
         cluster.iter().min_by(|a, b| gap(a).total_cmp(&gap(b))).copied()
     }
 }
@@ -114,30 +120,23 @@ fn nearest(to: &Point2, of: &[Point2]) -> Option<Point2> {
     of.iter().min_by(|a, b| (*a - to).norm_squared().total_cmp(&(*b - to).norm_squared())).copied()
 }
 
-/// Points thinned to one in 20 cm, for distances that need not be exact.
-struct Thinned(Vec<Point2>);
+type Cells = FxHashMap<[i32; 2], Vec<Point2>>;
 
-impl Thinned {
-    fn of(points: &[Point2]) -> Thinned {
-        let mut seen = FxHashSet::default();
-        Thinned(points.iter().filter(|p| seen.insert(cell_of(p, 0.2))).copied().collect())
+/// Returns the points of each cell.
+fn by_cell(points: &[Point2], side_m: f64) -> Cells {
+    let mut cells = Cells::default();
+    for point in points {
+        cells.entry(cell_of(point, side_m)).or_default().push(*point);
     }
-
-    fn distance2(&self, from: &Point2) -> f64 {
-        self.0.iter().map(|p| (p - from).norm_squared()).fold(f64::INFINITY, f64::min)
-    }
+    cells
 }
 
 /// An index of points that finds whether one is near.
-struct Vicinity(FxHashMap<[i32; 2], Vec<Point2>>);
+struct Vicinity(Cells);
 
 impl Vicinity {
     fn of(points: &[Point2]) -> Vicinity {
-        let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
-        for point in points {
-            cells.entry(cell_of(point, VICINITY_M)).or_default().push(*point);
-        }
-        Vicinity(cells)
+        Vicinity(by_cell(points, VICINITY_M))
     }
 
     fn has(&self, at: &Point2) -> bool {
@@ -148,33 +147,17 @@ impl Vicinity {
     }
 }
 
-/// Returns one point for each cell of the plan with surface above the floor. The floor is left out: where it
-/// was seen, nothing is missing.
-fn down_projected(cloud: &PointCloud) -> Vec<Point2> {
-    let stands = |z: f64| (0.2..2.2).contains(&z);
-    plan(cloud, &stands)
-}
-
 /// Returns one point for each cell of the plan with surface at these heights.
-fn plan(cloud: &PointCloud, at_height: &dyn Fn(f64) -> bool) -> Vec<Point2> {
+fn plan(cloud: &PointCloud, heights_m: Range<f64>) -> Vec<Point2> {
     let mut seen = FxHashSet::default();
-    let mut points = Vec::new();
-    for point in cloud.points.iter().filter(|p| at_height(f64::from(p.position_m[2]))) {
-        let at = point.position().xy();
-        if seen.insert(cell_of(&at, CELL_M)) {
-            points.push(at);
-        }
-    }
-    points
+    let at_height = cloud.points.iter().filter(|p| heights_m.contains(&f64::from(p.position_m[2])));
+    at_height.map(|p| p.position().xy()).filter(|at| seen.insert(cell_of(at, CELL_M))).collect()
 }
 
 /// Returns the largest connected cluster of points; a gap of more than 20 cm separates clusters.
 fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
     const GAP_M: f64 = 0.2;
-    let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
-    for point in points {
-        cells.entry(cell_of(point, GAP_M)).or_default().push(*point);
-    }
+    let mut cells = by_cell(points, GAP_M);
     let mut largest = Vec::new();
     for point in points {
         let Some(first) = cells.remove(&cell_of(point, GAP_M)) else { continue };
@@ -198,7 +181,7 @@ fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
 /// frontier apart.
 fn outline(cloud: &PointCloud) -> Vec<Point2> {
     let points: MultiPoint<f64> =
-        plan(cloud, &|z| z < 2.2).iter().map(|p| geo::Point::new(p.x, p.y)).collect();
+        plan(cloud, f64::NEG_INFINITY..2.2).iter().map(|p| geo::Point::new(p.x, p.y)).collect();
     if points.0.len() < 3 {
         return Vec::new();
     }

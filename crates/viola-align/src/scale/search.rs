@@ -175,17 +175,12 @@ mod tests {
     use viola_formats::clip::DepthImage;
     use viola_geometry::progress::Silent;
     use viola_geometry::{Pinhole, Point2, Pose3};
-    use viola_reconstruct::{CloudPoint, KeyFrame, Label, PointCloud, Readings};
+    use viola_reconstruct::{CloudPoint, KeyFrame, PointCloud, Readings};
 
     #[test]
     fn a_clip_of_the_floor_alone_is_searched_at_no_scale() {
-        let floor = |i: i32| CloudPoint {
-            position_m: [0.1 * (i % 20) as f32, 0.1 * (i / 20) as f32, 0.0],
-            normal: [0.0, 0.0, 1.0],
-            color: [200; 3],
-            label: Label::NONE,
-            weight: 1,
-        };
+        let floor =
+            |i: i32| CloudPoint::new([0.1 * (i % 20) as f32, 0.1 * (i / 20) as f32, 0.0], [0.0, 0.0, 1.0]);
         let cloud = PointCloud { points: (0..400).map(floor).collect(), voxel_m: 0.03 };
         let camera = Pinhole { width: 96, height: 72, fx: 80.0, fy: 80.0, cx: 47.5, cy: 35.5 };
         let depth = DepthImage { width: 96, height: 72, depth_m: vec![1.5; 96 * 72] };

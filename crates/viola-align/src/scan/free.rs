@@ -1,7 +1,6 @@
 //! Free space: cells through which the camera's readings passed at the vacuum's height.
 
-use super::hit::FREE_CELL_M;
-use super::hit::RaycastParams;
+use super::hit::{FREE_CELL_M, RaycastParams};
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose3, cell_of};
 use viola_reconstruct::KeyFrame;

@@ -50,12 +50,9 @@ impl Hit {
     pub(crate) fn scaled(&self, factor: f64) -> Hit {
         Hit { point_m: self.point_m * factor, from_m: self.from_m * factor, ..*self }
     }
-}
 
-#[cfg(test)]
-impl Hit {
-    /// Returns a hit on a wall with full weight, seen from the origin.
-    pub(crate) fn standing(point_m: Point2, normal: Vector2) -> Hit {
+    /// Returns a hit on a wall of a metre with full weight, seen from the origin at the vacuum's height.
+    pub fn standing(point_m: Point2, normal: Vector2) -> Hit {
         Hit {
             point_m,
             normal,

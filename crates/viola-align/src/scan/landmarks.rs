@@ -1,7 +1,6 @@
 //! Objects in pictures that distinguish rooms: a bed stands in no bathroom.
 
-use super::hit::RaycastParams;
-use crate::scan::hit::MAX_HEIGHT_M;
+use super::hit::{MAX_HEIGHT_M, RaycastParams};
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{Class, Purposes};
 use viola_geometry::{Point2, Pose2, Vector2, angle_between, cell_of};
@@ -95,11 +94,8 @@ mod tests {
 
     fn cloud(points: &[([f32; 3], Label)]) -> PointCloud {
         let point = |(position_m, label): &([f32; 3], Label)| CloudPoint {
-            position_m: *position_m,
-            normal: [0.0, 0.0, 1.0],
-            color: [0; 3],
             label: *label,
-            weight: 256,
+            ..CloudPoint::new(*position_m, [0.0, 0.0, 1.0])
         };
         PointCloud { points: points.iter().map(point).collect(), voxel_m: 0.03 }
     }

@@ -1,8 +1,6 @@
 //! Obstacles on the floor plan that stop a ray at the vacuum's height.
 
-use super::hit::{FREE_CELL_M, HIT_SPACING_M};
-use super::hit::{Hit, RaycastParams};
-use crate::scan::hit::MAX_HEIGHT_M;
+use super::hit::{FREE_CELL_M, HIT_SPACING_M, Hit, MAX_HEIGHT_M, RaycastParams};
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::{Point2, Vector2, cell_of, cells_around};
 use viola_reconstruct::{CloudPoint, PointCloud};
@@ -77,13 +75,9 @@ impl Obstacles {
             (high - low).max(0.0)
         };
         let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool| Hit {
-            point_m,
-            normal,
-            weight: 1.0,
             extent_m,
             at_vacuum_height,
-            completed: false,
-            from_m: Point2::origin(),
+            ..Hit::standing(point_m, normal)
         };
         let mut points: Vec<Hit> = cloud
             .points
@@ -165,18 +159,12 @@ impl Obstacles {
 mod tests {
     use super::*;
     use crate::scan::VACUUM_HEIGHT_M;
-    use viola_reconstruct::Label;
 
     #[test]
     fn the_extent_of_an_obstacle_is_the_same_above_a_floor_below_the_first_one() {
         for floor_m in [0.0, -0.65] {
-            let point = |height_m: f64| CloudPoint {
-                position_m: [1.0, 0.0, (floor_m + height_m) as f32],
-                normal: [-1.0, 0.0, 0.0],
-                color: [200; 3],
-                label: Label::NONE,
-                weight: 1,
-            };
+            let point =
+                |height_m: f64| CloudPoint::new([1.0, 0.0, (floor_m + height_m) as f32], [-1.0, 0.0, 0.0]);
             let cloud = PointCloud { points: [0.05, 0.15, 0.25].map(point).to_vec(), voxel_m: 0.03 };
             let params = RaycastParams { vacuum_height_m: floor_m + VACUUM_HEIGHT_M, floor_m };
             let obstacles = Obstacles::new(&cloud, &[], &params);

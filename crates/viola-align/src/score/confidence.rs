@@ -137,7 +137,7 @@ fn regress(answer: &mut Alignment, model: &Model) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BetterScale, FreeSpace};
+    use crate::{BetterScale, Evidence};
     use viola_geometry::{LevelName, Pose2};
 
     #[test]
@@ -149,19 +149,8 @@ mod tests {
 
     /// Returns an answer as sure as the model can be.
     fn sure() -> Alignment {
-        let free_space =
-            FreeSpace { blocked_rays: 0.0, hits_on_floor: 0.0, unseen_sides: 0.0, walls_on_floor: 0.0 };
-        let best = Alternative {
-            level: LevelName::MAIN,
-            map_from_clip: Pose2::default(),
-            rise_m: 0.0,
-            loss_m: 0.02,
-            inliers: 1.0,
-            free_space: Some(free_space),
-            misplaced: None,
-            probability: None,
-            evidence: None,
-        };
+        let evidence = Evidence { distance_m: 0.02, inliers: 1.0, ..Evidence::default() };
+        let best = Alternative::of(LevelName::MAIN, Pose2::default(), &evidence, &MODEL.loss);
         Alignment { alternatives: vec![best], hits: 500, coverage: Some(0.5), ..Alignment::failed() }
     }
 

@@ -88,23 +88,15 @@ pub fn set_state(answer: &mut Alignment, uncapped: Option<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BetterScale;
     use crate::answer::Alternative;
+    use crate::{BetterScale, Evidence, MODEL};
     use viola_geometry::{LevelName, Pose2};
 
     /// Returns the codes of an answer whose explanations have these probabilities.
     fn codes(probabilities: &[f64]) -> Vec<String> {
-        let alternative = |probability: &f64| Alternative {
-            level: LevelName::MAIN,
-            map_from_clip: Pose2::default(),
-            rise_m: 0.0,
-            loss_m: 0.1,
-            inliers: 0.9,
-            free_space: None,
-            misplaced: None,
-            probability: Some(*probability),
-            evidence: None,
-        };
+        let (evidence, weights) = (Evidence { inliers: 0.9, ..Evidence::default() }, MODEL.loss);
+        let best = Alternative::of(LevelName::MAIN, Pose2::default(), &evidence, &weights);
+        let alternative = |probability: &f64| Alternative { probability: Some(*probability), ..best.clone() };
         let mut answer = Alignment {
             alternatives: probabilities.iter().map(alternative).collect(),
             probability: probabilities.first().copied(),

@@ -2,10 +2,8 @@
 //! their scores.
 
 use super::pyramid::Pyramid;
-use super::{Candidate, SearchParams};
+use super::{APART_M, APART_RAD, Candidate, SearchParams};
 use crate::scan::Hit;
-use crate::search::APART_M;
-use crate::search::APART_RAD;
 use crate::target::Target;
 use rayon::prelude::*;
 use std::cmp::Ordering;

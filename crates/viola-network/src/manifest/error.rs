@@ -19,5 +19,5 @@ pub enum ManifestError {
     #[error("models.toml lists the network {name} twice")]
     Twice { name: String },
     #[error("models.toml, network {network}, field {field}: {problem}")]
-    Field { network: String, field: &'static str, problem: String },
+    Field { network: String, field: &'static str, problem: &'static str },
 }

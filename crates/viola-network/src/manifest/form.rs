@@ -3,7 +3,7 @@
 use super::{Diffusion, ManifestError, ModelEntry, Task};
 use crate::Weights;
 use serde::{Deserialize, Serialize};
-use std::path::{Component, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use viola_geometry::taxonomy::ClassTable;
 
 /// Maximum length of a text field, in bytes.
@@ -208,45 +208,60 @@ pub enum Source {
     Export { how: String },
 }
 
+/// The invalid field, and the reason.
+type Problem = (&'static str, &'static str);
+
 impl EntryForm {
     pub(super) fn check(self) -> Result<ModelEntry, ManifestError> {
-        let network = self.name.chars().take(80).collect::<String>();
-        let refuse = |field: &'static str, problem: &str| {
-            Err(ManifestError::Field { network: network.clone(), field, problem: problem.to_owned() })
-        };
+        self.fields().map_err(|(field, problem)| {
+            let network = self.name.chars().take(80).collect();
+            ManifestError::Field { network, field, problem }
+        })?;
+        Ok(ModelEntry {
+            name: self.name,
+            task: self.task,
+            file: PathBuf::from(self.file),
+            licence: self.licence,
+            input: self.input,
+            output: self.output,
+            classes: self.classes,
+            source: self.source,
+            sha256: self.sha256.map(|sum| sum.to_ascii_lowercase()),
+        })
+    }
+
+    /// Checks the fields, and that they fit each other.
+    fn fields(&self) -> Result<(), Problem> {
         let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
         if self.name.is_empty() || self.name.len() > 80 || !self.name.chars().all(plain) {
-            return refuse("name", "must be 1 to 80 letters, digits, '-', '_' or '.'");
+            return Err(("name", "must be 1 to 80 letters, digits, '-', '_' or '.'"));
         }
         for (field, text) in [("file", &self.file), ("licence", &self.licence)] {
             if text.is_empty() || text.len() > MAX_TEXT_BYTES {
-                return refuse(field, "must not be empty or longer than 2000 bytes");
+                return Err((field, "must not be empty or longer than 2000 bytes"));
             }
         }
-        let file = PathBuf::from(&self.file);
+        let file = Path::new(&self.file);
         if !file.components().all(|part| matches!(part, Component::Normal(_))) || self.file.contains('\\') {
-            return refuse("file", "must be a path inside the models folder, without '..'");
+            return Err(("file", "must be a path inside the models folder, without '..'"));
         }
+        let digits = "must be 64 hexadecimal digits";
         let whole = |sum: &String| sum.len() == 64 && sum.bytes().all(|b| b.is_ascii_hexdigit());
         if self.sha256.as_ref().is_some_and(|sum| !whole(sum)) {
-            return refuse("sha256", "must be 64 hexadecimal digits");
+            return Err(("sha256", digits));
         }
-        if let Err((field, problem)) = self.source.check() {
-            return refuse(field, problem);
-        }
-        if let Some(sum) = self.source.archive_sha256()
-            && !whole(sum)
-        {
-            return refuse("source.archive_sha256", "must be 64 hexadecimal digits");
+        self.source.check()?;
+        if self.source.archive_sha256().is_some_and(|sum| !whole(sum)) {
+            return Err(("source.archive_sha256", digits));
         }
         if matches!(self.source, Source::Https { .. }) && self.sha256.is_none() {
-            return refuse(
+            return Err((
                 "sha256",
                 "must be given for a file that is fetched from a URL; `sha256sum FILE` prints it",
-            );
+            ));
         }
-        if self.source.is_built_in() && (self.sha256.is_none() || Weights::built_in(&file).is_none()) {
-            return refuse("source.kind", "is built-in, but the program has no such file; use another kind");
+        if self.source.is_built_in() && (self.sha256.is_none() || Weights::built_in(file).is_none()) {
+            return Err(("source.kind", "is built-in, but the program has no such file; use another kind"));
         }
         let fits = matches!(
             (self.task, &self.output),
@@ -256,39 +271,18 @@ impl EntryForm {
                 | (Task::Surface | Task::Runtime, None)
         );
         if !fits {
-            return refuse("output", "does not fit the task");
+            return Err(("output", "does not fit the task"));
         }
-        if let Some(output) = &self.output
-            && let Err((field, problem)) = output.check()
-        {
-            return refuse(field, problem);
-        }
+        self.output.as_ref().map_or(Ok(()), Output::check)?;
         if (self.task == Task::Segmentation) != self.classes.is_some() {
-            return refuse("classes", "belongs to segmentation networks, and they need it");
+            return Err(("classes", "belongs to segmentation networks, and they need it"));
         }
         if !matches!(self.task, Task::Surface | Task::Runtime) != self.input.is_some() {
-            return refuse("input", "belongs to networks for pictures, and they need it");
+            return Err(("input", "belongs to networks for pictures, and they need it"));
         }
-        if let Some(input) = &self.input
-            && let Err((field, problem)) = input.check()
-        {
-            return refuse(field, problem);
-        }
-        Ok(ModelEntry {
-            name: self.name,
-            task: self.task,
-            file,
-            licence: self.licence,
-            input: self.input,
-            output: self.output,
-            classes: self.classes,
-            source: self.source,
-            sha256: self.sha256.map(|sum| sum.to_ascii_lowercase()),
-        })
+        self.input.as_ref().map_or(Ok(()), Input::check)
     }
 }
-
-type Problem = (&'static str, &'static str);
 
 impl Input {
     fn check(&self) -> Result<(), Problem> {

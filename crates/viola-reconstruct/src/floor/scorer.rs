@@ -60,8 +60,7 @@ impl Scorer<'_> {
             };
             near.clear();
             near.extend(self.scored.iter().filter(is_near).map(|s| &s.position_m));
-            let fitted = Plane::fit(&near)?;
-            plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
+            plane = Plane::fit(&near)?.facing(&normal);
         }
         self.candidate(plane)
     }
@@ -114,7 +113,7 @@ impl Scorer<'_> {
         for round in 0..ROUNDS {
             let within_m = INLIER_M * (WIDER * NARROWER.powi(round)).max(1.0);
             let Some(fitted) = Plane::fit(&self.on(&plane, within_m)) else { return plane };
-            let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
+            let fitted = fitted.facing(&plane.normal);
             let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
             plane = fitted;
             if moved < 1e-9 && within_m == INLIER_M {

@@ -25,14 +25,7 @@ fn wall(height_m: f64) -> Vec<(Point3, Vector3)> {
 /// Returns a room seen from 1.4 m above its floor, looking slightly down along y, in a world moved by `turn`.
 fn room(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3) -> (PointCloud, Vec<KeyFrame>) {
     let point = |(p, n): &(Point3, Vector3)| {
-        let (p, n) = (turn * p, turn * n);
-        CloudPoint {
-            position_m: [p.x as f32, p.y as f32, p.z as f32],
-            normal: [n.x as f32, n.y as f32, n.z as f32],
-            color: [0; 3],
-            label: Label::NONE,
-            weight: 1,
-        }
+        CloudPoint::new((turn * p).map(|c| c as f32).into(), (turn * n).map(|c| c as f32).into())
     };
     let points = surfaces.iter().flatten().map(point).collect();
     let looking = UnitQuaternion::face_towards(&Vector3::new(0.0, 1.0, -0.4), &-Vector3::z());

@@ -1,6 +1,6 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::likeliest::{ByClass, likeliest, likeliest_in_structure};
+use super::likeliest::{ByClass, by_class, likeliest, likeliest_in_structure};
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;
@@ -63,33 +63,20 @@ const SURFACE_WEIGHT: f32 = 1.0 / 3.0;
 /// Added to the surface network's probabilities, so that no class is ruled out by it.
 const SURFACE_DOUBT: f32 = 0.02;
 
-/// Labels without pictures, and where they count.
-pub(super) enum Alone {
-    /// Only in segments that no picture saw.
-    Fallback(Vec<Label>),
-    /// Also beside the pictures, with [`SURFACE_WEIGHT`].
-    Voter(Vec<Label>),
+/// Labels without pictures, for segments that no picture saw.
+pub(super) struct Alone {
+    pub labels: Vec<Label>,
+    /// True if they also count beside the pictures, with [`SURFACE_WEIGHT`].
+    pub is_voter: bool,
 }
 
 impl Alone {
-    pub fn into_labels(self) -> Vec<Label> {
-        let (Alone::Fallback(labels) | Alone::Voter(labels)) = self;
-        labels
-    }
-
-    fn of(&self, site: usize) -> Label {
-        let (Alone::Fallback(labels) | Alone::Voter(labels)) = self;
-        labels[site]
-    }
-
     /// Returns the factor of each class at a site beside the pictures.
     fn factors(&self, site: usize) -> ByClass {
-        let Alone::Voter(labels) = self else { return [1.0; CLASSES] };
-        let mut said = [0f32; CLASSES];
-        labels[site]
-            .fractions()
-            .for_each(|(class, fraction)| said[class as usize] += f32::from(fraction) / 255.0);
-        said.map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
+        if !self.is_voter {
+            return [1.0; CLASSES];
+        }
+        by_class(&self.labels[site]).map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
     }
 }
 
@@ -123,7 +110,7 @@ pub(super) fn combined(
             if said.iter().sum::<f32>() > 0.0 {
                 likeliest_in_structure(&said, votes(site).1)
             } else {
-                alone.of(site)
+                alone.labels[site]
             }
         })
         .collect()
@@ -201,7 +188,7 @@ mod tests {
         {
             said[class as usize] = p;
         }
-        let alone = Alone::Fallback(vec![Label::NONE]);
+        let alone = Alone { labels: vec![Label::NONE], is_voter: false };
         let class = |shape: Shape, views: u16| {
             let votes = |_| (if views > 0 { said } else { [0.0; CLASSES] }, views);
             combined(&[0], &[shape], votes, &alone)[0].class

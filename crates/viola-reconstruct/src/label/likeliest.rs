@@ -6,6 +6,13 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 /// A value for each class: probabilities, or sums of votes.
 pub(super) type ByClass = [f32; CLASSES];
 
+/// Returns the known probabilities of a label.
+pub(super) fn by_class(label: &Label) -> ByClass {
+    let mut out = [0f32; CLASSES];
+    label.fractions().for_each(|(class, fraction)| out[class as usize] += f32::from(fraction) / 255.0);
+    out
+}
+
 /// Returns the class with the largest sum in the family with the largest sum; its fraction of all sums is
 /// its probability.
 pub(super) fn likeliest(sums: &[f32], views: u16) -> Label {

@@ -1,16 +1,16 @@
 //! Labels of a home's map: its surface shows more of each object than a clip does.
 
 use super::SegmentError;
+use super::columns::View;
 use super::combine::{self, Alone};
 use super::instances::agree;
-use super::likeliest::ByClass;
+use super::likeliest::{ByClass, by_class};
 use super::segments::segments;
 use super::sites::Sites;
 use super::structure;
 use super::surface::SurfaceNetwork;
 use crate::cloud::{Label, PointCloud};
 use viola_geometry::Point3;
-use viola_geometry::taxonomy::CLASSES;
 
 /// Labels of a piece of a map.
 pub struct MapLabels {
@@ -34,15 +34,16 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
     let of_point = &sites.of_point[..count];
     // Sites are numbered in the order of their points.
     let asked = of_point.iter().max().map_or(0, |last| *last as usize + 1);
-    let (of_map, failure) =
-        match network.map(|network| network.classify_as_is(&sites.positions_m, &sites.normals, asked)) {
-            // Without surface in the network's slices, it has nothing to say.
-            None | Some(Err(SegmentError::NoSurface { .. })) => (None, None),
-            Some(Ok(of_map)) => (Some(of_map), None),
-            Some(Err(failure)) => (None, Some(failure)),
-        };
+    let (of_map, failure) = match network.map(|network| network.classify_in(&View::default(), &sites, asked))
+    {
+        // Without surface in the network's slices, it has nothing to say.
+        None | Some(Err(SegmentError::NoSurface { .. })) => (None, None),
+        Some(Ok(of_map)) => (Some(of_map), None),
+        Some(Err(failure)) => (None, Some(failure)),
+    };
     let surface = |site: usize| {
-        let of_clips = by_class(&of_clips[site]).filter(|_| of_clips[site].views == 0);
+        let label = &of_clips[site];
+        let of_clips = (label.views == 0 && label.fractions().next().is_some()).then(|| by_class(label));
         match (of_clips, of_map.as_ref().and_then(|of_map| of_map.of(site))) {
             (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
             (one, other) => one.or(other),
@@ -56,11 +57,11 @@ pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork
     }
     let pictures = |site: usize| {
         let label = &of_clips[site];
-        (by_class(label).unwrap_or([0.0; CLASSES]), label.views)
+        (by_class(label), label.views)
     };
     let surfaced = combine::surfaced(&segments, &shapes, |site| said[site]);
     // The labels of pictured points have heard the network's answers for the clips, but not that for the map.
-    let alone = if of_map.is_some() { Alone::Voter(surfaced) } else { Alone::Fallback(surfaced) };
+    let alone = Alone { labels: surfaced, is_voter: of_map.is_some() };
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
     MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }
 }
@@ -73,11 +74,4 @@ fn first_labels(map: &PointCloud, sites: &Sites) -> Vec<Label> {
         labels[*site as usize] = point.label;
     }
     labels
-}
-
-/// Returns the known probabilities of a label; `None` without any.
-fn by_class(label: &Label) -> Option<ByClass> {
-    let mut out = [0f32; CLASSES];
-    label.fractions().for_each(|(class, fraction)| out[class as usize] += f32::from(fraction) / 255.0);
-    (out.iter().sum::<f32>() > 0.0).then_some(out)
 }

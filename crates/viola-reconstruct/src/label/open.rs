@@ -2,20 +2,17 @@
 
 use super::logits::Logits;
 use super::mask2former::Mask2Former;
-use super::picture::{self, Fit, Raster};
+use super::picture::{self, Fit, PictureInput, Raster};
 use super::{ClassMap, SegmentError, Segmenter};
 use image::RgbImage;
 use std::sync::Arc;
 use viola_network::Element::F32;
-use viola_network::manifest::{Input, Layout, ModelEntry, Output};
+use viola_network::Network;
+use viola_network::manifest::{ModelEntry, Output};
 use viola_network::signature::{expect, one};
-use viola_network::{Network, Tensor};
 
 /// Returns a segmenter for a loaded network, after a check of the network against its entry.
-pub fn open_segmenter(
-    entry: &ModelEntry,
-    network: Arc<dyn Network>,
-) -> Result<Box<dyn Segmenter>, SegmentError> {
+pub fn open_segmenter(entry: &ModelEntry, network: Arc<Network>) -> Result<Box<dyn Segmenter>, SegmentError> {
     let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
     let (Some(input), Some(output), Some(table)) = (&entry.input, &entry.output, entry.classes) else {
         return Err(misfit("it is not a segmentation network".to_owned()));
@@ -40,28 +37,14 @@ pub fn open_segmenter(
             return Err(misfit("it is not a segmentation network".to_owned()));
         }
     };
-    let info = one(network.inputs(), input.name.as_deref(), "input").map_err(misfit)?;
-    let (width, height) = (input.width.pixels(), input.height.pixels());
-    let (axes, row_axis) = match input.layout {
-        Layout::Nchw => ([Some(1), Some(3), height, width], 2),
-        Layout::Nhwc => ([Some(1), height, width, Some(3)], 1),
-    };
-    expect(info, "input", F32, &axes).map_err(misfit)?;
-    let size = (height.or(info.axis(row_axis)), width.or(info.axis(row_axis + 1)));
-    let fixed = match size {
-        (Some(height), Some(width)) if width > 0 && height > 0 => Some(Raster { width, height }),
-        (None, None) => None,
-        _ => return Err(misfit("its input has one side of fixed length and an open one".to_owned())),
-    };
+    let input = PictureInput::of(&network, input).map_err(misfit)?;
     let raster = network.outputs().iter().find(|info| info.name == head.raster()).and_then(|info| {
         let (height, width) = (info.axis(2)?, info.axis(3)?);
         (width > 0 && height > 0).then_some(Raster { width, height })
     });
     Ok(Box::new(NetworkSegmenter {
         name: format!("{}, {}", entry.name, network.runtime()),
-        input_name: info.name.clone(),
-        input: input.clone(),
-        fixed,
+        input,
         raster,
         head,
         network,
@@ -93,11 +76,8 @@ impl Head {
 
 struct NetworkSegmenter {
     name: String,
-    network: Arc<dyn Network>,
-    input_name: String,
-    input: Input,
-    /// Size of the input if it is fixed.
-    fixed: Option<Raster>,
+    network: Arc<Network>,
+    input: PictureInput,
     /// Size of the output if the file states it.
     raster: Option<Raster>,
     head: Head,
@@ -110,25 +90,20 @@ impl Segmenter for NetworkSegmenter {
             return Err(SegmentError::NoPicture);
         }
         let align_corners = self.head.align_corners();
-        let fit = match self.fixed {
+        let fit = match self.input.fixed {
             Some(input) => Fit::into_fixed(size, input, self.raster, align_corners),
-            None => Fit::by_rule(size, &self.input),
+            None => Fit::by_rule(size, &self.input.rule),
         };
-        let input = picture::tensor(picture, fit, &self.input, align_corners);
-        let outputs = self
-            .network
-            .run(&[(&self.input_name, input)])
-            .map_err(|error| SegmentError::Run(error.to_string()))?;
-        let output = |wanted: &str| -> Result<&Tensor, SegmentError> {
-            let found = outputs.iter().find(|(name, _)| name == wanted);
-            found
-                .map(|(_, tensor)| tensor)
-                .ok_or_else(|| SegmentError::Run(format!("the output {wanted} is missing")))
-        };
+        let input = picture::tensor(picture, fit, &self.input.rule, align_corners);
+        let inputs = [(self.input.name.as_str(), input)];
         match &self.head {
-            Head::Logits { output: name, logits } => logits.read(output(name)?, fit),
+            Head::Logits { output, logits } => {
+                let [output] = self.network.run(&inputs, [output])?;
+                logits.read(&output, fit)
+            }
             Head::Mask2Former { classes, masks, queries } => {
-                queries.read(output(classes)?, output(masks)?, fit)
+                let [classes, masks] = self.network.run(&inputs, [classes, masks])?;
+                queries.read(&classes, &masks, fit)
             }
         }
     }

@@ -1,8 +1,9 @@
 //! Converts a picture to a network's input: resized with its aspect ratio kept, padded, normalised.
 
 use image::RgbImage;
-use viola_network::Tensor;
 use viola_network::manifest::{Channels, Input, Layout};
+use viola_network::signature::{expect, one};
+use viola_network::{Element, Network, Tensor};
 
 /// Placement of a picture in a network's input: in its top left corner; the rest is padding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,6 +16,34 @@ pub struct Fit {
 pub struct Raster {
     pub width: usize,
     pub height: usize,
+}
+
+/// The input of a network for pictures.
+pub struct PictureInput {
+    pub name: String,
+    /// Conversion of a picture, by the network's entry.
+    pub rule: Input,
+    /// Size of the input if it is fixed.
+    pub fixed: Option<Raster>,
+}
+
+impl PictureInput {
+    /// Returns the input that an entry describes; an error is what the network has instead.
+    pub fn of(network: &Network, rule: &Input) -> Result<PictureInput, String> {
+        let info = one(network.inputs(), rule.name.as_deref(), "input")?;
+        let (width, height) = (rule.width.pixels(), rule.height.pixels());
+        let (axes, row_axis) = match rule.layout {
+            Layout::Nchw => ([Some(1), Some(3), height, width], 2),
+            Layout::Nhwc => ([Some(1), height, width, Some(3)], 1),
+        };
+        expect(info, "input", Element::F32, &axes)?;
+        let fixed = match (height.or(info.axis(row_axis)), width.or(info.axis(row_axis + 1))) {
+            (Some(height), Some(width)) if width > 0 && height > 0 => Some(Raster { width, height }),
+            (None, None) => None,
+            _ => return Err("its input has one side of fixed length and an open one".to_owned()),
+        };
+        Ok(PictureInput { name: info.name.clone(), rule: rule.clone(), fixed })
+    }
 }
 
 impl Fit {

@@ -4,6 +4,7 @@ use super::SegmentError;
 use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View, surface_from_grid};
 use super::instances::agree;
 use super::likeliest::ByClass;
+use super::numbers::all_finite;
 use super::sites::Sites;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -29,12 +30,12 @@ const BOX_NUMBERS: usize = 6;
 pub struct SurfaceNetwork {
     name: String,
     version: String,
-    network: Arc<dyn Network>,
+    network: Arc<Network>,
 }
 
 impl SurfaceNetwork {
     /// Returns the network after a check of its inputs and outputs.
-    pub fn new(entry: &ModelEntry, network: Arc<dyn Network>) -> Result<SurfaceNetwork, SegmentError> {
+    pub fn new(entry: &ModelEntry, network: Arc<Network>) -> Result<SurfaceNetwork, SegmentError> {
         let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
         let inputs = [
             ("grid", F32, vec![Some(1), Some(PLANES), None, None]),
@@ -78,7 +79,7 @@ impl SurfaceNetwork {
     fn classify_alone(&self, sites: &Sites) -> Result<OfSites, SegmentError> {
         let mut sums = vec![([0f32; CLASSES], Vector3::zeros(), 0f32); sites.len()];
         for view in &VIEWS {
-            let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
+            let said = self.classify_in(view, sites, sites.len())?;
             sums.par_iter_mut().enumerate().for_each(|(site, (sum, to_centre_m, count))| {
                 let (Some(of_view), Some(towards_m)) = (said.of(site), said.to_centre(site)) else {
                     return;
@@ -97,24 +98,14 @@ impl SurfaceNetwork {
         Ok(OfSites { said, centres_m })
     }
 
-    /// Returns the answer for the first `asked` places of the surface in one view only. Positions are in a frame whose
-    /// floor is at 0.
-    pub(super) fn classify_as_is(
-        &self,
-        positions_m: &[Point3],
-        normals: &[Vector3],
-        asked: usize,
-    ) -> Result<VoxelClasses, SegmentError> {
-        self.classify_in(&View::default(), positions_m, normals, asked)
-    }
-
-    fn classify_in(
+    /// Returns the answer for the first `asked` sites in one view only. `sites` are in a frame whose floor is at 0.
+    pub(super) fn classify_in(
         &self,
         view: &View,
-        positions_m: &[Point3],
-        normals: &[Vector3],
+        sites: &Sites,
         asked: usize,
     ) -> Result<VoxelClasses, SegmentError> {
+        let Sites { positions_m, normals, .. } = sites;
         let columns = Columns::new(positions_m, normals, asked, view);
         let columns = columns.filter(|columns| !columns.column.is_empty());
         let Some(columns) = columns else { return Err(SegmentError::NoSurface { height_m: TOP_M }) };
@@ -126,24 +117,23 @@ impl SurfaceNetwork {
             ("place", numbers(columns.place)),
             ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
         ];
-        let outputs = self.network.run(&inputs).map_err(|error| SegmentError::Run(error.to_string()))?;
-        let output = |name: &str, numbers: usize| {
-            let tensor = outputs.iter().find(|(output, _)| output == name).map(|(_, tensor)| tensor);
-            let values = tensor.filter(|tensor| tensor.shape == [voxels, numbers]).and_then(Tensor::as_f32);
-            let values = values.ok_or_else(|| SegmentError::Shape {
-                got: "other outputs".to_owned(),
-                want: format!("{name} of {voxels} x {numbers}"),
-            })?;
-            let is_finite = values.iter().all(|value| value.is_finite());
-            if is_finite { Ok(values) } else { Err(SegmentError::NotFinite) }
-        };
-        let (logits, boxes) = (output("logits", CLASSES)?, output("box", BOX_NUMBERS)?);
+        let [logits, boxes] = self.network.run(&inputs, ["logits", "box"])?;
+        let (logits, boxes) = (finite(&logits, [voxels, CLASSES])?, finite(&boxes, [voxels, BOX_NUMBERS])?);
         let turned = surface_from_grid(normals, view);
         let to_centre = |numbers: &[f32]| turned(&Vector3::from_fn(|axis, _| f64::from(numbers[axis])));
         let of_voxel = logits.par_chunks_exact(CLASSES).map(softmax).collect();
         let to_centre_m = boxes.chunks_exact(BOX_NUMBERS).map(to_centre).collect();
         Ok(VoxelClasses { of_voxel, to_centre_m, of_site: columns.of_site })
     }
+}
+
+/// Returns the finite numbers of a tensor of this shape.
+fn finite(tensor: &Tensor, shape: [usize; 2]) -> Result<&[f32], SegmentError> {
+    let values = tensor.as_f32().filter(|_| tensor.shape == shape).ok_or_else(|| SegmentError::Shape {
+        got: format!("{:?} {:?}", tensor.data.element(), tensor.shape),
+        want: format!("F32 {shape:?}"),
+    })?;
+    if all_finite(values) { Ok(values) } else { Err(SegmentError::NotFinite) }
 }
 
 /// Probabilities of the classes of sites, and the centres of their objects.
@@ -236,7 +226,9 @@ mod tests {
         let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
         let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
         let network = opened("columns.onnx").unwrap();
-        let said = network.classify_as_is(&positions_m, &normals, positions_m.len()).unwrap();
+        let sites = Sites { positions_m: positions_m.clone(), normals, ..Sites::default() };
+        let one = |view: &View| network.classify_in(view, &sites, sites.len()).unwrap();
+        let said = one(&View::default());
         let classes = said.of_sites();
         assert!(expected.sites.len() > 10);
         for ExpectedSite { site, class, probability, bounds } in expected.sites {
@@ -248,10 +240,8 @@ mod tests {
             assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
         }
         // The answer is the mean over all views, of which this is the first.
-        let one = |view: &View| network.classify_in(view, &positions_m, &normals, positions_m.len()).unwrap();
         let of_views: Vec<VoxelClasses> = VIEWS.iter().map(one).collect();
         assert_eq!(of_views[0].of_sites(), classes);
-        let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
         let OfSites { said, centres_m } = network.classify_alone(&sites).unwrap();
         for (site, (all, centre_m)) in said.into_iter().zip(centres_m).enumerate() {
             let (all, centre_m) = (all.expect("it is in the grid"), centre_m.expect("as its class"));

@@ -4,8 +4,7 @@ use super::sites::Sites;
 use super::{ClassMap, LabelParams, SegmentError, Segmenter, augment};
 use crate::error::ReconstructError;
 use crate::key_frame::KeyFrame;
-use crate::label::params::KEY_ANGLE_RAD;
-use crate::label::params::KEY_DISTANCE_M;
+use crate::label::params::{KEY_ANGLE_RAD, KEY_DISTANCE_M};
 use crate::quarter_turn::QuarterTurn;
 use rayon::prelude::*;
 use viola_formats::clip::{Clip, Frame};
@@ -33,7 +32,7 @@ pub(super) struct Voted {
 
 /// Sites processed together. They lie side by side, so most sites out of view are skipped as a chunk.
 const CHUNK: usize = 1024;
-/// Frames decoded at a time.
+/// Maximum number of frames decoded at a time.
 const BATCH: usize = 4;
 /// A network that fails on so many pictures and has segmented none fails on the others, too, each in the time of a picture.
 const MAX_FAILURES: usize = 3;
@@ -68,11 +67,12 @@ pub(super) fn vote(
     let balls = balls(sites);
     let chosen = choose(recording.key_frames);
     let mut frames = recording.clip.stream(chosen.iter().map(|key| key.index).collect());
-    for (done, batch) in chosen.chunks(BATCH).enumerate() {
+    let at_a_time = recording.clip.batch(BATCH);
+    for (done, batch) in chosen.chunks(at_a_time).enumerate() {
         progress::check(progress)?;
-        for (i, (frame, key)) in frames.next_batch(BATCH).into_iter().zip(batch).enumerate() {
+        for (i, (frame, key)) in frames.next_batch(at_a_time).into_iter().zip(batch).enumerate() {
             progress::check(progress)?;
-            progress.advance((done * BATCH + i) as f64 / chosen.len() as f64);
+            progress.advance((done * at_a_time + i) as f64 / chosen.len() as f64);
             let frame = match frame {
                 Ok(frame) => frame,
                 Err(error) if error.is_service_fault() => return Err(ReconstructError::Clip(error)),
@@ -229,5 +229,74 @@ impl Look<'_> {
         let camera = &self.frame.color_camera;
         let (u, v) = (camera.fx * at.x / at.z + camera.cx, camera.fy * at.y / at.z + camera.cy);
         (inside(u, camera.width) && inside(v, camera.height)).then_some((u as f32, v as f32))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::RgbImage;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use viola_formats::clip::{ClipInfo, DepthImage, FrameHeader};
+    use viola_geometry::Pinhole;
+    use viola_geometry::progress::Silent;
+
+    /// Keeps the number of frames that wait for it beside each picture.
+    struct Waiting {
+        decoded: Arc<AtomicUsize>,
+        segmented: AtomicUsize,
+        most: AtomicUsize,
+    }
+
+    impl Segmenter for Waiting {
+        fn segment(&self, _: &RgbImage) -> Result<ClassMap, SegmentError> {
+            let before = self.segmented.fetch_add(1, Ordering::Relaxed);
+            self.most.fetch_max(self.decoded.load(Ordering::Relaxed) - before, Ordering::Relaxed);
+            let probabilities = vec![1.0 / CLASSES as f32; CLASSES];
+            Ok(ClassMap { width: 1, height: 1, align_corners: false, probabilities })
+        }
+
+        fn name(&self) -> String {
+            "waiting".to_owned()
+        }
+    }
+
+    #[test]
+    fn of_large_pictures_fewer_are_in_memory_at_a_time() {
+        for (side, most) in [(640, BATCH), (4000, 3), (9000, 1)] {
+            let decoded = Arc::new(AtomicUsize::new(0));
+            let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
+            let header = |number: u32| FrameHeader {
+                number,
+                time_s: None,
+                world_from_camera: None,
+                force_in_camera: None,
+            };
+            let count = Arc::clone(&decoded);
+            let load = move |index: usize| {
+                count.fetch_add(1, Ordering::Relaxed);
+                Frame {
+                    header: header(index as u32),
+                    color_camera: camera,
+                    color: Some(RgbImage::new(4, 3)),
+                    depth_camera: camera,
+                    depth: DepthImage { width: 4, height: 3, depth_m: vec![0.0; 12] },
+                }
+            };
+            let info = ClipInfo::in_memory(8, [side, side], [4, 3]);
+            let clip = Clip::from_frames(info, (0..8).map(header).collect(), None, load);
+            let key = |index: usize| {
+                let pose = Pose3::translation(index as f64, 0.0, 0.0);
+                KeyFrame { index, ..KeyFrame::blind(pose) }
+            };
+            let key_frames: Vec<KeyFrame> = (0..8).map(key).collect();
+            let recording = Recording { clip: &clip, key_frames: &key_frames, up_in_world: None };
+            let segmenter = Waiting { decoded, segmented: AtomicUsize::new(0), most: AtomicUsize::new(0) };
+            let params = LabelParams::default();
+            let voted = vote(&recording, &Sites::default(), &segmenter, &params, &Silent).unwrap();
+            assert_eq!(voted.ok().map(|voted| voted.pictures.len()), Some(8), "{side}");
+            assert_eq!(segmenter.most.into_inner(), most, "{side}");
+        }
     }
 }

@@ -6,7 +6,7 @@ use crate::error::ReconstructError;
 use crate::key_frame::KeyFrame;
 use crate::reason::Reason;
 use std::cmp::Reverse;
-use viola_formats::clip::{Clip, ClipError, FrameHeader};
+use viola_formats::clip::{Clip, ClipError};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
 
@@ -33,16 +33,6 @@ pub struct TrackedClip {
     pub is_sparse: bool,
     /// Remarks for the answer.
     pub reasons: Vec<Reason>,
-}
-
-impl TrackedClip {
-    /// Returns the frames that have a pose.
-    pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
-        clip.frames()
-            .iter()
-            .zip(&self.world_from_camera)
-            .filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
-    }
 }
 
 /// Tracks some frames of a clip (`indices`, ascending). Frames that cannot be decoded are left out; it is an

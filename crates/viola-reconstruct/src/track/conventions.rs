@@ -126,7 +126,7 @@ pub fn convention_of_dropped(
     let headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header));
     let posed: Vec<(usize, Pose3)> =
         headers.filter_map(|(index, header)| Some((index, header.world_from_camera?))).collect();
-    if 2 * kept.posed(clip).count() >= posed.len() {
+    if 2 * kept.world_from_camera.iter().flatten().count() >= posed.len() {
         return Ok(None);
     }
     let stride = posed.len().div_ceil(PAIRS).max(2);

@@ -17,7 +17,7 @@ const DRIFT_M: f64 = 0.01;
 const DRIFT_RAD: f64 = 0.003;
 
 /// Returns the edge between two key frames by the device's poses.
-fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
+pub(super) fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     let way_m = b_from_a.translation.vector.norm();
     let precision = |least: f64, drift: f64| 1.0 / (least * least + drift * drift * way_m);
     let (place, turn) = (precision(MIN_DEVIATION_M, DRIFT_M), precision(MIN_DEVIATION_RAD, DRIFT_RAD));
@@ -37,11 +37,6 @@ impl Tracker {
         Some(world_from_camera.inverse() * world_from_key)
     }
 
-    /// Returns the edge from a key frame to the next one by the device's poses.
-    pub(super) fn device_edge(&self, key: usize, expected: Pose3) -> Option<Edge> {
-        self.has_device.then(|| edge(key, self.keys.len(), expected))
-    }
-
     /// Places a frame by its device's pose, because its pictures do not constrain it.
     pub(super) fn carry(&mut self, pyramid: Pyramid, expected: Pose3) -> Followed {
         let key = self.keys.len() - 1;
@@ -50,7 +45,7 @@ impl Tracker {
         if is_near || Lost::of(&pyramid).is_some() {
             return Followed { key, camera_from_key: expected };
         }
-        self.edges.extend(self.device_edge(key, expected));
+        self.edges.push(edge(key, key + 1, expected));
         let pose = self.keys[key].world_from_key * expected.inverse();
         let (frame, segment) = (self.frames.len(), self.keys[key].segment);
         let next = KeyFrame::new(frame, segment, pose, &pyramid, &self.describer);

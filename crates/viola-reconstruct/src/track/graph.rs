@@ -3,7 +3,7 @@
 //! Odometry is weighted by its information. Loops that disagree with everything else fade, and loops with too
 //! little weight are rejected (Geman and McClure, 1985; Agarwal et al., 2013).
 
-use super::step::exponential;
+use super::step::{Step, exponential};
 use nalgebra::{Matrix6, Vector6};
 use viola_geometry::progress::{self, Cancelled, Progress};
 use viola_geometry::{Pose3, Vector3, conjugate_gradients, groups};
@@ -18,6 +18,13 @@ pub(super) struct Edge {
     pub information: Matrix6<f64>,
     /// True for loops, which may be wrong; steps are trusted.
     pub is_loop: bool,
+}
+
+impl Edge {
+    /// Returns the edge of an alignment of `b` to `a`.
+    pub fn of(a: usize, b: usize, step: &Step, is_loop: bool) -> Edge {
+        Edge { a, b, b_from_a: step.camera_from_key, information: step.trusted_information(), is_loop }
+    }
 }
 
 /// Squared error, in standard deviations, at which loops fade.

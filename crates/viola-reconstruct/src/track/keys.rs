@@ -66,19 +66,15 @@ impl KeyFrame {
     }
 
     /// Returns the number of descriptor words that two key frames have in common.
-    pub fn similarity(&self, other: &[u32]) -> usize {
+    pub fn similarity(&self, other: &KeyFrame) -> usize {
         let (mut i, mut j, mut common) = (0, 0, 0);
         // Without branches on the order of the words, which no processor predicts.
-        while let (Some(a), Some(b)) = (self.words.get(i), other.get(j)) {
+        while let (Some(a), Some(b)) = (self.words.get(i), other.words.get(j)) {
             i += usize::from(a <= b);
             j += usize::from(b <= a);
             common += usize::from(a == b);
         }
         common
-    }
-
-    pub fn words(&self) -> &[u32] {
-        &self.words
     }
 
     /// Returns its size in bytes.
@@ -91,7 +87,7 @@ impl KeyFrame {
 }
 
 /// Returns the parts of the descriptors, in order: pictures of one place have many of them in common.
-pub(super) fn words(corners: &[Corner]) -> Vec<u32> {
+fn words(corners: &[Corner]) -> Vec<u32> {
     let part = |corner: &Corner, k: usize| {
         ((k as u32) << 16) | (corner.bits[k / 4] >> (16 * (k % 4))) as u32 & 0xffff
     };

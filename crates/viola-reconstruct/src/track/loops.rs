@@ -94,7 +94,7 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64, progress: &dyn Progress) -> 
     let alike = |b: usize| -> Vec<usize> {
         let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + APART <= b;
         let mut alike: Vec<(usize, usize)> =
-            (0..b).filter(apart).map(|a| (keys[a].similarity(keys[b].words()), a)).collect();
+            (0..b).filter(apart).map(|a| (keys[a].similarity(&keys[b]), a)).collect();
         alike.sort_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
         alike.into_iter().take(TRIES).map(|(_, a)| a).collect()
     };
@@ -173,7 +173,7 @@ fn checked(
                 if let Some(found) = check(reference, &keys[b], &start)
                     && way.can_reach(keys, a, b, &found.camera_from_key)
                 {
-                    edges.push((place, edge(a, b, &found)));
+                    edges.push((place, Edge::of(a, b, &found, true)));
                 }
             }
             Ok(edges)
@@ -182,10 +182,6 @@ fn checked(
     let mut edges = found?.concat();
     edges.sort_by_key(|(place, _)| *place);
     Ok(edges.into_iter().map(|(_, edge)| edge).collect())
-}
-
-fn edge(a: usize, b: usize, found: &Step) -> Edge {
-    Edge { a, b, b_from_a: found.camera_from_key, information: found.trusted_information(), is_loop: true }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use viola_network::{Data, Element, Network, Tensor};
 /// the hole's surroundings, resizes them to the training size and puts the result back.
 pub(super) struct MiGan {
     name: String,
-    network: Arc<dyn Network>,
+    network: Arc<Network>,
     picture: String,
     mask: String,
     result: String,
@@ -24,7 +24,7 @@ impl MiGan {
     /// default input names are `image` and `mask`.
     pub(super) fn new(
         entry: &str,
-        network: Arc<dyn Network>,
+        network: Arc<Network>,
         input: &Input,
         output: Option<&str>,
         mask: Option<&str>,
@@ -72,11 +72,7 @@ impl Inpainter for MiGan {
             (self.picture.as_str(), Tensor::u8([1, 3, height, width], planes(picture))),
             (self.mask.as_str(), Tensor::u8([1, 1, height, width], mask)),
         ];
-        let outputs = self.network.run(&inputs).map_err(|error| InpaintError::Run(error.to_string()))?;
-        let (_, result) = outputs
-            .into_iter()
-            .find(|(name, _)| *name == self.result)
-            .ok_or_else(|| InpaintError::Run(format!("the output {} is missing", self.result)))?;
+        let [result] = self.network.run(&inputs, [&self.result])?;
         let filled = read(&result, width, height)?;
         Ok(hole::put_back(picture, hole, &filled))
     }

@@ -7,11 +7,11 @@
 use super::{DepthError, DepthEstimator};
 use image::RgbImage;
 use std::sync::Arc;
-use viola_network::manifest::{Input, Layout, ModelEntry, Output};
+use viola_network::manifest::{ModelEntry, Output};
 use viola_network::signature::{expect, one};
 use viola_network::{Element, Network, Tensor};
 use viola_reconstruct::label::numbers::all_finite;
-use viola_reconstruct::label::picture::{self, Fit, Raster};
+use viola_reconstruct::label::picture::{self, Fit, PictureInput, Raster};
 
 /// Maximum side of a network's output raster, in pixels.
 const MAX_SIDE: usize = 8192;
@@ -22,24 +22,13 @@ const MAX_RATIO: f32 = 100.0;
 /// Returns an estimator for a loaded network, after a check of the network against its entry.
 pub fn open_estimator(
     entry: &ModelEntry,
-    network: Arc<dyn Network>,
+    network: Arc<Network>,
 ) -> Result<Box<dyn DepthEstimator>, DepthError> {
     let misfit = |problem: String| DepthError::Misfit { network: entry.name.clone(), problem };
     let (Some(input), Some(Output::Depth { name, scale, inverse })) = (&entry.input, &entry.output) else {
         return Err(misfit("it is not a depth network".to_owned()));
     };
-    let info = one(network.inputs(), input.name.as_deref(), "input").map_err(misfit)?;
-    let (width, height) = (input.width.pixels(), input.height.pixels());
-    let (axes, row_axis) = match input.layout {
-        Layout::Nchw => ([Some(1), Some(3), height, width], 2),
-        Layout::Nhwc => ([Some(1), height, width, Some(3)], 1),
-    };
-    expect(info, "input", Element::F32, &axes).map_err(misfit)?;
-    let fixed = match (height.or(info.axis(row_axis)), width.or(info.axis(row_axis + 1))) {
-        (Some(height), Some(width)) if width > 0 && height > 0 => Some(Raster { width, height }),
-        (None, None) => None,
-        _ => return Err(misfit("its input has one side of fixed length and an open one".to_owned())),
-    };
+    let input = PictureInput::of(&network, input).map_err(misfit)?;
     let output = one(network.outputs(), name.as_deref(), "output").map_err(misfit)?;
     let axes: &[Option<usize>] = match output.shape.as_ref().map(Vec::len) {
         Some(3) => &[Some(1), None, None],
@@ -48,10 +37,8 @@ pub fn open_estimator(
     expect(output, "output", Element::F32, axes).map_err(misfit)?;
     Ok(Box::new(NetworkEstimator {
         name: format!("{}, {}", entry.name, network.runtime()),
-        input_name: info.name.clone(),
         output_name: output.name.clone(),
-        input: input.clone(),
-        fixed,
+        input,
         scale: *scale,
         inverse: *inverse,
         network,
@@ -60,12 +47,9 @@ pub fn open_estimator(
 
 struct NetworkEstimator {
     name: String,
-    network: Arc<dyn Network>,
-    input_name: String,
+    network: Arc<Network>,
+    input: PictureInput,
     output_name: String,
-    input: Input,
-    /// Size of the input if it is fixed.
-    fixed: Option<Raster>,
     scale: f32,
     inverse: bool,
 }
@@ -77,18 +61,11 @@ impl DepthEstimator for NetworkEstimator {
             return Err(DepthError::NoPicture);
         }
         // The picture fills the whole input, because a border would need a depth, too.
-        let raster = self.fixed.unwrap_or_else(|| Fit::by_rule(size, &self.input).input);
+        let raster = self.input.fixed.unwrap_or_else(|| Fit::by_rule(size, &self.input.rule).input);
         let fit = Fit { input: raster, content: raster };
-        let input = picture::tensor(picture, fit, &self.input, false);
-        let outputs = self
-            .network
-            .run(&[(&self.input_name, input)])
-            .map_err(|error| DepthError::Run(error.to_string()))?;
-        let (_, output) = outputs
-            .iter()
-            .find(|(name, _)| *name == self.output_name)
-            .ok_or_else(|| DepthError::Run(format!("the output {} is missing", self.output_name)))?;
-        let (values, raster) = read(output)?;
+        let input = picture::tensor(picture, fit, &self.input.rule, false);
+        let [output] = self.network.run(&[(&self.input.name, input)], [&self.output_name])?;
+        let (values, raster) = read(&output)?;
         let depth = depths(values, self.scale, self.inverse)?;
         Ok(picture::resized(&depth, raster, size))
     }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::scan::{Hit, VirtualScan};
 use viola_geometry::Pose3;
-use viola_reconstruct::{CloudPoint, KeyFrame, Label};
+use viola_reconstruct::{CloudPoint, KeyFrame};
 
 const CAMERA: Pinhole = Pinhole { width: 512, height: 384, fx: 440.0, fy: 440.0, cx: 255.5, cy: 191.5 };
 const HEIGHT_M: f64 = 0.12;
@@ -11,13 +11,7 @@ const HEIGHT_M: f64 = 0.12;
 fn room() -> Observation {
     let mut points = Vec::new();
     let mut add = |x: f64, y: f64, z: f64, normal: [f32; 3]| {
-        points.push(CloudPoint {
-            position_m: [x as f32, y as f32, z as f32],
-            normal,
-            color: [0; 3],
-            label: Label::NONE,
-            weight: 1,
-        });
+        points.push(CloudPoint::new([x as f32, y as f32, z as f32], normal));
     };
     for i in 0..80 {
         let x = f64::from(i) * 0.05;
@@ -31,15 +25,7 @@ fn room() -> Observation {
             add(x, f64::from(j) * 0.05, 0.0, [0.0, 0.0, 1.0]);
         }
     }
-    let hit = |x: f64| Hit {
-        point_m: Point2::new(x, 3.0),
-        normal: Vector2::new(0.0, -1.0),
-        weight: 1.0,
-        extent_m: 2.4,
-        at_vacuum_height: true,
-        completed: false,
-        from_m: Point2::new(1.0, 1.0),
-    };
+    let hit = |x: f64| Hit::standing(Point2::new(x, 3.0), Vector2::new(0.0, -1.0));
     let hits = (0..40).map(|i| hit(f64::from(i) * 0.05)).collect();
     let key = |x: f64, pitch_rad: f64| {
         let yaw_rad = std::f64::consts::FRAC_PI_2;

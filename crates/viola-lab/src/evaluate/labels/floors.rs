@@ -223,8 +223,7 @@ fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3
         let near_m = FOOT_M.max(0.1 * 0.8f64.powi(round));
         let near: Vec<&Point3> =
             points.iter().copied().filter(|p| plane.height_m(p).abs() < near_m).collect();
-        let fitted = Plane::fit(&near)?;
-        plane = if fitted.normal.dot(up) < 0.0 { fitted.flipped() } else { fitted };
+        plane = Plane::fit(&near)?.facing(up);
     }
     Some(plane)
 }

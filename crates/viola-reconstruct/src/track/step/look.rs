@@ -6,9 +6,6 @@ use crate::track::picture::Layer;
 use crate::track::reference::{Group, LANES, Lanes};
 use rayon::prelude::*;
 
-/// Weight of grey against depth; 1 weights both by their estimated errors.
-const GREY_WEIGHT: f64 = 1.0;
-
 /// Groups for one thread. Fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 /// Degrees of freedom of the t-distribution (Kerl et al.).
@@ -36,7 +33,6 @@ struct Look<'a> {
     /// Inverse of the squared spreads.
     grey_scale: f32,
     depth_scale: f32,
-    grey_weight: f32,
 }
 
 /// Samples of the frame at eight points.
@@ -65,7 +61,6 @@ impl<'a> Look<'a> {
             gate,
             grey_scale: (1.0 / (state.grey_sigma * state.grey_sigma)) as f32,
             depth_scale: (1.0 / (state.depth_sigma * state.depth_sigma)) as f32,
-            grey_weight: GREY_WEIGHT as f32,
         }
     }
 
@@ -176,7 +171,7 @@ impl<'a> Look<'a> {
             let robust = t(in_sigmas) * is_sharp;
             depth_weight[l] = robust * self.depth_scale;
             let grey_robust = t(grey_error[l] * grey_error[l] * self.grey_scale) * found.has_grey[l];
-            grey_weight[l] = grey_robust * self.grey_scale * self.grey_weight;
+            grey_weight[l] = grey_robust * self.grey_scale;
             by_depth[0][l] = -nx * sharp;
             by_depth[1][l] = -ny * sharp;
             by_depth[2][l] = -nz * sharp;

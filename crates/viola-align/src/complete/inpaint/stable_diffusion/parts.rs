@@ -16,9 +16,9 @@ const SIDES: std::ops::RangeInclusive<usize> = 8..=2048;
 
 /// The networks, and the sizes that they agree on.
 pub(super) struct Parts {
-    encoder: Arc<dyn Network>,
-    unet: Arc<dyn Network>,
-    decoder: Arc<dyn Network>,
+    encoder: Arc<Network>,
+    unet: Arc<Network>,
+    decoder: Arc<Network>,
     /// Size of the picture, in pixels.
     pub(super) size: Raster,
     channels: usize,
@@ -28,16 +28,12 @@ pub(super) struct Parts {
 }
 
 /// Opens one of the networks in a pipeline's folder.
-pub(super) fn open(
-    folder: &Path,
-    name: &str,
-    params: &RuntimeParams,
-) -> Result<Arc<dyn Network>, InpaintError> {
+pub(super) fn open(folder: &Path, name: &str, params: &RuntimeParams) -> Result<Arc<Network>, InpaintError> {
     network::open(&folder.join(name), params).map_err(|error| InpaintError::Open(error.to_string()))
 }
 
 /// Checks a network's inputs and outputs; each is a name, its element type and its axes.
-fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
+fn is(network: &Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
     for (what, infos, ports) in [("input", network.inputs(), inputs), ("output", network.outputs(), outputs)]
     {
         for (port, element, axes) in ports {
@@ -54,10 +50,10 @@ fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> R
 type Port<'a> = (&'a str, Element, &'a [Option<usize>]);
 
 /// Returns the text encoder's embedding of a prompt's tokens, 1 x length to 1 x length x width.
-pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
+pub(super) fn embed(encoder: &Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
     let length = tokens.len();
     let input = Tensor { shape: vec![1, length], data: Data::I64(tokens) };
-    let [embeds] = run(encoder, &[("input_ids", input)], ["prompt_embeds"])?;
+    let [embeds] = encoder.run(&[("input_ids", input)], ["prompt_embeds"])?;
     match (embeds.shape.as_slice(), embeds.as_f32()) {
         (&[1, rows, width], Some(values)) if rows == length && values.len() == rows * width => Ok(embeds),
         _ => Err(wrong(&embeds, &format!("[1, {length}, width]"))),
@@ -65,7 +61,7 @@ pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, I
 }
 
 /// Checks that a network is a text encoder for `length` tokens.
-pub(super) fn is_text_encoder(encoder: &dyn Network, length: usize) -> Result<(), String> {
+pub(super) fn is_text_encoder(encoder: &Network, length: usize) -> Result<(), String> {
     let input: Port = ("input_ids", Element::I64, &[Some(1), Some(length)]);
     let output: Port = ("prompt_embeds", Element::F32, &[Some(1), Some(length), None]);
     is(encoder, "text_encoder.onnx", &[input], &[output])
@@ -129,7 +125,7 @@ impl Parts {
 
     /// Returns mean and standard deviation of a picture's latents.
     pub(super) fn encode(&self, picture: Tensor) -> Result<(Vec<f32>, Vec<f32>), InpaintError> {
-        let [mean, std] = run(&*self.encoder, &[("picture", picture)], ["mean", "std"])?;
+        let [mean, std] = self.encoder.run(&[("picture", picture)], ["mean", "std"])?;
         let shape = [1, self.channels, self.rows, self.columns];
         Ok((numbers(mean, &shape)?, numbers(std, &shape)?))
     }
@@ -149,38 +145,20 @@ impl Parts {
         );
         let timestep = Tensor::f32([1], vec![timestep as f32]);
         let inputs = [("sample", sample), ("timestep", timestep), ("prompt_embeds", prompt.clone())];
-        let [prediction] = run(&*self.unet, &inputs, ["prediction"])?;
+        let [prediction] = self.unet.run(&inputs, ["prediction"])?;
         numbers(prediction, &[1, self.channels, self.rows, self.columns])
     }
 
     /// Returns the picture of some latents, from -1 to 1, 3 x height x width.
     pub(super) fn decode(&self, latents: Vec<f32>) -> Result<Vec<f32>, InpaintError> {
         let latents = Tensor::f32([1, self.channels, self.rows, self.columns], latents);
-        let [picture] = run(&*self.decoder, &[("latents", latents)], ["picture"])?;
+        let [picture] = self.decoder.run(&[("latents", latents)], ["picture"])?;
         numbers(picture, &[1, 3, self.size.height, self.size.width])
     }
 
     pub(super) fn runtime(&self) -> &str {
         self.unet.runtime()
     }
-}
-
-/// Runs a network, and returns its outputs of these names.
-fn run<const N: usize>(
-    network: &dyn Network,
-    inputs: &[(&str, Tensor)],
-    names: [&str; N],
-) -> Result<[Tensor; N], InpaintError> {
-    let mut outputs = network.run(inputs).map_err(|error| InpaintError::Run(error.to_string()))?;
-    let mut found = Vec::with_capacity(N);
-    for name in names {
-        let place = outputs
-            .iter()
-            .position(|(output, _)| output == name)
-            .ok_or_else(|| InpaintError::Run(format!("the output {name} is missing")))?;
-        found.push(outputs.swap_remove(place).1);
-    }
-    found.try_into().map_err(|_| InpaintError::Run("outputs are missing".to_owned()))
 }
 
 /// Returns the finite numbers of a tensor of this shape.
