@@ -82,7 +82,7 @@ pub(super) fn tag_of_document<T: Serialize>(document: &T) -> String {
 }
 
 /// Returns whether the client has the answer with this tag.
-pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
+fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     let mut each = known.flat_map(|list| list.split(',')).map(|one| one.trim().trim_start_matches("W/"));
     each.any(|one| one == "*" || one == tag)
@@ -120,8 +120,12 @@ pub(super) fn unmet(headers: &HeaderMap, error: StorageError) -> Error {
 
 /// Returns the answer with its entity tag, or 304 if the client has it.
 pub(super) fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
-    let answer = if is_known(headers, tag) { StatusCode::NOT_MODIFIED.into_response() } else { answer() };
-    tagged(answer, tag)
+    known(headers, tag).unwrap_or_else(|| tagged(answer(), tag))
+}
+
+/// Returns 304 if the client has the answer with this tag.
+pub(super) fn known(headers: &HeaderMap, tag: &str) -> Option<Response> {
+    is_known(headers, tag).then(|| tagged(StatusCode::NOT_MODIFIED.into_response(), tag))
 }
 
 /// Returns the answer with its entity tag; caches must revalidate it.

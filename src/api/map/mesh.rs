@@ -1,22 +1,20 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
 use super::format::{Format, named};
-use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, kept, level, revision, tag_of_content};
+use super::{App, LevelQuery, Revision, apart, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
+use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::{known, tagged};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use serde::Deserialize;
 use tracing::error;
 use viola_home::{MESH_TRIANGLES, Mesh};
-use viola_storage::{
-    BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, StorageError, map_file,
-};
+use viola_storage::{BlobReader, LevelSurface, MESH_POINTS, MapLevel, StorageError, map_file};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
@@ -87,30 +85,26 @@ pub(in crate::api) async fn get_map_mesh(
 ) -> Result<Response, Error> {
     let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("glb"))?;
     let budget = triangles(query.triangles.as_deref())?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?;
-    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
-    let objects = scene(&app, &home, &map, level.level).await?.mesh_parts();
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?;
+    let tiles = revision.files(level.level, map_file::TILE).await?;
+    let objects = revision.scene(level.level).await?.mesh_parts();
     let tag = tag_of_content(&tiles, &[objects.as_bytes(), format_name.as_bytes(), &budget.to_le_bytes()]);
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let name = file_name(&home, map.revision, "mesh", level.level, format_name);
-    let wanted = Wanted { home: &home, map: &map, level, format, budget };
-    let answer = match wanted.made(&app).await? {
+    let wanted = Wanted { revision: &revision, level, format, budget };
+    let answer = match wanted.made().await? {
         Some(blob) => send(blob, media_type),
-        None => {
-            let unsent = app.makers.unsent(home.tenant()).await?;
-            send_made(wanted.make(&app).await?.into(), media_type, unsent)
-        }
+        None => wanted.make(&app, media_type).await?,
     };
+    let name = revision.file_name("mesh", level.level, format_name);
     Ok(tagged(attachment(answer, &name), &tag))
 }
 
 /// A mesh that a request asks for.
 struct Wanted<'a> {
-    home: &'a HomeId,
-    map: &'a HomeMap,
+    revision: &'a Revision,
     level: &'a MapLevel,
     format: MeshFormat,
     budget: usize,
@@ -118,26 +112,23 @@ struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// Returns the file that the worker made, if there is one. A lost or damaged one is made again for each request.
-    async fn made(&self, app: &App) -> Result<Option<BlobReader>, Error> {
+    async fn made(&self) -> Result<Option<BlobReader>, Error> {
         if self.format != MeshFormat::Glb || self.budget != MESH_TRIANGLES {
             return Ok(None);
         }
-        let (storage, level) = (&app.storage, self.level.level);
-        let files = storage.home_map_files(self.home, self.map.revision, level, map_file::MESH).await?;
-        Ok(match files.first() {
-            Some(file) => match storage.read_map_file(file).await {
-                Err(damage @ StorageError::DamagedFile { .. }) => {
-                    error!(home = %self.home, %damage, "a mesh is made again for a request");
-                    None
-                }
-                blob => blob?,
-            },
-            None => None,
-        })
+        let files = self.revision.files(self.level.level, map_file::MESH).await?;
+        let Some(file) = files.first() else { return Ok(None) };
+        match self.revision.storage.read_map_file(file).await {
+            Err(damage @ StorageError::DamagedFile { .. }) => {
+                error!(home = %self.revision.home, %damage, "a mesh is made again for a request");
+                Ok(None)
+            }
+            blob => Ok(blob?),
+        }
     }
 
-    /// Makes the file for this request.
-    async fn make(&self, app: &App) -> Result<Vec<u8>, Error> {
+    /// Returns the answer with a file that is made for this request.
+    async fn make(&self, app: &App, media_type: &'static str) -> Result<Response, Error> {
         let points = self.level.info.points;
         if points > MESH_POINTS {
             return Err(Error::InvalidQuery {
@@ -147,17 +138,18 @@ impl Wanted<'_> {
                 ),
             });
         }
-        let place = app.makers.mesh(self.home.tenant()).await?;
-        let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
+        let Revision { storage, home, map } = self.revision;
+        let MakerPlaces { unsent, making } = app.makers.mesh(home.tenant()).await?;
+        let surface = storage.level_surface(home, map.revision, self.level.level).await?;
         // Of a revision that was removed meanwhile, only the tiles that later ones share were read.
-        kept(&app.storage, self.home, Some(self.map.revision)).await?;
+        self.revision.check_kept().await?;
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);
         let make = move || {
             // The work continues if the client leaves, so it holds the place.
-            let _place = place;
+            let _making = making;
             format.write(&surface.mesh(budget))
         };
-        Ok(apart(make).await)
+        Ok(send_made(apart(make).await.into(), media_type, unsent))
     }
 }

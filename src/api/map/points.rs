@@ -3,17 +3,17 @@
 use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, file_name, level, map_files, missing, revision, tag_of_content};
+use super::{App, LevelQuery, Revision, tag_of_content};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::known;
 use crate::api::types::ClassName;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use bytes::Bytes;
 use futures::{Stream, StreamExt, TryStreamExt};
 use serde::Deserialize;
@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
-use viola_storage::{HomeId, MapFile, Storage, StorageError, map_file};
+use viola_storage::{MapFile, StorageError, map_file};
 
 /// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -130,34 +130,27 @@ pub(in crate::api) async fn get_map_points(
     let filter = query.filter()?;
     let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
     let (format, format_name, media_type) = named(&FORMATS, format.unwrap_or("ply"))?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?;
-    let tiles = map_files(&app.storage, &home, map.revision, level.level, map_file::TILE).await?;
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?;
+    let tiles = revision.files(level.level, map_file::TILE).await?;
     // A point has the index of its clip in the map's list.
-    let clips: Vec<u8> = map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
+    let clips: Vec<u8> = revision.map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
     let asked = [&query.classes, &query.r#box, &query.z, &query.voxel];
     let [classes, corners, heights, voxel] = asked.map(|text| text.as_deref().unwrap_or_default().as_bytes());
     let of_map = [level.level.as_str().as_bytes(), media_type.as_bytes(), clips.as_slice()];
     let tag = tag_of_content(&tiles, &[&of_map[..], &[classes, corners, heights, voxel]].concat());
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let points = Points {
-        storage: app.storage.clone(),
-        home: home.clone(),
-        revision: map.revision,
-        clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
-        filter,
-    };
-    let name = file_name(&home, map.revision, "points", level.level, format_name);
+    let points = Points::new(&revision, filter);
+    let name = revision.file_name("points", level.level, format_name);
     let body = match format {
         PointFormat::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
         PointFormat::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
         PointFormat::E57 | PointFormat::Laz => {
-            let unsent = app.makers.unsent(home.tenant()).await?;
-            let place = app.makers.file(home.tenant()).await?;
             let write = if format == PointFormat::Laz { laz } else { e57 };
-            made_file::make([unsent, place], &points, &tiles, write).await?
+            let places = app.makers.file(revision.home.tenant()).await?;
+            made_file::make(places, &points, &tiles, write).await?
         }
     };
     Ok(made_file::answer(body, media_type, &name, &tag))
@@ -173,14 +166,17 @@ fn e57(out: File, points: Spool) -> io::Result<()> {
 
 /// A stream of a revision's points.
 pub(in crate::api) struct Points {
-    pub storage: Arc<Storage>,
-    pub home: HomeId,
-    pub revision: i64,
-    pub clips: ClipNumbers,
-    pub filter: PointFilter,
+    pub revision: Revision,
+    clips: ClipNumbers,
+    filter: PointFilter,
 }
 
 impl Points {
+    pub fn new(revision: &Revision, filter: PointFilter) -> Points {
+        let clips = ClipNumbers::new(revision.map.clips.iter().map(|clip| &clip.clip));
+        Points { revision: revision.clone(), clips, filter }
+    }
+
     /// Returns the body of an answer and its size.
     async fn streamed(self, format: Streamed, all: usize, tiles: Vec<MapFile>) -> Result<(Body, u64), Error> {
         let (head, size_bytes) = self.head(format, all, &tiles).await?;
@@ -251,9 +247,7 @@ impl Points {
     }
 
     pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, Error> {
-        let Some(bytes) = self.storage.map_file_bytes(tile).await? else {
-            return Err(missing(&self.storage, &self.home, self.revision, tile).await);
-        };
+        let bytes = self.revision.bytes(tile).await?;
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
         Ok(self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())?)
