@@ -140,7 +140,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
+    components(schemas(error::Problem, types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
         map::points::PointFormat, map::scene::PlanFormat, map::mesh::MeshFormat, map::recording::RecordingFormat,
         map::robot::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\

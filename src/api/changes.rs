@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::Caller;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::Query;
 use super::fairness::FairPlaces;
 use super::list::{ListQuery, encode};
@@ -56,8 +56,7 @@ pub(super) struct ChangesPage {
 #[utoipa::path(get, path = "/v1/changes", tag = "changes", params(ListQuery, WaitQuery),
     responses(
         (status = 200, description = "The changes after the cursor, perhaps none", body = ChangesPage),
-        (status = 410, description = "The cursor is too old, or its change was lost by a restore: `cursor-expired`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 410, description = "The cursor is too old, or its change was lost by a restore: `cursor-expired`"),
         CommonProblems))]
 pub(super) async fn list_changes(
     State(app): State<App>,

@@ -4,13 +4,13 @@ use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
 use super::content;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{
     ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp, wrong,
 };
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
-use super::reply::{Document, Resource, may_change};
+use super::reply::{Document, Resource, is_expected};
 use super::types::{Clip, ClipInfo, Estimate};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -272,8 +272,7 @@ pub(super) struct ClipPatch {
     request_body(content((ClipPatch = "application/merge-patch+json"), (ClipPatch = "application/json"))),
     responses((status = 200, description = "The corrected clip", body = Clip,
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 412, description = "It was changed since it was read: `changed-meanwhile`"),
         CommonProblems, JsonProblems))]
 pub(super) async fn patch_clip(
     State(app): State<App>,
@@ -281,7 +280,7 @@ pub(super) async fn patch_clip(
     headers: HeaderMap,
     Json(patch): Json<ClipPatch>,
 ) -> Result<Resource<Clip>, Error> {
-    let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+    let is_expected = is_expected::<Clip, _>(headers);
     let clip = match edit(&app, &home, id, &patch).await? {
         edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
         edit => app.storage.edit_clip(&home, id, edit, is_expected, app.storage.now()).await?,
@@ -318,17 +317,14 @@ async fn edit(app: &App, home: &HomeId, id: Uuid, patch: &ClipPatch) -> Result<C
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
     responses(
         (status = 204, description = "The clip is removed"),
-        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems))]
+        ChangedClip, CommonProblems))]
 pub(super) async fn delete_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
-        app.storage.delete_clip(&home, clip, is_expected, app.storage.now()).await?;
+        app.storage.delete_clip(&home, clip, is_expected::<Clip, _>(headers), app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })
@@ -344,8 +340,7 @@ pub(super) async fn delete_clip(
         (status = 202, description = "The clip with the job that is under way", body = Clip,
             headers(("Location" = String, description = "The job's path"),
                 ("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 409, description = "The home has no LiDAR map: `no-lidar-map`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "The home has no LiDAR map: `no-lidar-map`"),
         CommonProblems))]
 pub(super) async fn align_clip(
     State(app): State<App>,

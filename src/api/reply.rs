@@ -96,6 +96,13 @@ pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>)
     is_wanted(headers, &tag) && !is_known(headers, &tag)
 }
 
+/// Returns whether a request allows to change what is stored: its conditions are about the document `D` of that.
+pub(super) fn is_expected<D: From<S> + Serialize, S: Clone>(
+    headers: HeaderMap,
+) -> impl Fn(&S) -> bool + Send {
+    move |stored| may_change(&headers, Some(&D::from(stored.clone())))
+}
+
 /// Returns whether a change that changes nothing goes ahead whatever `If-Match` says (RFC 9110, section 13.1.1): it may be
 /// the repetition of one with a lost answer. A client with `If-None-Match` asks whether there is something.
 pub(super) fn may_repeat(headers: &HeaderMap) -> bool {

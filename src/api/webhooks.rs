@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::Caller;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{DeliveryPath, Json, WebhookPath};
 use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
@@ -66,8 +66,7 @@ pub(super) struct Webhooks {
     responses(
         (status = 201, description = "The webhook and its secret", body = NewWebhook,
             headers(("Location" = String, description = "The webhook's path"))),
-        (status = 409, description = "The tenant has ten webhooks already: `too-many-webhooks`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "The tenant has ten webhooks already: `too-many-webhooks`"),
         CommonProblems, JsonProblems))]
 pub(super) async fn create_webhook(
     State(app): State<App>,

@@ -2,7 +2,7 @@
 
 use super::revision::{Revision, number};
 use crate::api::App;
-use crate::api::error::{Error, Problem};
+use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::Document;
@@ -34,8 +34,7 @@ pub(in crate::api) struct ChangesQuery {
 /// revision with such changes.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/changes", tag = "map", params(HomePath, ChangesQuery),
     responses((status = 200, description = "The changes", body = MapChanges),
-        (status = 410, description = "One of the revisions is not kept any more: `map-revision-removed`",
-            body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "One of the revisions is not kept any more: `map-revision-removed`"),
         CommonProblems))]
 pub(in crate::api) async fn get_map_changes(
     State(app): State<App>,
