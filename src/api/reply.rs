@@ -145,12 +145,17 @@ pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
     answer
 }
 
+/// The extension of a HEAD request that is answered as GET. Files that would be made for the answer are not.
+#[derive(Clone, Copy)]
+pub(super) struct Head;
+
 /// Middleware that gives every document its entity tag, and answers 304 to a client that has it. HEAD is answered as GET
 /// without the body, since the tag is that of the body.
 pub(super) async fn tag_documents(mut request: Request, next: Next) -> Response {
     let is_head = request.method() == Method::HEAD && !request.uri().path().starts_with(OWN_HEADS);
     if is_head {
         *request.method_mut() = Method::GET;
+        request.extensions_mut().insert(Head);
     } else if request.method() != Method::GET {
         return next.run(request).await;
     }
@@ -177,6 +182,12 @@ async fn tagged_document(conditions: &HeaderMap, answer: Response) -> Response {
     unless_known(conditions, &tag, || Response::from_parts(head, Body::from(text)))
 }
 
+/// Returns an empty body of unknown length: of an empty one axum would tell the length 0, and the compression would leave it as
+/// it is.
+pub(super) fn no_body() -> Body {
+    Body::from_stream(stream::empty::<Result<Bytes, Infallible>>())
+}
+
 /// Returns the head of an answer, with the length of its body if that is known.
 fn without_body(answer: Response) -> Response {
     let size_bytes = answer.body().size_hint().exact();
@@ -184,6 +195,5 @@ fn without_body(answer: Response) -> Response {
     if let Some(size_bytes) = size_bytes.filter(|_| head.status != StatusCode::NOT_MODIFIED) {
         head.headers.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
     }
-    // A body of unknown length: axum would tell the length 0 of an empty one, and the compression would leave it as it is.
-    Response::from_parts(head, Body::from_stream(stream::empty::<Result<Bytes, Infallible>>()))
+    Response::from_parts(head, no_body())
 }

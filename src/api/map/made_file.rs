@@ -2,13 +2,10 @@
 
 use super::apart;
 use super::points::Points;
-use crate::api::bodies::{PIECE_BYTES, attachment, holding};
+use crate::api::bodies::{PIECE_BYTES, holding};
 use crate::api::error::Error;
 use crate::api::fairness::MakerPlaces;
-use crate::api::reply::tagged;
 use axum::body::Body;
-use axum::http::{HeaderValue, header};
-use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
@@ -86,17 +83,4 @@ pub(super) async fn make(
     let (file, size_bytes) = made.await.map_err(failed)?;
     let pieces = ReaderStream::with_capacity(tokio::fs::File::from_std(file), PIECE_BYTES);
     Ok((holding(unsent, pieces), size_bytes))
-}
-
-/// Returns the answer with a file of known size.
-pub(super) fn answer(
-    (body, size_bytes): (Body, u64),
-    media_type: &'static str,
-    name: &str,
-    tag: &str,
-) -> Response {
-    let mut answer = body.into_response();
-    answer.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
-    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-    tagged(attachment(answer, name), tag)
 }

@@ -2,12 +2,13 @@
 
 use super::format::{Format, named};
 use super::{App, LevelQuery, Revision, apart, tag_of_content};
-use crate::api::bodies::{FileBytes, attachment, send, send_made};
+use crate::api::bodies::{FileBytes, attachment, head_alone, send, send_made};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{known, tagged};
+use crate::api::reply::{Head, known, tagged};
+use axum::Extension;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
@@ -82,6 +83,7 @@ pub(in crate::api) async fn get_map_mesh(
     Query(query): Query<MeshQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("glb"))?;
     let budget = triangles(query.triangles.as_deref())?;
@@ -96,7 +98,13 @@ pub(in crate::api) async fn get_map_mesh(
     let wanted = Wanted { revision: &revision, level, format, budget };
     let answer = match wanted.made().await? {
         Some(blob) => send(blob, media_type),
-        None => wanted.make(&app, media_type).await?,
+        None => {
+            wanted.check_points()?;
+            match head {
+                Some(_) => head_alone(media_type),
+                None => wanted.make(&app, media_type).await?,
+            }
+        }
     };
     let name = revision.file_name("mesh", level.level, format_name);
     Ok(tagged(attachment(answer, &name), &tag))
@@ -127,17 +135,19 @@ impl Wanted<'_> {
         }
     }
 
+    /// Refuses a level of which no mesh is made.
+    fn check_points(&self) -> Result<(), Error> {
+        let points = self.level.info.points;
+        if points <= MESH_POINTS {
+            return Ok(());
+        }
+        let detail =
+            format!("the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points");
+        Err(Error::InvalidQuery { field: Some("level"), detail })
+    }
+
     /// Returns the answer with a file that is made for this request.
     async fn make(&self, app: &App, media_type: &'static str) -> Result<Response, Error> {
-        let points = self.level.info.points;
-        if points > MESH_POINTS {
-            return Err(Error::InvalidQuery {
-                field: Some("level"),
-                detail: format!(
-                    "the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points"
-                ),
-            });
-        }
         let Revision { storage, home, map } = self.revision;
         let MakerPlaces { unsent, making } = app.makers.mesh(home.tenant()).await?;
         let surface = storage.level_surface(home, map.revision, self.level.level).await?;

@@ -4,12 +4,13 @@ use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
 use super::{App, LevelQuery, Revision, tag_of_content};
-use crate::api::bodies::FileBytes;
+use crate::api::bodies::{FileBytes, attachment, head_alone, sized};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::known;
+use crate::api::reply::{Head, known, tagged};
 use crate::api::types::ClassName;
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -126,6 +127,7 @@ pub(in crate::api) async fn get_map_points(
     Query(query): Query<PointsQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let filter = query.filter()?;
     let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
@@ -144,16 +146,21 @@ pub(in crate::api) async fn get_map_points(
     }
     let points = Points::new(&revision, filter);
     let name = revision.file_name("points", level.level, format_name);
-    let body = match format {
-        PointFormat::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
-        PointFormat::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
+    let answer = match format {
+        PointFormat::Ply => {
+            sized(points.streamed(Streamed::Ply, level.info.points, tiles).await?, media_type)
+        }
+        PointFormat::Glb => {
+            sized(points.streamed(Streamed::Glb, level.info.points, tiles).await?, media_type)
+        }
+        PointFormat::E57 | PointFormat::Laz if head.is_some() => head_alone(media_type),
         PointFormat::E57 | PointFormat::Laz => {
             let write = if format == PointFormat::Laz { laz } else { e57 };
             let places = app.makers.file(revision.home.tenant()).await?;
-            made_file::make(places, &points, &tiles, write).await?
+            sized(made_file::make(places, &points, &tiles, write).await?, media_type)
         }
     };
-    Ok(made_file::answer(body, media_type, &name, &tag))
+    Ok(tagged(attachment(answer, &name), &tag))
 }
 
 fn laz(out: File, points: Spool) -> io::Result<()> {

@@ -1,14 +1,16 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
 use super::format::{Format, named};
-use super::made_file::{answer, make};
+use super::made_file::make;
 use super::points::Points;
 use super::{App, LevelQuery, Revision, apart};
-use crate::api::bodies::FileBytes;
+use crate::api::bodies::{FileBytes, attachment, head_alone, sized};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::known;
+use crate::api::reply::{Head, known, tagged};
+use axum::Extension;
+use axum::body::Body;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
@@ -20,7 +22,7 @@ use std::io::{self, BufWriter, ErrorKind};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
-use viola_storage::{MapClip, MapObject, StorageError, map_file, result_file};
+use viola_storage::{LidarMapRevision, MapClip, MapLevel, MapObject, StorageError, map_file, result_file};
 
 /// The format of a recording.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -58,16 +60,17 @@ pub(in crate::api) async fn get_map_recording(
     Query(query): Query<RecordingQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let (_, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("mcap"))?;
     let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
-    let (level, clips) = (revision.level(of.level.as_deref())?, &revision.map.clips);
+    let level = revision.level(of.level.as_deref())?;
     let lidar_map =
         app.storage.lidar_map_revision(&revision.home, level.level, level.lidar_map_revision).await?;
     // The cameras are those of the clips' present results, and the LiDAR map may be removed before the revision is.
     let results = app.storage.result_keys(&revision.home).await?;
-    let results: Vec<&str> =
-        clips.iter().map(|clip| results.get(&clip.clip).map_or("", String::as_str)).collect();
+    let clips = revision.map.clips.iter();
+    let results: Vec<&str> = clips.map(|clip| results.get(&clip.clip).map_or("", String::as_str)).collect();
     let tag = revision.tag(&[
         level.level.as_str().as_bytes(),
         media_type.as_bytes(),
@@ -77,22 +80,36 @@ pub(in crate::api) async fn get_map_recording(
     if let Some(known) = known(&headers, &tag) {
         return Ok(known);
     }
+    let answer = match head {
+        Some(_) => head_alone(media_type),
+        None => sized(recorded(&app, &revision, level, lidar_map.as_ref()).await?, media_type),
+    };
+    let name = revision.file_name("recording", level.level, format_name);
+    Ok(tagged(attachment(answer, &name), &tag))
+}
+
+/// Makes the recording; returns its body and its size.
+async fn recorded(
+    app: &App,
+    revision: &Revision,
+    level: &MapLevel,
+    lidar_map: Option<&LidarMapRevision>,
+) -> Result<(Body, u64), Error> {
     let places = app.makers.file(revision.home.tenant()).await?;
     let tiles = revision.files(level.level, map_file::TILE).await?;
+    let times = revision.map.clips.iter().filter_map(|clip| clip.recorded_at);
     let level_map = LevelMap {
         level: level.level,
-        time_ms: clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),
-        paths: paths(&revision, level.level).await?,
+        time_ms: times.max().map(Timestamp::as_millisecond),
+        paths: paths(revision, level.level).await?,
         objects: revision.scene(level.level).await?.objects,
-        lidar: match &lidar_map {
+        lidar: match lidar_map {
             Some(map) => Some(app.storage.lidar_map_file(map.id()).await?),
             None => None,
         },
     };
-    let points = Points::new(&revision, PointFilter::default());
-    let body = make(places, &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
-    let name = revision.file_name("recording", level.level, format_name);
-    Ok(answer(body, media_type, &name, &tag))
+    let points = Points::new(revision, PointFilter::default());
+    make(places, &points, &tiles, move |out, spool| level_map.write(out, spool)).await
 }
 
 /// The contents of a recording.
