@@ -154,10 +154,15 @@ async fn send_result(
     Ok(unless_known(headers, &tag, || send(blob, media_type)))
 }
 
-/// Returns a file of the clip's newest answer.
+/// Returns a file of the clip's newest answer. The loss of one that every answer has is a fault of the service.
 async fn file(app: &App, clip: &Clip, name: &str) -> Result<BlobReader, Error> {
-    let blob = app.storage.clip_result(clip, name).await?;
-    blob.ok_or(Error::NoSuchResult(clip.state.name()))
+    match app.storage.clip_result(clip, name).await? {
+        Some(blob) => Ok(blob),
+        None => {
+            app.storage.check_result_removed(clip, name).await?;
+            Err(Error::NoSuchResult(clip.state.name()))
+        }
+    }
 }
 
 #[cfg(test)]
