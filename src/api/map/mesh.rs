@@ -2,7 +2,7 @@
 
 use super::format::{Format, named};
 use super::{App, LevelQuery, Revision, apart, tag_of_content};
-use crate::api::bodies::{FileBytes, attachment, head_alone, send, send_made};
+use crate::api::bodies::{FileBytes, attachment, head_alone, send, send_made, to_the_end};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::fairness::MakerPlaces;
@@ -12,10 +12,11 @@ use axum::Extension;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::Response;
+use bytes::Bytes;
 use serde::Deserialize;
-use tracing::error;
+use tracing::{error, warn};
 use viola_home::{MESH_TRIANGLES, Mesh};
-use viola_storage::{BlobReader, LevelSurface, MESH_POINTS, MapLevel, StorageError, map_file};
+use viola_storage::{BlobReader, LevelSurface, MESH_POINTS, MapFile, MapLevel, StorageError, map_file};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
@@ -96,13 +97,13 @@ pub(in crate::api) async fn get_map_mesh(
         return Ok(known);
     }
     let wanted = Wanted { revision: &revision, level, format, budget };
-    let answer = match wanted.made().await? {
-        Some(blob) => send(blob, media_type),
-        None => {
+    let answer = match wanted.stored().await? {
+        Stored::Whole(blob) => send(blob, media_type),
+        stored => {
             wanted.check_points()?;
             match head {
                 Some(_) => head_alone(media_type),
-                None => wanted.make(&app, media_type).await?,
+                None => wanted.make(&app, media_type, stored).await?,
             }
         }
     };
@@ -118,21 +119,35 @@ struct Wanted<'a> {
     budget: usize,
 }
 
+/// The file of a mesh that the worker made.
+enum Stored {
+    Whole(BlobReader),
+    /// The store lost it, or bytes of it.
+    Damaged(MapFile),
+    Absent,
+}
+
 impl Wanted<'_> {
-    /// Returns the file that the worker made, if there is one. A lost or damaged one is made again for each request.
-    async fn made(&self) -> Result<Option<BlobReader>, Error> {
+    /// Returns the file that the worker made, if there is one.
+    async fn stored(&self) -> Result<Stored, Error> {
         if self.format != MeshFormat::Glb || self.budget != MESH_TRIANGLES {
-            return Ok(None);
+            return Ok(Stored::Absent);
         }
-        let files = self.revision.files(self.level.level, map_file::MESH).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        match self.revision.storage.read_map_file(file).await {
-            Err(damage @ StorageError::DamagedFile { .. }) => {
-                error!(home = %self.revision.home, %damage, "a mesh is made again for a request");
-                Ok(None)
-            }
-            blob => Ok(blob?),
-        }
+        let storage = &self.revision.storage;
+        let Some(file) = self.revision.files(self.level.level, map_file::MESH).await?.pop() else {
+            return Ok(Stored::Absent);
+        };
+        let damage = match storage.read_map_file(&file).await {
+            Ok(Some(blob)) => return Ok(Stored::Whole(blob)),
+            Ok(None) => match storage.check_map_file_removed(&file).await {
+                Ok(()) => return Ok(Stored::Absent),
+                Err(lost) => lost,
+            },
+            Err(damage @ StorageError::DamagedFile { .. }) => damage,
+            Err(error) => return Err(error.into()),
+        };
+        error!(home = %self.revision.home, %damage, "a mesh is made again, and replaces the stored one");
+        Ok(Stored::Damaged(file))
     }
 
     /// Refuses a level of which no mesh is made.
@@ -147,7 +162,7 @@ impl Wanted<'_> {
     }
 
     /// Returns the answer with a file that is made for this request.
-    async fn make(&self, app: &App, media_type: &'static str) -> Result<Response, Error> {
+    async fn make(&self, app: &App, media_type: &'static str, stored: Stored) -> Result<Response, Error> {
         let Revision { storage, home, map } = self.revision;
         let MakerPlaces { unsent, making } = app.makers.mesh(home.tenant()).await?;
         let surface = storage.level_surface(home, map.revision, self.level.level).await?;
@@ -160,6 +175,22 @@ impl Wanted<'_> {
             let _making = making;
             format.write(&surface.mesh(budget))
         };
-        Ok(send_made(apart(make).await.into(), media_type, unsent))
+        let bytes = Bytes::from(apart(make).await);
+        if let Stored::Damaged(file) = stored {
+            self.replace(file, bytes.clone()).await;
+        }
+        Ok(send_made(bytes, media_type, unsent))
+    }
+
+    /// Stores a mesh in the place of a damaged one, so that later requests need not make it.
+    async fn replace(&self, damaged: MapFile, glb: Bytes) {
+        let Revision { storage, home, .. } = self.revision.clone();
+        let replaced =
+            to_the_end(
+                async move { storage.replace_mesh(&home, &damaged, glb.to_vec(), storage.now()).await },
+            );
+        if let Err(error) = replaced.await {
+            warn!(home = %self.revision.home, %error, "a damaged mesh could not be replaced");
+        }
     }
 }
