@@ -3,7 +3,7 @@
 use super::App;
 use super::access::Caller;
 use super::error::Error;
-use super::extract::Query;
+use super::extract::{Query, query_number};
 use super::fairness::FairPlaces;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
@@ -104,11 +104,8 @@ async fn changes_within(
 
 impl WaitQuery {
     fn seconds(&self) -> Result<Duration, Error> {
-        let Some(text) = &self.wait else { return Ok(Duration::ZERO) };
-        let seconds = text.parse().ok().filter(|seconds| *seconds <= MAX_WAIT_S);
-        seconds.map(Duration::from_secs).ok_or_else(|| Error::InvalidQuery {
-            field: Some("wait"),
-            detail: format!("wait is a number of seconds from 0 to {MAX_WAIT_S}"),
-        })
+        let what = format!("a number of seconds from 0 to {MAX_WAIT_S}");
+        let seconds = query_number("wait", self.wait.as_deref(), |seconds| *seconds <= MAX_WAIT_S, &what)?;
+        Ok(Duration::from_secs(seconds.unwrap_or_default()))
     }
 }

@@ -6,7 +6,7 @@ use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end}
 use super::content;
 use super::error::Error;
 use super::extract::{
-    ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp, wrong,
+    ClipPath, HomePath, IdempotencyKey, Json, Member, Query, invalid_query, member, rfc3339, timestamp, wrong,
 };
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
@@ -164,9 +164,7 @@ pub(super) fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Erro
     match text {
         None | Some("false") => Ok(false),
         Some("true") => Ok(true),
-        Some(_) => {
-            Err(Error::InvalidQuery { field: Some(field), detail: format!("{field} is true or false") })
-        }
+        Some(_) => Err(invalid_query(field, format!("{field} is true or false"))),
     }
 }
 
@@ -182,8 +180,7 @@ fn latest() -> Timestamp {
 
 /// Parses the time of recording in a query.
 fn recorded_at_of_query(text: &str) -> Result<Timestamp, Error> {
-    let time = possible(timestamp("recorded_at", text)?);
-    time.map_err(|detail| Error::InvalidQuery { field: Some("recorded_at"), detail })
+    possible(timestamp("recorded_at", text)?).map_err(|detail| invalid_query("recorded_at", detail))
 }
 
 /// Parses the time of recording that the sender gives; an error is its explanation.
@@ -208,8 +205,7 @@ pub(super) fn is_scale_unknown(text: Option<&str>) -> Result<bool, Error> {
         None => Ok(false),
         Some("unknown") => Ok(true),
         Some(other) => {
-            let detail = format!("scale is `unknown` or absent, and not `{other}`");
-            Err(Error::InvalidQuery { field: Some("scale"), detail })
+            Err(invalid_query("scale", format!("scale is `unknown` or absent, and not `{other}`")))
         }
     }
 }

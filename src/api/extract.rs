@@ -254,12 +254,26 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
     }
 }
 
+/// Returns the refusal of a query parameter.
+pub(super) fn invalid_query(field: &'static str, detail: impl Into<String>) -> Error {
+    Error::InvalidQuery { field: Some(field), detail: detail.into() }
+}
+
+/// Parses the number of a query parameter. `what` says which numbers are accepted.
+pub(super) fn query_number<T: FromStr>(
+    field: &'static str,
+    text: Option<&str>,
+    is_accepted: impl Fn(&T) -> bool,
+    what: &str,
+) -> Result<Option<T>, Error> {
+    let parse = |text: &str| text.parse().ok().filter(&is_accepted);
+    text.map(|text| parse(text).ok_or_else(|| invalid_query(field, format!("{field} is {what}")))).transpose()
+}
+
 /// Parses the time of a query parameter.
 pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Error> {
-    rfc3339(field, text).map_err(|detail| Error::InvalidQuery {
-        field: Some(field),
-        detail: format!("{detail}; in a query, + is written %2B"),
-    })
+    rfc3339(field, text)
+        .map_err(|detail| invalid_query(field, format!("{detail}; in a query, + is written %2B")))
 }
 
 /// Parses a time; an error is its explanation.

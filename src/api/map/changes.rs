@@ -3,7 +3,7 @@
 use super::revision::{Revision, number};
 use crate::api::App;
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::Document;
 use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChanges, MapObject, MovedObject};
@@ -49,7 +49,7 @@ pub(in crate::api) async fn get_map_changes(
     let from = number("from", query.from.as_deref(), 0)?.or(before).unwrap_or(to - 1);
     if from >= to {
         let detail = format!("from is an earlier revision than to; they are {from} and {to}");
-        return Err(Error::InvalidQuery { field: Some("from"), detail });
+        return Err(invalid_query("from", detail));
     }
     let later = Compared::of(Revision::kept(&app, home.clone(), Some(to)).await?).await?;
     let earlier = match from {

@@ -4,7 +4,7 @@ use super::format::{Format, named};
 use super::{App, LevelQuery, Revision, apart, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, head_alone, send, send_made, to_the_end};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query, query_number};
 use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{Head, known, tagged};
@@ -59,12 +59,9 @@ impl MeshFormat {
 }
 
 fn triangles(asked: Option<&str>) -> Result<usize, Error> {
-    let Some(text) = asked else { return Ok(MESH_TRIANGLES) };
-    let number = text.parse().ok().filter(|number| TRIANGLES.contains(number));
-    number.ok_or_else(|| Error::InvalidQuery {
-        field: Some("triangles"),
-        detail: format!("triangles is a number from {} to {}", TRIANGLES.start(), TRIANGLES.end()),
-    })
+    let what = format!("a number from {} to {}", TRIANGLES.start(), TRIANGLES.end());
+    let number = query_number("triangles", asked, |number| TRIANGLES.contains(number), &what)?;
+    Ok(number.unwrap_or(MESH_TRIANGLES))
 }
 
 /// Get the surface of a home as a triangle mesh
@@ -158,7 +155,7 @@ impl Wanted<'_> {
         }
         let detail =
             format!("the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points");
-        Err(Error::InvalidQuery { field: Some("level"), detail })
+        Err(invalid_query("level", detail))
     }
 
     /// Returns the answer with a file that is made for this request.

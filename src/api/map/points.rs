@@ -6,7 +6,7 @@ use super::scene::classes;
 use super::{App, LevelQuery, Revision, tag_of_content};
 use crate::api::bodies::{FileBytes, attachment, head_alone, sized};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query, query_number};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{Head, known, tagged};
 use crate::api::types::ClassName;
@@ -71,15 +71,11 @@ pub(in crate::api) enum Streamed {
     Glb,
 }
 
-fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
-    Error::InvalidQuery { field: Some(field), detail: detail.into() }
-}
-
 fn numbers<const N: usize>(field: &'static str, text: &str, what: &str) -> Result<[f32; N], Error> {
     let parsed: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let parsed = parsed.ok().filter(|all| all.iter().all(|number| number.is_finite()));
     let fixed = parsed.and_then(|all| <[f32; N]>::try_from(all).ok());
-    fixed.ok_or_else(|| invalid(field, format!("{field} is {what}, numbers with commas between them")))
+    fixed.ok_or_else(|| invalid_query(field, format!("{field} is {what}, numbers with commas between them")))
 }
 
 impl PointsQuery {
@@ -88,22 +84,19 @@ impl PointsQuery {
         let corners =
             self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
         if corners.is_some_and(|c| (0..3).any(|axis| c[axis] > c[axis + 3])) {
-            return Err(invalid("box", "the box is empty: its first corner is the lower one"));
+            return Err(invalid_query("box", "the box is empty: its first corner is the lower one"));
         }
         let heights = self.z.as_deref().map(|text| numbers::<2>("z", text, "low,high")).transpose()?;
         if heights.is_some_and(|[low, high]| low > high) {
-            return Err(invalid("z", "nothing lies between these heights: the lower one comes first"));
+            return Err(invalid_query("z", "nothing lies between these heights: the lower one comes first"));
         }
-        let voxel = self.voxel.as_deref().map(|text| {
-            let side: Option<f64> = text.parse().ok();
-            side.filter(|side| (MAP_VOXEL_M..=1.0).contains(side))
-                .ok_or_else(|| invalid("voxel", format!("voxel is a number from {MAP_VOXEL_M} to 1")))
-        });
+        let (sides, what) = (MAP_VOXEL_M..=1.0, format!("a number from {MAP_VOXEL_M} to 1"));
+        let voxel_m = query_number("voxel", self.voxel.as_deref(), |side| sides.contains(side), &what)?;
         Ok(PointFilter {
             classes,
             box_m: corners.map(|[a, b, c, d, e, f]| ([a, b, c], [d, e, f])),
             z_m: heights.map(|[low, high]| (low, high)),
-            voxel_m: voxel.transpose()?,
+            voxel_m,
         })
     }
 }
@@ -218,7 +211,7 @@ impl Points {
             }
             Streamed::Glb => {
                 let size_bytes = glb.size_bytes().ok_or_else(|| {
-                    invalid(
+                    invalid_query(
                         "format",
                         "the points are more than a GLB can hold, 4 GiB; ask for ply, or for fewer",
                     )

@@ -2,6 +2,7 @@
 
 use crate::api::App;
 use crate::api::error::Error;
+use crate::api::extract::{invalid_query, query_number};
 use crate::api::reply::tag_of_made;
 use bytes::Bytes;
 use std::sync::Arc;
@@ -38,7 +39,7 @@ impl Revision {
         levels.iter().find(|level| level.level.as_str() == name).ok_or_else(|| {
             let names: Vec<&str> = levels.iter().map(|level| level.level.as_str()).collect();
             let detail = format!("the map has no level of this name; its levels are {}", names.join(", "));
-            Error::InvalidQuery { field: Some("level"), detail }
+            invalid_query("level", detail)
         })
     }
 
@@ -123,13 +124,7 @@ async fn kept_map(storage: &Storage, home: &HomeId, number: Option<i64>) -> Resu
     }
 }
 
-/// Parses a number of a query.
+/// Parses a revision of a query.
 pub(super) fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<i64>, Error> {
-    let parse = |text: &str| {
-        text.parse::<i64>().ok().filter(|number| *number >= least).ok_or_else(|| Error::InvalidQuery {
-            field: Some(field),
-            detail: format!("{field} is a number from {least}"),
-        })
-    };
-    text.map(parse).transpose()
+    query_number(field, text, |number| *number >= least, &format!("a number from {least}"))
 }

@@ -4,7 +4,7 @@ use super::format::{Format, named};
 use super::{App, LevelQuery, Revision, apart};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query};
 use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{known, tagged};
@@ -156,12 +156,12 @@ impl Source {
 /// Returns the frame of a level's `plan.png`.
 async fn image(revision: &Revision, level: LevelName) -> Result<PlanImage, Error> {
     let file = revision.file(level, map_file::PLAN_JSON).await?;
-    PlanImage::in_plan_json(&revision.blob(&file).await?.all().await?).ok_or_else(|| Error::InvalidQuery {
-        field: Some("revision"),
-        detail: format!(
+    PlanImage::in_plan_json(&revision.blob(&file).await?.all().await?).ok_or_else(|| {
+        let detail = format!(
             "revision {} was made by an earlier version, without the frame of its picture; ask for a later one",
             revision.map.revision
-        ),
+        );
+        invalid_query("revision", detail)
     })
 }
 

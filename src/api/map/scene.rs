@@ -4,7 +4,7 @@ use super::format::{Format, accepted, named};
 use super::{App, LevelQuery, Revision, tag_of_content};
 use crate::api::bodies::{FileBytes, inline, send};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query};
 use crate::api::problems::{CommonProblems, MapProblems};
 use crate::api::reply::{Document, known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
@@ -200,14 +200,15 @@ impl PlanFormat {
 
 /// Parses names of classes, separated by commas.
 pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Error> {
-    let class = |name: &str| {
-        Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
-            let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
-            let detail = format!("no class is called '{}'; there are {}", name.trim(), names.join(", "));
-            Error::InvalidQuery { field: Some(field), detail }
-        })
-    };
-    names.split(',').map(class).collect()
+    names.split(',').map(|name| class(field, name.trim())).collect()
+}
+
+/// Parses the name of a class.
+pub(in crate::api) fn class(field: &'static str, name: &str) -> Result<Class, Error> {
+    Class::ALL.iter().copied().find(|class| class.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
+        invalid_query(field, format!("no class is called '{name}'; there are {}", names.join(", ")))
+    })
 }
 
 /// Returns the scenes of all levels, or of one.
