@@ -252,7 +252,7 @@ fn show_answer(answer: &mut Value, status: &str, examples: &Examples, shared: &m
 }
 
 fn problem(description: &str, status: &str) -> Value {
-    let of_code = |code: &&str| CODES.contains(&code.replace('-', "_").as_str());
+    let of_code = |code: &&str| CODES.contains(code.replace('-', "_").as_str());
     let code = description.split('`').skip(1).step_by(2).find(of_code).unwrap_or("invalid-query");
     let title = description.split([':', ';']).next().unwrap_or_default().trim_matches(['`', ' ']);
     json!({"type": kind(code), "title": title, "status": status.parse::<u16>().unwrap_or(500), "detail": description})
