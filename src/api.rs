@@ -66,7 +66,6 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use fairness::{Arrivals, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
 use parameters::Parameters;
-use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use tokio::sync::Semaphore;
@@ -83,8 +82,7 @@ use viola_storage::Storage;
 const MAX_JSON_BYTES: usize = 64 << 10;
 
 /// State shared by all handlers. Every layer clones it for every request.
-#[derive(Clone)]
-struct App(Arc<Shared>);
+type App = Arc<Shared>;
 
 struct Shared {
     storage: Arc<Storage>,
@@ -103,7 +101,7 @@ struct Shared {
     cors_origins: Vec<Origin>,
     /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: AtomicBool,
-    readers: Arc<Readers>,
+    readers: Readers,
     makers: Makers,
     /// The places of requests that wait for changes, of searches for homes, and of exports.
     waits: FairPlaces,
@@ -113,14 +111,6 @@ struct Shared {
     compressing: Arc<Semaphore>,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
-}
-
-impl Deref for App {
-    type Target = Shared;
-
-    fn deref(&self) -> &Shared {
-        &self.0
-    }
 }
 
 /// The security scheme of the OpenAPI document.
