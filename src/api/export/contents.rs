@@ -119,6 +119,9 @@ impl Contents {
         for name in names {
             if let Some(blob) = storage.clip_result(clip, name).await? {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
+            } else if let Err(lost) = storage.check_result_removed(clip, name).await {
+                // The next job makes it again. The rest of the home does not depend on it.
+                tracing::error!(home = %self.home, clip = %clip.id, %lost, "an export is without a file");
             }
         }
         // A recording that was removed meanwhile is not in the export.
