@@ -138,7 +138,7 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
                 members.keys().find(|name| !["x_m", "y_m", "yaw_rad"].contains(&name.as_str()))
             {
                 let detail = format!("map_from_clip has the members x_m, y_m and yaw_rad, and not {other}");
-                return Err(Error::InvalidMember { field: "map_from_clip", detail });
+                return Err(Error::InvalidBody { field: Some("map_from_clip".into()), detail });
             }
             let number = |name: &str, field, what| {
                 let number = members.get(name).and_then(Value::as_f64).filter(|number| number.is_finite());
@@ -163,13 +163,14 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
 impl From<ChoiceError> for Error {
     fn from(error: ChoiceError) -> Error {
         let detail = error.to_string();
-        match error {
-            ChoiceError::Storage(StorageError::NoLidarMap) => Error::NothingToAlignTo,
-            ChoiceError::Storage(error) => error.into(),
-            ChoiceError::NoAnswerYet(_) => Error::NoAnswerYet(detail),
-            ChoiceError::NoSuchLevel(_) => Error::InvalidMember { field: "level", detail },
-            ChoiceError::NoSuchAlternative { .. } => Error::InvalidMember { field: "alternative", detail },
-            ChoiceError::OutOfReach { field, .. } => Error::InvalidMember { field, detail },
-        }
+        let member = match error {
+            ChoiceError::Storage(StorageError::NoLidarMap) => return Error::NothingToAlignTo,
+            ChoiceError::Storage(error) => return error.into(),
+            ChoiceError::NoAnswerYet(_) => return Error::NoAnswerYet(detail),
+            ChoiceError::NoSuchLevel(_) => "level",
+            ChoiceError::NoSuchAlternative { .. } => "alternative",
+            ChoiceError::OutOfReach { field, .. } => field,
+        };
+        Error::InvalidBody { field: Some(member.into()), detail }
     }
 }

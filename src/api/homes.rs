@@ -63,7 +63,7 @@ pub(super) async fn put_home(
     if body.name.as_ref().is_some_and(|name| !names::is_title(name)) {
         let detail =
             "name has 1 to 200 characters, no control characters, and not only spaces; null removes it";
-        return Err(Error::InvalidMember { field: "name", detail: detail.to_owned() });
+        return Err(Error::InvalidBody { field: Some("name".into()), detail: detail.to_owned() });
     }
     let name = body.name.as_deref();
     let is_expected = |home: Option<&viola_storage::Home>| {

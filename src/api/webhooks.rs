@@ -74,7 +74,8 @@ pub(super) async fn create_webhook(
     Json(body): Json<WebhookBody>,
 ) -> Result<impl IntoResponse, Error> {
     let tenant = caller.for_all_homes()?;
-    let invalid = |detail: String, field: &'static str| Error::InvalidMember { field, detail };
+    let invalid =
+        |detail: String, field: &'static str| Error::InvalidBody { field: Some(field.into()), detail };
     if body.url.is_empty() {
         return Err(invalid("url is missing".to_owned(), "url"));
     }

@@ -67,7 +67,7 @@ mod tests {
             let Err(Error::InvalidQuery { field, detail }) = named(formats, "stl") else {
                 panic!("there is no such format")
             };
-            assert_eq!((field, detail), (Some("format"), format!("format is {list}")));
+            assert_eq!((field.as_deref(), detail), (Some("format"), format!("format is {list}")));
         }
     }
 }

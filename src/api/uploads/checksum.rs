@@ -4,7 +4,7 @@ use super::headers;
 use super::metadata::BASE64;
 use super::refusal::UploadRefusal;
 use crate::api::digest::{Digests, Sha256Digest};
-use crate::api::error::{BodyRefusal, Error};
+use crate::api::error::Error;
 use axum::http::HeaderMap;
 use base64::Engine;
 use sha1::Sha1;
@@ -63,10 +63,10 @@ impl Checksum {
     pub fn check(self) -> Result<(), Error> {
         for Part { hasher, expected, digest } in self.0 {
             if *hasher.finalize() != *expected {
-                return Err(digest.map_or_else(
-                    || UploadRefusal::ChecksumMismatch.into(),
-                    |field| BodyRefusal::Digest { field }.into(),
-                ));
+                return Err(match digest {
+                    Some(field) => Error::OtherDigest { field },
+                    None => UploadRefusal::ChecksumMismatch.into(),
+                });
             }
         }
         Ok(())
