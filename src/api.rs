@@ -66,7 +66,6 @@ use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use fairness::{Arrivals, FailedKeys, FairPlaces, Limits, Makers, Readers, Turns};
 use parameters::Parameters;
-use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use tokio::sync::Semaphore;
@@ -83,8 +82,7 @@ use viola_storage::Storage;
 const MAX_JSON_BYTES: usize = 64 << 10;
 
 /// State shared by all handlers. Every layer clones it for every request.
-#[derive(Clone)]
-struct App(Arc<Shared>);
+type App = Arc<Shared>;
 
 struct Shared {
     storage: Arc<Storage>,
@@ -103,7 +101,7 @@ struct Shared {
     cors_origins: Vec<Origin>,
     /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: AtomicBool,
-    readers: Arc<Readers>,
+    readers: Readers,
     makers: Makers,
     /// The places of requests that wait for changes, of searches for homes, and of exports.
     waits: FairPlaces,
@@ -113,14 +111,6 @@ struct Shared {
     compressing: Arc<Semaphore>,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
-}
-
-impl Deref for App {
-    type Target = Shared;
-
-    fn deref(&self) -> &Shared {
-        &self.0
-    }
 }
 
 /// The security scheme of the OpenAPI document.
@@ -140,8 +130,9 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
-        map::points::PointFormat, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
+    components(schemas(error::Problem, types::ClassName, types::HomeEvent, types::JobEvent, types::WebhookMessage, types::WebhookTest,
+        map::points::PointFormat, map::scene::PlanFormat, map::mesh::MeshFormat, map::recording::RecordingFormat,
+        map::robot::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Errors are RFC 9457 problem documents with a stable `type`, except those of a head that is too large or not HTTP. Lists page by cursor. A file with an `ETag` \
         and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),
@@ -192,20 +183,20 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clip_results::get_clip_frames))
         .routes(routes!(map::get_map))
         .routes(routes!(map::list_map_revisions))
-        .routes(routes!(map::get_map_plan))
-        .routes(routes!(map::get_map_rooms))
-        .routes(routes!(map::get_map_objects))
-        .routes(routes!(map::get_map_coverage))
-        .routes(routes!(map::get_map_changes))
+        .routes(routes!(map::scene::get_map_plan))
+        .routes(routes!(map::scene::get_map_rooms))
+        .routes(routes!(map::scene::get_map_objects))
+        .routes(routes!(map::scene::get_map_coverage))
+        .routes(routes!(map::changes::get_map_changes))
         .routes(routes!(corrections::get_map_object, corrections::correct_map_object))
         .routes(routes!(corrections::get_map_room, corrections::correct_map_room))
         .routes(routes!(corrections::list_map_corrections))
         .routes(routes!(objects::list_objects))
         .routes(routes!(export::export_home))
-        .routes(routes!(map::get_map_points))
-        .routes(routes!(map::get_map_mesh))
-        .routes(routes!(map::get_map_recording))
-        .routes(routes!(map::get_map_robot))
+        .routes(routes!(map::points::get_map_points))
+        .routes(routes!(map::mesh::get_map_mesh))
+        .routes(routes!(map::recording::get_map_recording))
+        .routes(routes!(map::robot::get_map_robot))
         .routes(routes!(changes::list_changes))
         .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
         .routes(routes!(webhooks::get_webhook, webhooks::delete_webhook))

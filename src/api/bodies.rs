@@ -5,7 +5,7 @@ use super::digest::Digests;
 use super::error::Error;
 use super::fairness::{Arrival, FairPlace};
 use super::metrics;
-use super::reply::REVALIDATED;
+use super::reply::{REVALIDATED, no_body};
 use axum::body::{Body, BodyDataStream};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -197,18 +197,34 @@ pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
     answer
 }
 
-/// Returns an answer with a file that was made in memory. The place is free once the client has it, or has left.
-pub(super) fn send_made(bytes: Bytes, media_type: &'static str, place: FairPlace) -> Response {
+/// Returns an answer with a file of a known size.
+pub(super) fn sized((body, size_bytes): (Body, u64), media_type: &'static str) -> Response {
     let headers = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
-        (header::CONTENT_LENGTH, HeaderValue::from(bytes.len())),
+        (header::CONTENT_LENGTH, HeaderValue::from(size_bytes)),
     ];
+    (headers, body).into_response()
+}
+
+/// Returns the answer to HEAD of a file that would be made for the request. Only the making tells the size, so the answer has
+/// none (RFC 9110, section 9.3.2).
+pub(super) fn head_alone(media_type: &'static str) -> Response {
+    let headers = [
+        (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
+        (header::ACCEPT_RANGES, HeaderValue::from_static("bytes")),
+    ];
+    (headers, no_body()).into_response()
+}
+
+/// Returns an answer with a file that was made in memory. The place is free once the client has it, or has left.
+pub(super) fn send_made(bytes: Bytes, media_type: &'static str, place: FairPlace) -> Response {
+    let size_bytes = bytes.len() as u64;
     // A connection takes the next piece when it has sent the last one.
     let pieces = stream::unfold(bytes, |mut rest| async move {
         let piece = rest.split_to(rest.len().min(PIECE_BYTES));
         (!piece.is_empty()).then_some((Ok::<_, Infallible>(piece), rest))
     });
-    (headers, holding(place, pieces)).into_response()
+    sized((holding(place, pieces), size_bytes), media_type)
 }
 
 /// Returns a body that holds a place until it is dropped, or until its client reads too slowly.

@@ -2,8 +2,8 @@
 
 use super::App;
 use super::access::Caller;
-use super::error::{Error, Problem};
-use super::extract::Query;
+use super::error::Error;
+use super::extract::{Query, query_number};
 use super::fairness::FairPlaces;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
@@ -56,8 +56,7 @@ pub(super) struct ChangesPage {
 #[utoipa::path(get, path = "/v1/changes", tag = "changes", params(ListQuery, WaitQuery),
     responses(
         (status = 200, description = "The changes after the cursor, perhaps none", body = ChangesPage),
-        (status = 410, description = "The cursor is too old, or its change was lost by a restore: `cursor-expired`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 410, description = "The cursor is too old, or its change was lost by a restore: `cursor-expired`"),
         CommonProblems))]
 pub(super) async fn list_changes(
     State(app): State<App>,
@@ -105,11 +104,8 @@ async fn changes_within(
 
 impl WaitQuery {
     fn seconds(&self) -> Result<Duration, Error> {
-        let Some(text) = &self.wait else { return Ok(Duration::ZERO) };
-        let seconds = text.parse().ok().filter(|seconds| *seconds <= MAX_WAIT_S);
-        seconds.map(Duration::from_secs).ok_or_else(|| Error::InvalidQuery {
-            field: Some("wait"),
-            detail: format!("wait is a number of seconds from 0 to {MAX_WAIT_S}"),
-        })
+        let what = format!("a number of seconds from 0 to {MAX_WAIT_S}");
+        let seconds = query_number("wait", self.wait.as_deref(), |seconds| *seconds <= MAX_WAIT_S, &what)?;
+        Ok(Duration::from_secs(seconds.unwrap_or_default()))
     }
 }

@@ -2,10 +2,10 @@
 
 use super::App;
 use super::bodies::to_the_end;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{ClipPath, Json, Member, member, wrong};
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Resource, may_change};
+use super::reply::{Resource, is_expected};
 use super::types::{self, Clip};
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -77,11 +77,8 @@ pub(super) struct ChoosePose {
         (status = 200, description = "The clip with the choice", body = Clip,
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 409, description = "The clip has no answer yet, so it has no alternatives: `no-answer-yet`; \
-            or the home has no LiDAR map, so a pose has no frame: `no-lidar-map`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, JsonProblems))]
+            or the home has no LiDAR map, so a pose has no frame: `no-lidar-map`"),
+        ChangedClip, CommonProblems, JsonProblems))]
 pub(super) async fn choose_alignment(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
@@ -90,7 +87,8 @@ pub(super) async fn choose_alignment(
 ) -> Result<Resource<Clip>, Error> {
     let chosen = chosen(&body)?;
     to_the_end(async move {
-        let clip = app.storage.choose(&home, clip, chosen, is_expected(headers), app.storage.now()).await?;
+        let is_expected = is_expected::<Clip, _>(headers);
+        let clip = app.storage.choose(&home, clip, chosen, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))
     })
@@ -104,25 +102,19 @@ pub(super) async fn choose_alignment(
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
     responses((status = 200, description = "The clip without a choice", body = Clip,
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems))]
+        ChangedClip, CommonProblems))]
 pub(super) async fn withdraw_alignment(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
 ) -> Result<Resource<Clip>, Error> {
     to_the_end(async move {
-        let clip = app.storage.withdraw_choice(&home, clip, is_expected(headers), app.storage.now()).await?;
+        let is_expected = is_expected::<Clip, _>(headers);
+        let clip = app.storage.withdraw_choice(&home, clip, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))
     })
     .await
-}
-
-/// Returns whether a request allows to change a clip.
-fn is_expected(headers: HeaderMap) -> impl Fn(&viola_storage::Clip) -> bool + Send {
-    move |clip| may_change(&headers, Some(&Clip::from(clip.clone())))
 }
 
 fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
@@ -146,7 +138,7 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
                 members.keys().find(|name| !["x_m", "y_m", "yaw_rad"].contains(&name.as_str()))
             {
                 let detail = format!("map_from_clip has the members x_m, y_m and yaw_rad, and not {other}");
-                return Err(Error::InvalidMember { field: "map_from_clip", detail });
+                return Err(Error::InvalidBody { field: Some("map_from_clip".into()), detail });
             }
             let number = |name: &str, field, what| {
                 let number = members.get(name).and_then(Value::as_f64).filter(|number| number.is_finite());
@@ -171,13 +163,14 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
 impl From<ChoiceError> for Error {
     fn from(error: ChoiceError) -> Error {
         let detail = error.to_string();
-        match error {
-            ChoiceError::Storage(StorageError::NoLidarMap) => Error::NothingToAlignTo,
-            ChoiceError::Storage(error) => error.into(),
-            ChoiceError::NoAnswerYet(_) => Error::NoAnswerYet(detail),
-            ChoiceError::NoSuchLevel(_) => Error::InvalidMember { field: "level", detail },
-            ChoiceError::NoSuchAlternative { .. } => Error::InvalidMember { field: "alternative", detail },
-            ChoiceError::OutOfReach { field, .. } => Error::InvalidMember { field, detail },
-        }
+        let member = match error {
+            ChoiceError::Storage(StorageError::NoLidarMap) => return Error::NothingToAlignTo,
+            ChoiceError::Storage(error) => return error.into(),
+            ChoiceError::NoAnswerYet(_) => return Error::NoAnswerYet(detail),
+            ChoiceError::NoSuchLevel(_) => "level",
+            ChoiceError::NoSuchAlternative { .. } => "alternative",
+            ChoiceError::OutOfReach { field, .. } => field,
+        };
+        Error::InvalidBody { field: Some(member.into()), detail }
     }
 }

@@ -3,7 +3,7 @@
 use super::App;
 use super::access::Caller;
 use super::error::Error;
-use super::extract::{HomePath, Query};
+use super::extract::{HomePath, Query, invalid_query};
 use super::homes::search;
 use super::list::{List, ListPage, ListQuery, UpdatedQuery, states};
 use super::problems::CommonProblems;
@@ -40,14 +40,13 @@ impl ClipsQuery {
 /// Parses codes of reasons, separated by commas; returns none if `asked` is absent.
 fn codes(asked: Option<&str>) -> Result<Vec<String>, Error> {
     let codes: Vec<&str> = asked.iter().flat_map(|text| text.split(',')).collect();
-    let refused = |detail: String| Error::InvalidQuery { field: Some("code"), detail };
     if codes.len() > ClipFilter::MAX_CODES {
-        return Err(refused(format!("code has at most {} codes", ClipFilter::MAX_CODES)));
+        return Err(invalid_query("code", format!("code has at most {} codes", ClipFilter::MAX_CODES)));
     }
     if !codes.iter().all(|code| ReasonCode::is_known(code)) {
         let detail =
             "code is of the codes of reasons, with commas between them; the schema ReasonCode lists them";
-        return Err(refused(detail.to_owned()));
+        return Err(invalid_query("code", detail));
     }
     Ok(codes.into_iter().map(str::to_owned).collect())
 }

@@ -1,17 +1,18 @@
 //! Pictures and clouds of one clip.
 
 use super::App;
-use super::bodies::{FileBytes, send, send_made};
+use super::bodies::{FileBytes, head_alone, send, send_made};
 use super::error::{Defence, Error};
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use super::reply::{is_known, tag_of, tag_of_made, tagged, unless_known};
+use super::reply::{Head, known, tag_of, tag_of_made, tagged, unless_known};
 use super::types::ClipScan;
+use axum::Extension;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use viola_home::{MAP_VOXEL_M, UnknownFileFormat, cloud_ply, read_cloud_ply};
-use viola_storage::{StorageError, result_file};
+use viola_storage::{BlobReader, Clip, StorageError, result_file};
 
 /// The media type of PLY.
 const PLY: &str = "model/ply";
@@ -55,6 +56,7 @@ pub(super) async fn get_clip_cloud(
     State(app): State<App>,
     ClipPath { home, clip: id }: ClipPath,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let clip = app.storage.clip(&home, id).await?;
     let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
@@ -62,17 +64,17 @@ pub(super) async fn get_clip_cloud(
     let of_pose =
         pose.map(|(pose, rise_m)| [pose.x_m, pose.y_m, pose.yaw_rad, rise_m].map(f64::to_le_bytes).concat());
     let tag = tag_of_made(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let missing = || Error::NoSuchResult(clip.state.name());
-    let Some((map_from_clip, rise_m)) = pose else {
-        let blob = app.storage.clip_result(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
-        return Ok(tagged(send(blob, PLY), &tag));
+    let Some((map_from_clip, rise_m)) = pose.filter(|_| head.is_none()) else {
+        let blob = file(&app, &clip, result_file::CLOUD).await?;
+        let answer = if pose.is_some() { head_alone(PLY) } else { send(blob, PLY) };
+        return Ok(tagged(answer, &tag));
     };
     // The points are in memory from here until they are sent.
     let place = app.makers.unsent(home.tenant()).await?;
-    let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?.ok_or_else(missing)?;
+    let bytes = file(&app, &clip, result_file::CLOUD).await?.all().await?;
     let moved = app.readers.run(home.tenant(), move || {
         let mut cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
         cloud.points.iter_mut().for_each(|point| point.position_m[2] += rise_m as f32);
@@ -147,10 +149,20 @@ async fn send_result(
     media_type: &'static str,
 ) -> Result<Response, Error> {
     let clip = app.storage.clip(&path.home, path.clip).await?;
-    let missing = || Error::NoSuchResult(clip.state.name());
-    let result = clip.result_key().ok_or_else(missing)?;
-    let blob = app.storage.clip_result(&clip, name).await?.ok_or_else(missing)?;
-    Ok(unless_known(headers, &tag_of(&[result.as_bytes()]), || send(blob, media_type)))
+    let blob = file(app, &clip, name).await?;
+    let tag = tag_of(&[clip.result_key().unwrap_or_default().as_bytes()]);
+    Ok(unless_known(headers, &tag, || send(blob, media_type)))
+}
+
+/// Returns a file of the clip's newest answer. The loss of one that every answer has is a fault of the service.
+async fn file(app: &App, clip: &Clip, name: &str) -> Result<BlobReader, Error> {
+    match app.storage.clip_result(clip, name).await? {
+        Some(blob) => Ok(blob),
+        None => {
+            app.storage.check_result_removed(clip, name).await?;
+            Err(Error::NoSuchResult(clip.state.name()))
+        }
+    }
 }
 
 #[cfg(test)]

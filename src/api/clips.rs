@@ -4,13 +4,13 @@ use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, refuse_json, to_the_end};
 use super::content;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{
-    ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, rfc3339, timestamp, wrong,
+    ClipPath, HomePath, IdempotencyKey, Json, Member, Query, invalid_query, member, rfc3339, timestamp, wrong,
 };
 use super::names;
 use super::problems::{CommonProblems, FileProblems, JsonProblems};
-use super::reply::{Document, Resource, may_change};
+use super::reply::{Document, Resource, is_expected};
 use super::types::{Clip, ClipInfo, Estimate};
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -164,9 +164,7 @@ pub(super) fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Erro
     match text {
         None | Some("false") => Ok(false),
         Some("true") => Ok(true),
-        Some(_) => {
-            Err(Error::InvalidQuery { field: Some(field), detail: format!("{field} is true or false") })
-        }
+        Some(_) => Err(invalid_query(field, format!("{field} is true or false"))),
     }
 }
 
@@ -182,8 +180,7 @@ fn latest() -> Timestamp {
 
 /// Parses the time of recording in a query.
 fn recorded_at_of_query(text: &str) -> Result<Timestamp, Error> {
-    let time = possible(timestamp("recorded_at", text)?);
-    time.map_err(|detail| Error::InvalidQuery { field: Some("recorded_at"), detail })
+    possible(timestamp("recorded_at", text)?).map_err(|detail| invalid_query("recorded_at", detail))
 }
 
 /// Parses the time of recording that the sender gives; an error is its explanation.
@@ -208,8 +205,7 @@ pub(super) fn is_scale_unknown(text: Option<&str>) -> Result<bool, Error> {
         None => Ok(false),
         Some("unknown") => Ok(true),
         Some(other) => {
-            let detail = format!("scale is `unknown` or absent, and not `{other}`");
-            Err(Error::InvalidQuery { field: Some("scale"), detail })
+            Err(invalid_query("scale", format!("scale is `unknown` or absent, and not `{other}`")))
         }
     }
 }
@@ -272,8 +268,7 @@ pub(super) struct ClipPatch {
     request_body(content((ClipPatch = "application/merge-patch+json"), (ClipPatch = "application/json"))),
     responses((status = 200, description = "The corrected clip", body = Clip,
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 412, description = "It was changed since it was read: `changed-meanwhile`"),
         CommonProblems, JsonProblems))]
 pub(super) async fn patch_clip(
     State(app): State<App>,
@@ -281,7 +276,7 @@ pub(super) async fn patch_clip(
     headers: HeaderMap,
     Json(patch): Json<ClipPatch>,
 ) -> Result<Resource<Clip>, Error> {
-    let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+    let is_expected = is_expected::<Clip, _>(headers);
     let clip = match edit(&app, &home, id, &patch).await? {
         edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
         edit => app.storage.edit_clip(&home, id, edit, is_expected, app.storage.now()).await?,
@@ -318,17 +313,14 @@ async fn edit(app: &App, home: &HomeId, id: Uuid, patch: &ClipPatch) -> Result<C
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
     responses(
         (status = 204, description = "The clip is removed"),
-        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems))]
+        ChangedClip, CommonProblems))]
 pub(super) async fn delete_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        let is_expected = |clip: &viola_storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
-        app.storage.delete_clip(&home, clip, is_expected, app.storage.now()).await?;
+        app.storage.delete_clip(&home, clip, is_expected::<Clip, _>(headers), app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })
@@ -344,8 +336,7 @@ pub(super) async fn delete_clip(
         (status = 202, description = "The clip with the job that is under way", body = Clip,
             headers(("Location" = String, description = "The job's path"),
                 ("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 409, description = "The home has no LiDAR map: `no-lidar-map`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "The home has no LiDAR map: `no-lidar-map`"),
         CommonProblems))]
 pub(super) async fn align_clip(
     State(app): State<App>,

@@ -2,11 +2,11 @@
 
 use super::App;
 use super::bodies::to_the_end;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member, wrong};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, Resource, may_change};
+use super::reply::{Document, Resource, is_expected};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -115,11 +115,7 @@ pub(super) async fn get_map_object(
     request_body(content((ObjectPatch = "application/merge-patch+json"), (ObjectPatch = "application/json"))),
     responses((status = 200, description = "The object with its correction", body = CorrectedObject,
             headers(("ETag" = String, description = "For `If-Match` of the next correction"))),
-        (status = 409, description = "`too-many-corrections`: at most 500 a home", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, JsonProblems))]
+        CorrectionProblems, CommonProblems, JsonProblems))]
 pub(super) async fn correct_map_object(
     State(app): State<App>,
     ObjectPath { home, object }: ObjectPath,
@@ -128,8 +124,7 @@ pub(super) async fn correct_map_object(
 ) -> Result<Resource<CorrectedObject>, Error> {
     let change = object_change(&patch)?;
     to_the_end(async move {
-        let is_expected = |state: &_| may_change(&headers, Some(&CorrectedObject::from(Clone::clone(state))));
-        let now = app.storage.now();
+        let (is_expected, now) = (is_expected::<CorrectedObject, _>(headers), app.storage.now());
         let state =
             app.storage.correct::<ObjectCorrection>(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
@@ -160,11 +155,7 @@ pub(super) async fn get_map_room(
     request_body(content((RoomPatch = "application/merge-patch+json"), (RoomPatch = "application/json"))),
     responses((status = 200, description = "The room with its correction", body = CorrectedRoom,
             headers(("ETag" = String, description = "For `If-Match` of the next correction"))),
-        (status = 409, description = "`too-many-corrections`: at most 500 a home", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, JsonProblems))]
+        CorrectionProblems, CommonProblems, JsonProblems))]
 pub(super) async fn correct_map_room(
     State(app): State<App>,
     RoomPath { home, room }: RoomPath,
@@ -173,8 +164,7 @@ pub(super) async fn correct_map_room(
 ) -> Result<Resource<CorrectedRoom>, Error> {
     let change = room_change(&patch)?;
     to_the_end(async move {
-        let is_expected = |state: &_| may_change(&headers, Some(&CorrectedRoom::from(Clone::clone(state))));
-        let now = app.storage.now();
+        let (is_expected, now) = (is_expected::<CorrectedRoom, _>(headers), app.storage.now());
         let state = app.storage.correct::<RoomCorrection>(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
         Ok(Resource(CorrectedRoom::from(state)))

@@ -1,7 +1,7 @@
 //! `Content-Digest` and `Repr-Digest` (RFC 9530): the SHA-256 of a body from its sender, which is verified before the body is
 //! kept. Encoded bodies are refused, so both are of the bytes of the body. Other algorithms are ignored.
 
-use super::error::{BodyRefusal, Error};
+use super::error::Error;
 use axum::http::HeaderMap;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -34,7 +34,7 @@ impl Digests {
     pub fn check(&self, sha256: &str) -> Result<(), Error> {
         let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
         match self.0.iter().find(|digest| hex(&digest.expected) != sha256) {
-            Some(Sha256Digest { field, .. }) => Err(BodyRefusal::Digest { field }.into()),
+            Some(Sha256Digest { field, .. }) => Err(Error::OtherDigest { field }),
             None => Ok(()),
         }
     }

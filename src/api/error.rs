@@ -1,13 +1,11 @@
 //! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
 //! of the service goes to the log, never into an answer.
 
-mod body;
 mod codes;
 mod correction;
 mod defence;
 mod storage;
 
-pub(super) use body::BodyRefusal;
 pub(super) use codes::CODES;
 pub(super) use defence::Defence;
 
@@ -17,6 +15,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
+use std::borrow::Cow;
 use viola_formats::clip::ClipError;
 use viola_formats::lidar::LidarError;
 use viola_geometry::LevelName;
@@ -51,19 +50,13 @@ pub(super) enum Error {
     #[error("{detail}")]
     InvalidPath { field: Option<&'static str>, detail: String },
     #[error("{detail}")]
-    InvalidQuery { field: Option<&'static str>, detail: String },
-    #[error("the operation has no query parameter `{name}`; {}", parameters(.known))]
-    UnknownParameter { name: String, known: Vec<String> },
-    #[error("the query has the parameter `{name}` twice")]
-    RepeatedParameter { name: String },
+    InvalidQuery { field: Option<Cow<'static, str>>, detail: String },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
     #[error("{detail}")]
     MalformedJson { field: Option<String>, detail: String },
     #[error("{detail}")]
-    InvalidBody { field: Option<String>, detail: String },
-    #[error("{detail}")]
-    InvalidMember { field: &'static str, detail: String },
+    InvalidBody { field: Option<Cow<'static, str>>, detail: String },
     #[error("{0}")]
     UnsupportedMediaType(String),
     #[error("the body is larger than the limit of {limit} bytes")]
@@ -143,8 +136,14 @@ pub(super) enum Error {
     NotReady { what: &'static str, cause: Option<StorageError> },
     #[error("the answer has {length} bytes, and the range begins behind them")]
     NoSuchRange { length: u64 },
-    #[error("{0}")]
-    Body(#[from] BodyRefusal),
+    #[error(
+        "the body is encoded (Content-Encoding: {0}); the service decodes none, so send it as it is, without this header"
+    )]
+    Encoded(String),
+    #[error(
+        "the body does not have the SHA-256 of {field}: it was damaged on its way and not kept; send it again"
+    )]
+    OtherDigest { field: &'static str },
     #[error("{0}")]
     Defence(#[from] Defence),
     #[error("{0}")]
@@ -166,15 +165,13 @@ impl Error {
         use StatusCode as S;
         match self {
             Error::InvalidPath { .. } => (S::BAD_REQUEST, "invalid_path", "A part of the path is not valid"),
-            Error::InvalidQuery { .. } | Error::UnknownParameter { .. } | Error::RepeatedParameter { .. } => {
-                (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid")
-            }
+            Error::InvalidQuery { .. } => (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid"),
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
             Error::MalformedJson { .. } => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
-            Error::InvalidBody { .. } | Error::InvalidMember { .. } => {
+            Error::InvalidBody { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
             }
-            Error::UnsupportedMediaType(_) => {
+            Error::UnsupportedMediaType(_) | Error::Encoded(_) => {
                 (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
             }
             Error::BodyTooLarge { .. } | Error::BodyBeyondUpload { .. } => {
@@ -229,7 +226,9 @@ impl Error {
             Error::NoSuchRange { .. } => {
                 (S::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", "The answer has no such bytes")
             }
-            Error::Body(refusal) => refusal.mapping(),
+            Error::OtherDigest { .. } => {
+                (S::BAD_REQUEST, "digest_mismatch", "The body was damaged on its way")
+            }
             Error::Defence(refusal) => refusal.mapping(),
             Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
@@ -245,11 +244,12 @@ impl Error {
 
     fn field(&self) -> Option<&str> {
         match self {
-            Error::UnknownParameter { name, .. } | Error::RepeatedParameter { name } => Some(name),
             Error::NotReady { what, .. } => Some(what),
-            Error::InvalidBody { field, .. } | Error::MalformedJson { field, .. } => field.as_deref(),
-            Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
-            Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
+            Error::InvalidQuery { field, .. } | Error::InvalidBody { field, .. } => field.as_deref(),
+            Error::MalformedJson { field, .. } => field.as_deref(),
+            Error::InvalidPath { field, .. } => *field,
+            Error::InvalidHeader { field, .. } | Error::OtherDigest { field } => Some(field),
+            Error::Encoded(_) => Some("Content-Encoding"),
             Error::UnsupportedMediaType(_) => Some("Content-Type"),
             Error::KeyReused => Some("Idempotency-Key"),
             Error::BodyBeyondUpload { .. } => Some("Upload-Length"),
@@ -258,16 +258,11 @@ impl Error {
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
             Error::Correction(CorrectionError::Changed { .. })
             | Error::Storage(StorageError::Changed { .. }) => Some("If-Match"),
-            Error::Body(refusal) => Some(refusal.field()),
             Error::Defence(refusal) => refusal.field(),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
         }
     }
-}
-
-fn parameters(known: &[String]) -> String {
-    if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) }
 }
 
 /// Returns 415 for a file of an unknown kind, 413 for one that unpacks to too much, and 422 for other refusals.
@@ -358,7 +353,7 @@ impl IntoResponse for Error {
             Error::TooManyExports { .. } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(EXPORT_RETRY_AFTER_S));
             }
-            Error::Body(BodyRefusal::Encoded(_)) => {
+            Error::Encoded(_) => {
                 // RFC 9110, section 12.5.3.
                 response.headers_mut().insert(header::ACCEPT_ENCODING, HeaderValue::from_static("identity"));
             }

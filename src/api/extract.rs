@@ -16,6 +16,7 @@ use object::Object;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
@@ -254,12 +255,26 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
     }
 }
 
+/// Returns the refusal of a query parameter.
+pub(super) fn invalid_query(field: impl Into<Cow<'static, str>>, detail: impl Into<String>) -> Error {
+    Error::InvalidQuery { field: Some(field.into()), detail: detail.into() }
+}
+
+/// Parses the number of a query parameter. `what` says which numbers are accepted.
+pub(super) fn query_number<T: FromStr>(
+    field: &'static str,
+    text: Option<&str>,
+    is_accepted: impl Fn(&T) -> bool,
+    what: &str,
+) -> Result<Option<T>, Error> {
+    let parse = |text: &str| text.parse().ok().filter(&is_accepted);
+    text.map(|text| parse(text).ok_or_else(|| invalid_query(field, format!("{field} is {what}")))).transpose()
+}
+
 /// Parses the time of a query parameter.
 pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Error> {
-    rfc3339(field, text).map_err(|detail| Error::InvalidQuery {
-        field: Some(field),
-        detail: format!("{detail}; in a query, + is written %2B"),
-    })
+    rfc3339(field, text)
+        .map_err(|detail| invalid_query(field, format!("{detail}; in a query, + is written %2B")))
 }
 
 /// Parses a time; an error is its explanation.
@@ -318,7 +333,7 @@ fn parsed<T: DeserializeOwned>(object: Object) -> Result<T, Error> {
         let detail = path.as_ref().map_or_else(|| reason.clone(), |path| format!("{path}: {reason}"));
         // The path ends at the object without the member.
         let missing = || Some(reason.strip_prefix("missing field `")?.split_once('`')?.0.to_owned());
-        Error::InvalidBody { field: path.or_else(missing), detail }
+        Error::InvalidBody { field: path.or_else(missing).map(Cow::from), detail }
     })
 }
 
@@ -332,7 +347,7 @@ pub(super) fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Membe
 
 /// Returns the refusal of a member's value, in words of what it may be.
 pub(super) fn wrong(field: &'static str, what: &str) -> Error {
-    Error::InvalidMember { field, detail: format!("{field} is {what}") }
+    Error::InvalidBody { field: Some(field.into()), detail: format!("{field} is {what}") }
 }
 
 /// `sent` is the media type of the body.

@@ -15,7 +15,7 @@ pub use readers::ReaderParams;
 pub(super) use arrivals::{Arrival, Arrivals};
 pub(super) use failed_keys::FailedKeys;
 pub(super) use limits::Limits;
-pub(super) use makers::Makers;
+pub(super) use makers::{MakerPlaces, Makers};
 pub(super) use places::{FairPlace, FairPlaces};
 pub(super) use readers::Readers;
 pub(super) use turns::{Turn, Turns};

@@ -1,6 +1,6 @@
 //! Liveness and readiness, for monitoring.
 
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::metrics;
 use super::problems::KeyProblems;
 use axum::Json;
@@ -119,8 +119,7 @@ async fn healthz() -> Json<Health> {
     responses(
         (status = 200, description = "The service is ready", body = Readiness),
         (status = 503, description = "Its database or its blobs do not answer, or a disk is full: `not-ready`; `field` is \
-            `database`, `blobs` or `disk`",
-            body = Problem, content_type = "application/problem+json"),
+            `database`, `blobs` or `disk`"),
         KeyProblems))]
 async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
     let not_ready =

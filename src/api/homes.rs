@@ -4,13 +4,13 @@ use super::App;
 use super::access::Caller;
 use super::bodies::to_the_end;
 use super::clips::flag;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{HomePath, Json, Query};
 use super::fairness::FairPlaces;
 use super::list::{List, ListPage, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, Resource, may_change, may_repeat, unmet};
+use super::reply::{Document, Resource, is_expected, may_change, may_repeat, unmet};
 use super::types::Home;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -52,8 +52,7 @@ pub(super) struct HomeBody {
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
         (status = 201, description = "The home is new", body = Home,
             headers(("ETag" = String, description = "For `If-Match` of the next change"))),
-        (status = 412, description = "The home was changed since it was read, or exists: `changed-meanwhile`",
-            body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "The home was changed since it was read, or exists: `changed-meanwhile`"),
         CommonProblems, JsonProblems))]
 pub(super) async fn put_home(
     State(app): State<App>,
@@ -64,7 +63,7 @@ pub(super) async fn put_home(
     if body.name.as_ref().is_some_and(|name| !names::is_title(name)) {
         let detail =
             "name has 1 to 200 characters, no control characters, and not only spaces; null removes it";
-        return Err(Error::InvalidMember { field: "name", detail: detail.to_owned() });
+        return Err(Error::InvalidBody { field: Some("name".into()), detail: detail.to_owned() });
     }
     let name = body.name.as_deref();
     let is_expected = |home: Option<&viola_storage::Home>| {
@@ -157,8 +156,7 @@ pub(super) async fn search<T: Send + 'static>(
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the home as it was read")),
     responses(
         (status = 204, description = "The home is removed"),
-        (status = 412, description = "The home was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 412, description = "The home was changed since it was read: `changed-meanwhile`"),
         CommonProblems))]
 pub(super) async fn delete_home(
     State(app): State<App>,
@@ -166,8 +164,7 @@ pub(super) async fn delete_home(
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        let is_expected = |home: &viola_storage::Home| may_change(&headers, Some(&Home::from(home.clone())));
-        app.storage.delete_home(&home, is_expected, app.storage.now()).await?;
+        app.storage.delete_home(&home, is_expected::<Home, _>(headers), app.storage.now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -3,7 +3,7 @@
 use super::App;
 use super::access::{self, Caller};
 use super::digits::json;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{JobPath, Query};
 use super::list::{List, ListPage, ListQuery, states};
 use super::problems::CommonProblems;
@@ -111,8 +111,7 @@ fn events(
     responses(
         (status = 200, description = "The job is cancelled", body = Job,
             headers(("ETag" = String, description = "Names the state of the job"))),
-        (status = 409, description = "The job has ended in another state: `job-ended`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "The job has ended in another state: `job-ended`"),
         CommonProblems))]
 pub(super) async fn cancel_job(
     State(app): State<App>,

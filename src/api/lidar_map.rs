@@ -4,7 +4,7 @@ use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, receive, send, to_the_end};
 use super::clips::flag;
-use super::error::{Defence, Error, Problem};
+use super::error::{Defence, Error};
 use super::extract::{HomePath, Query};
 use super::list::{List, ListPage, ListQuery};
 use super::names::file_name;
@@ -93,11 +93,7 @@ pub(super) enum PutAnswer {
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 201, description = "A new revision", body = LidarMapRevision,
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
-        (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, FileProblems))]
+        LidarMapProblems, CommonProblems, FileProblems))]
 pub(super) async fn put_lidar_map(
     State(app): State<App>,
     caller: Caller,

@@ -3,7 +3,7 @@
 use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, to_the_end};
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{HomePath, LevelPath, LevelRevisionPath, Query};
 use super::lidar_map::{self, CurrentLidarMap, PutAnswer, PutQuery};
 use super::list::{List, ListPage, ListQuery};
@@ -52,11 +52,7 @@ pub(super) async fn list_lidar_maps(
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 201, description = "A new revision", body = LidarMapRevision,
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
-        (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        CommonProblems, FileProblems))]
+        LidarMapProblems, CommonProblems, FileProblems))]
 pub(super) async fn put_level_lidar_map(
     State(app): State<App>,
     caller: Caller,
@@ -79,10 +75,8 @@ pub(super) async fn put_level_lidar_map(
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
         (status = 201, description = "The new revision", body = LidarMapRevision,
             headers(("ETag" = String, description = "Of the LiDAR map, for `If-Match` of the next change"))),
-        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 507, description = "The service or the tenant has no room left: `storage-full`, `tenant-full`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`"),
+        (status = 507, description = "The service or the tenant has no room left: `storage-full`, `tenant-full`"),
         CommonProblems))]
 pub(super) async fn restore_lidar_map(
     State(app): State<App>,
@@ -126,10 +120,8 @@ pub(super) async fn get_level_lidar_map(
     params(LevelPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map as it was read")),
     responses(
         (status = 204, description = "The level is removed"),
-        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 409, description = "The home has no other level: `last-level`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`"),
+        (status = 409, description = "The home has no other level: `last-level`"),
         CommonProblems))]
 pub(super) async fn delete_level(
     State(app): State<App>,

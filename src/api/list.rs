@@ -1,7 +1,7 @@
 //! Lists page by cursor: an answer's `next` is the `after` of the following request.
 
 use super::error::Error;
-use super::extract::{Query, timestamp};
+use super::extract::{Query, invalid_query, query_number, timestamp};
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use base64::Engine;
@@ -59,11 +59,9 @@ impl ListQuery {
     }
 
     pub fn limit(&self) -> Result<u32, Error> {
-        let Some(text) = &self.limit else { return Ok(DEFAULT_LIMIT) };
-        text.parse().ok().filter(|limit| (1..=MAX_LIMIT).contains(limit)).ok_or_else(|| Error::InvalidQuery {
-            field: Some("limit"),
-            detail: format!("limit is a number from 1 to {MAX_LIMIT}"),
-        })
+        let (limits, what) = (1..=MAX_LIMIT, format!("a number from 1 to {MAX_LIMIT}"));
+        let limit = query_number("limit", self.limit.as_deref(), |limit| limits.contains(limit), &what)?;
+        Ok(limit.unwrap_or(DEFAULT_LIMIT))
     }
 }
 
@@ -124,8 +122,7 @@ pub(super) fn states<S: Copy>(
         names.map(|asked| all.iter().copied().find(|state| name(*state) == asked)).collect::<Option<_>>();
     found.ok_or_else(|| {
         let all: Vec<&str> = all.iter().map(|state| name(*state)).collect();
-        let detail = format!("state is of {}, with commas between them", all.join(", "));
-        Error::InvalidQuery { field: Some("state"), detail }
+        invalid_query("state", format!("state is of {}, with commas between them", all.join(", ")))
     })
 }
 
@@ -139,10 +136,7 @@ fn decode(cursor: &str) -> Option<String> {
 
 /// Returns the refusal of a cursor.
 pub(super) fn not_a_cursor() -> Error {
-    Error::InvalidQuery {
-        field: Some("after"),
-        detail: "after is not a cursor that this list gave as next; begin again without after".to_owned(),
-    }
+    invalid_query("after", "after is not a cursor that this list gave as next; begin again without after")
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Names that people give to homes, rooms, objects, clips and files: one line of text that shows something.
 
 use super::error::Error;
+use super::extract::invalid_query;
 
 const MAX_FILE_NAME_CHARACTERS: usize = 255;
 const MAX_TITLE_CHARACTERS: usize = 200;
@@ -54,9 +55,7 @@ fn checked(
     rule: &str,
 ) -> Result<Option<String>, Error> {
     match asked {
-        Some(text) if !is_good(&text) => {
-            Err(Error::InvalidQuery { field: Some(field), detail: format!("{field} has {rule}") })
-        }
+        Some(text) if !is_good(&text) => Err(invalid_query(field, format!("{field} has {rule}"))),
         asked => Ok(asked),
     }
 }

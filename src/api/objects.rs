@@ -3,14 +3,14 @@
 use super::App;
 use super::access::Caller;
 use super::error::Error;
-use super::extract::Query;
+use super::extract::{Query, invalid_query};
 use super::list::{List, ListPage, ListQuery, not_a_cursor};
+use super::map::scene::class;
 use super::problems::CommonProblems;
 use super::reply::Document;
 use super::types::{self, ClassName, HomeObject};
 use axum::extract::State;
 use serde::Deserialize;
-use viola_geometry::taxonomy::Class;
 use viola_storage::{HomeId, ObjectFilter};
 
 /// The filter of a list of objects.
@@ -34,18 +34,10 @@ pub(super) async fn list_objects(
     Query(query): Query<ObjectsQuery>,
     page: ListPage,
 ) -> Result<Document<List<HomeObject>>, Error> {
-    let invalid = |field: &'static str, detail: String| Error::InvalidQuery { field: Some(field), detail };
-    if let Some(name) = &query.class
-        && !Class::ALL.iter().any(|class| class.name() == name)
-    {
-        let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
-        return Err(invalid("class", format!("no class is called '{name}'; there are {}", names.join(", "))));
-    }
-    let home = query
-        .home
-        .as_deref()
-        .map(|id| id.parse::<HomeId>().map_err(|error| invalid("home", error.to_string())));
-    let home = home.transpose()?.map(|home| caller.home(&home)).transpose()?;
+    query.class.as_deref().map(|name| class("class", name)).transpose()?;
+    let home = query.home.as_deref().map(|id| id.parse::<HomeId>());
+    let home = home.transpose().map_err(|error| invalid_query("home", error.to_string()))?;
+    let home = home.map(|home| caller.home(&home)).transpose()?;
     if let Some(home) = &home {
         app.storage.home(home).await?;
     }

@@ -32,6 +32,10 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
             demand_values(operation);
             give_pattern(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
+                if status.as_str() >= "400" {
+                    answer["content"] =
+                        json!({PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}});
+                }
                 tell_delay(answer, status);
                 show_answer(answer, status, &examples, &mut shared);
             }
@@ -146,10 +150,8 @@ fn allow_conditions(operation: &mut Value) {
     add_header(operation, "If-None-Match", &json!({"type": "string"}), condition);
     let unless_another = "The `ETag` of the answer as it was read: another one gets 412";
     add_header(operation, "If-Match", &json!({"type": "string"}), unless_another);
-    operation["responses"]["412"] = json!({
-        "description": "The answer would be another one: `changed-meanwhile`",
-        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
-    });
+    operation["responses"]["412"] =
+        json!({"description": "The answer would be another one: `changed-meanwhile`"});
     operation["responses"]["200"]["headers"]["ETag"] = entity_tag();
     if operation["responses"]["304"].is_null() {
         operation["responses"]["304"] = json!({"description": "The client has it"});
@@ -164,10 +166,7 @@ fn allow_conditions(operation: &mut Value) {
 /// Adds the answer of an operation that changes something while the disk is full.
 fn tell_full_disk(operation: &mut Value) {
     if operation["responses"]["507"].is_null() {
-        operation["responses"]["507"] = json!({
-            "description": "`storage-full`",
-            "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
-        });
+        operation["responses"]["507"] = json!({"description": "`storage-full`"});
     }
 }
 
@@ -184,10 +183,8 @@ fn allow_ranges(operation: &mut Value, files: Map<String, Value>) {
         "headers": {"Content-Range": place, "ETag": entity_tag()},
         "content": files,
     });
-    operation["responses"]["416"] = json!({
-        "description": "The range begins behind the end of the file: `range-not-satisfiable`",
-        "content": {PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
-    });
+    let behind = "The range begins behind the end of the file: `range-not-satisfiable`";
+    operation["responses"]["416"] = json!({"description": behind});
 }
 
 /// Adds a header that a request may have.
@@ -223,7 +220,7 @@ fn demand_values(operation: &mut Value) {
 
 /// Adds the header of an answer to a request that may succeed later.
 fn tell_delay(answer: &mut Value, status: &str) {
-    if ["429", "503"].contains(&status) && answer["content"].get(PROBLEM).is_some() {
+    if ["429", "503"].contains(&status) {
         let description = "Seconds after which a retry may succeed, if the service knows them";
         answer["headers"]["Retry-After"] =
             json!({"description": description, "schema": {"type": "integer", "minimum": 1}});
@@ -255,7 +252,7 @@ fn show_answer(answer: &mut Value, status: &str, examples: &Examples, shared: &m
 }
 
 fn problem(description: &str, status: &str) -> Value {
-    let of_code = |code: &&str| CODES.contains(&code.replace('-', "_").as_str());
+    let of_code = |code: &&str| CODES.contains(code.replace('-', "_").as_str());
     let code = description.split('`').skip(1).step_by(2).find(of_code).unwrap_or("invalid-query");
     let title = description.split([':', ';']).next().unwrap_or_default().trim_matches(['`', ' ']);
     json!({"type": kind(code), "title": title, "status": status.parse::<u16>().unwrap_or(500), "detail": description})

@@ -3,14 +3,13 @@
 use super::App;
 use super::compression::StaticFile;
 use super::error::Error;
-use super::reply::unless_known;
+use super::reply::{tag_of, unless_known};
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
 use axum::http::uri::PathAndQuery;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::{Router, routing};
-use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
@@ -28,10 +27,7 @@ static PAGE: LazyLock<StaticFile> = LazyLock::new(|| StaticFile::new(INDEX));
 static FILES: LazyLock<HashMap<&str, StaticFile>> =
     LazyLock::new(|| ASSETS.iter().map(|(name, bytes)| (*name, StaticFile::new(*bytes))).collect());
 
-static INDEX_TAG: LazyLock<String> = LazyLock::new(|| {
-    let sum: String = Sha256::digest(INDEX).iter().take(16).map(|byte| format!("{byte:02x}")).collect();
-    format!("\"{sum}\"")
-});
+static INDEX_TAG: LazyLock<String> = LazyLock::new(|| tag_of(&[INDEX]));
 
 pub(super) fn routes() -> Router<App> {
     Router::new()

@@ -2,6 +2,7 @@
 //! filter or `dry_run` would otherwise do something else than its sender means.
 
 use super::error::Error;
+use super::extract::invalid_query;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
@@ -69,11 +70,14 @@ pub(super) async fn refuse_unknown(
         let mut seen = Vec::new();
         for (name, _) in form_urlencoded::parse(query.as_bytes()) {
             if !known.iter().any(|known| *known == name) {
-                let name = name.chars().take(MAX_NAME_CHARACTERS).collect();
-                return Err(Error::UnknownParameter { name, known: known.clone() });
+                let name: String = name.chars().take(MAX_NAME_CHARACTERS).collect();
+                let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                let detail = format!("the operation has no query parameter `{name}`; it has {known}");
+                return Err(invalid_query(name, detail));
             }
             if seen.contains(&name) {
-                return Err(Error::RepeatedParameter { name: name.into_owned() });
+                let detail = format!("the query has the parameter `{name}` twice");
+                return Err(invalid_query(name.into_owned(), detail));
             }
             seen.push(name);
         }

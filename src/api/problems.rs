@@ -1,24 +1,29 @@
-//! The problems that operations answer with, for the OpenAPI document.
+//! The problems that operations answer with, for the OpenAPI document. [`openapi`](super::openapi) adds that they are problem
+//! documents.
 
-use super::error::Problem;
 use std::collections::BTreeMap;
-use utoipa::openapi::{Content, Ref, RefOr, Response, ResponseBuilder};
-use utoipa::{IntoResponses, ToSchema};
+use utoipa::IntoResponses;
+use utoipa::openapi::{RefOr, Response};
 
 type Responses = BTreeMap<String, RefOr<Response>>;
 
 fn responses(problems: &[(&str, &str)]) -> Responses {
-    let mut responses = Responses::new();
-    for (status, description) in problems {
-        let schema = Ref::from_schema_name(Problem::name());
-        let content = Content::new(Some(schema));
-        let response = ResponseBuilder::new()
-            .description(*description)
-            .content("application/problem+json", content)
-            .build();
-        responses.insert((*status).to_owned(), response.into());
-    }
-    responses
+    let response = |description: &str| Response::new(description).into();
+    problems.iter().map(|(status, description)| ((*status).to_owned(), response(description))).collect()
+}
+
+/// Declares problems that several operations have, by their status.
+macro_rules! problems {
+    ($($(#[$attribute:meta])* $name:ident: $problems:expr;)+) => {
+        $($(#[$attribute])*
+        pub(super) struct $name;
+
+        impl IntoResponses for $name {
+            fn responses() -> Responses {
+                responses(&$problems)
+            }
+        })+
+    };
 }
 
 /// Problems of keys and of too many requests.
@@ -37,103 +42,75 @@ const KEY_PROBLEMS: [(&str, &str); 3] = [
     ),
 ];
 
-/// Problems of operations that need a key, and nothing else of the request.
-pub(super) struct KeyProblems;
-
-impl IntoResponses for KeyProblems {
-    fn responses() -> Responses {
-        responses(&KEY_PROBLEMS)
-    }
-}
-
 /// Problems of every operation.
-pub(super) struct CommonProblems;
+const COMMON_PROBLEMS: [(&str, &str); 4] = [
+    (
+        "400",
+        "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole, not JSON, or not the one of its digest: `body-incomplete`, `malformed-json`, `digest-mismatch`",
+    ),
+    (
+        "404",
+        "The resource of the path does not exist: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `object-not-found`, `room-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
+    ),
+    ("500", "The service failed: `internal-error`. The log has the cause under the answer's `x-request-id`"),
+    (
+        "503",
+        "The database or the store of files does not answer now, or too many files are being read or made: `unavailable`, `readers-busy`, `makers-busy`. `Retry-After` says when to try again",
+    ),
+];
 
-impl IntoResponses for CommonProblems {
-    fn responses() -> Responses {
-        let own = [
-            (
-                "400",
-                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole, not JSON, or not the one of its digest: `body-incomplete`, `malformed-json`, `digest-mismatch`",
-            ),
-            (
-                "404",
-                "The resource of the path does not exist: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `object-not-found`, `room-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
-            ),
-            (
-                "500",
-                "The service failed: `internal-error`. The log has the cause under the answer's `x-request-id`",
-            ),
-            (
-                "503",
-                "The database or the store of files does not answer now, or too many files are being read or made: `unavailable`, `readers-busy`, `makers-busy`. `Retry-After` says when to try again",
-            ),
-        ];
-        responses(&[&own[..], &KEY_PROBLEMS].concat())
-    }
-}
-
-/// Problems of operations on a revision of a map.
-pub(super) struct MapProblems;
-
-impl IntoResponses for MapProblems {
-    fn responses() -> Responses {
-        responses(&[("410", "The revision is not kept any more: `map-revision-removed`")])
-    }
-}
-
-/// Problems of the export of a home.
-pub(super) struct ExportProblems;
-
-impl IntoResponses for ExportProblems {
-    fn responses() -> Responses {
-        responses(&[(
-            "503",
-            "As many exports as may run at once run already: `too-many-exports`; or the database or the store of files does not answer now: `unavailable`. `Retry-After` says when to try again",
-        )])
-    }
-}
-
-/// Problems of operations that take a JSON body.
-pub(super) struct JsonProblems;
-
-impl IntoResponses for JsonProblems {
-    fn responses() -> Responses {
-        responses(&[
-            ("408", "The body did not arrive in time: `body-stalled`"),
-            ("413", "`body-too-large`"),
-            ("415", "The body is not declared as JSON, or is encoded: `unsupported-media-type`"),
-            (
-                "422",
-                "The body is JSON, but not with the expected members: `invalid-body`; `field` names the member where one is at fault",
-            ),
-            ("507", "`storage-full`"),
-        ])
-    }
-}
-
-/// Problems of operations that take a file.
-pub(super) struct FileProblems;
-
-impl IntoResponses for FileProblems {
-    fn responses() -> Responses {
-        responses(&[
-            ("408", "The body did not arrive in time: `body-stalled`"),
-            (
-                "413",
-                "The body is larger than the service's limit, or unpacks to more: `body-too-large`, `unpacks-too-large`",
-            ),
-            (
-                "415",
-                "A form, an encoded body, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",
-            ),
-            (
-                "422",
-                "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ... Or reading it takes too long: `took-too-long`. Or its `Idempotency-Key` came with another file: `idempotency-key-reused`",
-            ),
-            ("507", "The service or the tenant has no room left: `storage-full`, `tenant-full`"),
-        ])
-    }
+problems! {
+    /// Problems of operations that need a key, and nothing else of the request.
+    KeyProblems: KEY_PROBLEMS;
+    /// Problems of every operation.
+    CommonProblems: [&COMMON_PROBLEMS[..], &KEY_PROBLEMS].concat();
+    /// Problems of operations on a revision of a map.
+    MapProblems: [("410", "The revision is not kept any more: `map-revision-removed`")];
+    /// Problems of the export of a home.
+    ExportProblems: [(
+        "503",
+        "As many exports as may run at once run already: `too-many-exports`; or the database or the store of files does not answer now: `unavailable`. `Retry-After` says when to try again",
+    )];
+    /// Problems of operations that take a JSON body.
+    JsonProblems: [
+        ("408", "The body did not arrive in time: `body-stalled`"),
+        ("413", "`body-too-large`"),
+        ("415", "The body is not declared as JSON, or is encoded: `unsupported-media-type`"),
+        (
+            "422",
+            "The body is JSON, but not with the expected members: `invalid-body`; `field` names the member where one is at fault",
+        ),
+        ("507", "`storage-full`"),
+    ];
+    /// Problems of operations that take a file.
+    FileProblems: [
+        ("408", "The body did not arrive in time: `body-stalled`"),
+        (
+            "413",
+            "The body is larger than the service's limit, or unpacks to more: `body-too-large`, `unpacks-too-large`",
+        ),
+        (
+            "415",
+            "A form, an encoded body, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",
+        ),
+        (
+            "422",
+            "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ... Or reading it takes too long: `took-too-long`. Or its `Idempotency-Key` came with another file: `idempotency-key-reused`",
+        ),
+        ("507", "The service or the tenant has no room left: `storage-full`, `tenant-full`"),
+    ];
+    /// A condition of a change that the clip does not meet.
+    ChangedClip: [("412", "The clip was changed since it was read: `changed-meanwhile`")];
+    /// Problems of corrections.
+    CorrectionProblems: [
+        ("409", "`too-many-corrections`: at most 500 a home"),
+        ("412", "It was changed since it was read: `changed-meanwhile`"),
+    ];
+    /// Problems of operations that take the file of a LiDAR map.
+    LidarMapProblems: [
+        ("409", "The home has LiDAR maps of 8 other levels: `too-many-levels`"),
+        ("412", "The LiDAR map was changed since it was read: `changed-meanwhile`"),
+    ];
 }
 
 /// Problems of operations that take bytes of an upload in parts: those of all operations and files, and its own.

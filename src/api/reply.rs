@@ -82,7 +82,7 @@ pub(super) fn tag_of_document<T: Serialize>(document: &T) -> String {
 }
 
 /// Returns whether the client has the answer with this tag.
-pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
+fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     let mut each = known.flat_map(|list| list.split(',')).map(|one| one.trim().trim_start_matches("W/"));
     each.any(|one| one == "*" || one == tag)
@@ -94,6 +94,13 @@ pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>)
     let Some(current) = current else { return !headers.contains_key(header::IF_MATCH) };
     let tag = tag_of_document(current);
     is_wanted(headers, &tag) && !is_known(headers, &tag)
+}
+
+/// Returns whether a request allows to change what is stored: its conditions are about the document `D` of that.
+pub(super) fn is_expected<D: From<S> + Serialize, S: Clone>(
+    headers: HeaderMap,
+) -> impl Fn(&S) -> bool + Send {
+    move |stored| may_change(&headers, Some(&D::from(stored.clone())))
 }
 
 /// Returns whether a change that changes nothing goes ahead whatever `If-Match` says (RFC 9110, section 13.1.1): it may be
@@ -120,8 +127,12 @@ pub(super) fn unmet(headers: &HeaderMap, error: StorageError) -> Error {
 
 /// Returns the answer with its entity tag, or 304 if the client has it.
 pub(super) fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
-    let answer = if is_known(headers, tag) { StatusCode::NOT_MODIFIED.into_response() } else { answer() };
-    tagged(answer, tag)
+    known(headers, tag).unwrap_or_else(|| tagged(answer(), tag))
+}
+
+/// Returns 304 if the client has the answer with this tag.
+pub(super) fn known(headers: &HeaderMap, tag: &str) -> Option<Response> {
+    is_known(headers, tag).then(|| tagged(StatusCode::NOT_MODIFIED.into_response(), tag))
 }
 
 /// Returns the answer with its entity tag; caches must revalidate it.
@@ -134,12 +145,17 @@ pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
     answer
 }
 
+/// The extension of a HEAD request that is answered as GET. Files that would be made for the answer are not.
+#[derive(Clone, Copy)]
+pub(super) struct Head;
+
 /// Middleware that gives every document its entity tag, and answers 304 to a client that has it. HEAD is answered as GET
 /// without the body, since the tag is that of the body.
 pub(super) async fn tag_documents(mut request: Request, next: Next) -> Response {
     let is_head = request.method() == Method::HEAD && !request.uri().path().starts_with(OWN_HEADS);
     if is_head {
         *request.method_mut() = Method::GET;
+        request.extensions_mut().insert(Head);
     } else if request.method() != Method::GET {
         return next.run(request).await;
     }
@@ -166,6 +182,12 @@ async fn tagged_document(conditions: &HeaderMap, answer: Response) -> Response {
     unless_known(conditions, &tag, || Response::from_parts(head, Body::from(text)))
 }
 
+/// Returns an empty body of unknown length: of an empty one axum would tell the length 0, and the compression would leave it as
+/// it is.
+pub(super) fn no_body() -> Body {
+    Body::from_stream(stream::empty::<Result<Bytes, Infallible>>())
+}
+
 /// Returns the head of an answer, with the length of its body if that is known.
 fn without_body(answer: Response) -> Response {
     let size_bytes = answer.body().size_hint().exact();
@@ -173,6 +195,5 @@ fn without_body(answer: Response) -> Response {
     if let Some(size_bytes) = size_bytes.filter(|_| head.status != StatusCode::NOT_MODIFIED) {
         head.headers.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
     }
-    // A body of unknown length: axum would tell the length 0 of an empty one, and the compression would leave it as it is.
-    Response::from_parts(head, Body::from_stream(stream::empty::<Result<Bytes, Infallible>>()))
+    Response::from_parts(head, no_body())
 }

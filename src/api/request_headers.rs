@@ -1,6 +1,6 @@
 //! Headers that mean the same in every operation. A value that is not valid is refused before the operation begins.
 
-use super::error::{BodyRefusal, Error};
+use super::error::Error;
 use super::extract::has_body;
 use axum::extract::Request;
 use axum::http::{HeaderMap, header};
@@ -65,7 +65,7 @@ fn check_encoding(headers: &HeaderMap) -> Result<(), Error> {
         let text = String::from_utf8_lossy(value.as_bytes());
         if let Some(coding) = text.split(',').map(str::trim).find(is_encoded) {
             let shown = coding.chars().filter(char::is_ascii_graphic).take(MAX_SHOWN_CHARACTERS).collect();
-            return Err(BodyRefusal::Encoded(shown).into());
+            return Err(Error::Encoded(shown));
         }
     }
     Ok(())

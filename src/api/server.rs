@@ -95,7 +95,7 @@ pub async fn serve(
     let (has_keys, listener, admin_listener) = closing(&storage, prepared.await).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
-    let app = App(Arc::new(Shared {
+    let app = App::new(Shared {
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
@@ -113,14 +113,14 @@ pub async fn serve(
         webhooks: params.webhooks,
         cors_origins: params.cors_origins,
         has_keys: has_keys.into(),
-        readers: Arc::new(Readers::new(params.readers)),
+        readers: Readers::new(params.readers),
         makers: Makers::default(),
         waits: changes::waits(),
         searches: homes::searches(),
         exports: export::exports(),
         compressing: Arc::new(Semaphore::new(1)),
         stop: stop.clone(),
-    }));
+    });
     let cleaned = app.clone();
     tasks.spawn(kept_up("cleaner", RESTART_AFTER, move || clean(cleaned.clone())));
     let (watched, ended) = (app.queue.clone(), stop.clone());

@@ -68,7 +68,7 @@ pub(super) async fn put_session(
 ) -> Result<(StatusCode, HeaderMap), Error> {
     if body.key.is_empty() {
         let detail = "it is the key as `viola keys create` printed it".to_owned();
-        return Err(Error::InvalidBody { field: Some("key".to_owned()), detail });
+        return Err(Error::InvalidBody { field: Some("key".into()), detail });
     }
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
     let key = access::key(&app, peer::client(&extensions, &headers), &secret).await?;

@@ -26,7 +26,7 @@ pub(super) use job::{Job, JobState};
 pub(super) use lidar_map::{LidarInfo, LidarMapRevision, PictureFrame};
 pub(super) use messages::{HomeEvent, JobEvent, WebhookMessage, WebhookTest};
 pub(super) use names::{ClassName, HomeId, LevelName, Pose2, Role};
-pub(super) use reason_code::ReasonCode;
+pub(super) use reason_code::{READERS, ReasonCode};
 pub(super) use upload::{UploadKind, UploadState};
 pub(super) use webhook::{Delivery, Webhook};
 

@@ -21,7 +21,7 @@ pub(super) use refusal::UploadRefusal;
 use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, content_length, to_the_end};
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::UploadPath;
 use super::problems::{CommonProblems, UploadProblems};
 use super::reply::Document;
@@ -150,14 +150,10 @@ async fn speak_tus(request: Request, next: Next) -> Response {
                 ("Viola-Clip" = String, description = "The clip's path, if the file is complete. If it is missing then, the bytes are safe: \
                     GET the upload until it is `finished` or `refused`. A partial upload has none"),
                 ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
-        (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 410, description = "A partial upload has expired or was joined already: `upload-gone`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`"),
+        (status = 410, description = "A partial upload has expired or was joined already: `upload-gone`"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`"),
+        (status = 460, description = "`checksum-mismatch`; the bytes are not kept"),
         UploadProblems))]
 async fn create_upload(State(app): State<App>, caller: Caller, request: Request) -> Result<Response, Error> {
     let (parts, body) = request.into_parts();
@@ -206,9 +202,8 @@ async fn get_upload(
                     GET the upload until it is `finished` or `refused`. A partial upload has none"),
                 ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
         (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
-            GET says which", body = Problem, content_type = "application/problem+json"),
-        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
-            content_type = "application/problem+json"),
+            GET says which"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`"),
         CommonProblems))]
 async fn head_upload(
     State(app): State<App>,
@@ -243,14 +238,11 @@ async fn head_upload(
                     GET the upload until it is `finished` or `refused`. A partial upload has none"),
                 ("Viola-Job" = String, description = "The path of the clip's newest job; absent while the home has no LiDAR map"))),
         (status = 409, description = "The service has another number of bytes, or another request has resumed it: \
-            `upload-offset-mismatch`. HEAD returns the offset", body = Problem, content_type = "application/problem+json"),
+            `upload-offset-mismatch`. HEAD returns the offset"),
         (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
-            GET says which. Or the service lost bytes of it: `upload-lost`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
-            content_type = "application/problem+json"),
+            GET says which. Or the service lost bytes of it: `upload-lost`"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`"),
+        (status = 460, description = "`checksum-mismatch`; the bytes are not kept"),
         UploadProblems))]
 async fn append_to_upload(
     State(app): State<App>,
@@ -289,10 +281,8 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
     params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`")),
     responses(
         (status = 204, description = "The upload is removed"),
-        (status = 410, description = "The upload was gone already: `upload-gone`", body = Problem,
-            content_type = "application/problem+json"),
-        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 410, description = "The upload was gone already: `upload-gone`"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`"),
         CommonProblems))]
 async fn delete_upload(
     State(app): State<App>,
@@ -318,10 +308,10 @@ async fn delete_upload(
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream"),
     responses(
         (status = 204, description = "As for PATCH or DELETE"),
-        (status = 409, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 410, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 412, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 460, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "As for PATCH"),
+        (status = 410, description = "As for PATCH"),
+        (status = 412, description = "As for PATCH"),
+        (status = 460, description = "As for PATCH"),
         UploadProblems))]
 async fn override_method(
     State(app): State<App>,
@@ -354,8 +344,7 @@ async fn describe_uploads(State(app): State<App>) -> (StatusCode, HeaderMap) {
 /// Get the supported version and extensions of tus, which are the same for every upload
 #[utoipa::path(options, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
     responses((status = 204, description = "The answer is in the headers, as for `/v1/uploads`"),
-        (status = 410, description = "The upload is gone: `upload-gone`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 410, description = "The upload is gone: `upload-gone`"),
         CommonProblems))]
 async fn describe_upload(
     State(app): State<App>,

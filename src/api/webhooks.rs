@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::Caller;
-use super::error::{Error, Problem};
+use super::error::Error;
 use super::extract::{DeliveryPath, Json, WebhookPath};
 use super::list::{List, ListPage, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
@@ -66,8 +66,7 @@ pub(super) struct Webhooks {
     responses(
         (status = 201, description = "The webhook and its secret", body = NewWebhook,
             headers(("Location" = String, description = "The webhook's path"))),
-        (status = 409, description = "The tenant has ten webhooks already: `too-many-webhooks`", body = Problem,
-            content_type = "application/problem+json"),
+        (status = 409, description = "The tenant has ten webhooks already: `too-many-webhooks`"),
         CommonProblems, JsonProblems))]
 pub(super) async fn create_webhook(
     State(app): State<App>,
@@ -75,7 +74,8 @@ pub(super) async fn create_webhook(
     Json(body): Json<WebhookBody>,
 ) -> Result<impl IntoResponse, Error> {
     let tenant = caller.for_all_homes()?;
-    let invalid = |detail: String, field: &'static str| Error::InvalidMember { field, detail };
+    let invalid =
+        |detail: String, field: &'static str| Error::InvalidBody { field: Some(field.into()), detail };
     if body.url.is_empty() {
         return Err(invalid("url is missing".to_owned(), "url"));
     }

@@ -5,7 +5,7 @@ use super::attempt_error::{AttemptError, MethodResult};
 use super::child::{ChildParams, run_in_child};
 use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
-use super::mesh::make_meshes;
+use super::mesh::{WaitingHomes, begin_meshes};
 use super::outcome::detail;
 use super::pace::Pace;
 use super::run::{Inputs, Method, Working, run_here};
@@ -57,7 +57,8 @@ impl Default for WorkerParams {
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
-    let mut worker = Worker { queue, params, stop, merged: String::new(), merge_pace: Pace::default() };
+    let (merged, merge_pace, meshes) = (String::new(), Pace::default(), Arc::default());
+    let mut worker = Worker { queue, params, stop, merged, merge_pace, meshes };
     while !worker.stop.is_cancelled() {
         worker.queue_lost().await;
         // Jobs and merges take turns, so that neither waits until the other queue is empty. A merge waits for the queued clips
@@ -78,6 +79,7 @@ struct Worker {
     /// Tenant of the last merge.
     merged: String,
     merge_pace: Pace,
+    meshes: Arc<WaitingHomes>,
 }
 
 impl Worker {
@@ -127,7 +129,7 @@ impl Worker {
 
     /// Merges a home; returns false if none is due.
     async fn merge(&mut self) -> bool {
-        let Worker { queue, params, stop, merged, merge_pace } = self;
+        let Worker { queue, params, stop, merged, merge_pace, .. } = self;
         let begun = Instant::now();
         let claim = match queue.storage.claim_merge(merged, params.lease, queue.storage.now()).await {
             Ok(Some(claim)) => claim,
@@ -151,7 +153,7 @@ impl Worker {
     /// Makes the missing meshes of a home beside the next job.
     fn begin_meshes(&self, home: HomeId) {
         if !self.stop.is_cancelled() {
-            tokio::spawn(make_meshes(self.queue.storage.clone(), home));
+            begin_meshes(self.meshes.clone(), self.queue.storage.clone(), home);
         }
     }
 

@@ -54,6 +54,16 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
         alignment.as_object_mut().unwrap().remove("seconds").unwrap();
     }
     assert_eq!(again, first);
+
+    // A file that the store lost is no file that the clip does not have.
+    for (route, file) in [("overlay.png", "overlay.png"), ("scan", "scan.json"), ("cloud.ply", "cloud.ply")] {
+        assert_eq!(server.get(&format!("{path}/{route}")).await.status, 200);
+        // Those of the first answer may be there still.
+        for blob in server.blobs().iter().filter(|blob| blob.ends_with(file)) {
+            let _ = std::fs::remove_file(blob);
+        }
+        server.get(&format!("{path}/{route}")).await.problem(500, "internal-error");
+    }
 }
 
 #[tokio::test]

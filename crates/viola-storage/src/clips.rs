@@ -12,6 +12,7 @@ pub(super) use insert::{NewRow, insert};
 pub use last_answer::LastAnswer;
 pub(super) use outcome::{Outcome, begin_job, change};
 
+use super::damage::check_removed;
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
@@ -249,6 +250,18 @@ impl Storage {
     ) -> Result<Option<bytes::Bytes>, StorageError> {
         let Some(key) = clip.result_key() else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
+    }
+
+    /// Returns an error if a file that every answer has is missing in the clip's newest answer, and no later job or deletion has
+    /// removed it: the store lost it.
+    pub async fn check_result_removed(&self, clip: &Clip, name: &str) -> Result<(), StorageError> {
+        let Some(key) = clip.result_key().filter(|_| result_file::OF_EVERY_ANSWER.contains(&name)) else {
+            return Ok(());
+        };
+        let row = query("SELECT id FROM clips WHERE id = $1 AND (result_key = $2 OR last_result_key = $2)");
+        let row = row.bind(clip.id.to_string()).bind(key);
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        check_removed(row.as_ref(), format!("{key}/{name}"))
     }
 }
 

@@ -13,5 +13,8 @@ pub const THUMBNAIL: &str = "thumbnail.jpg";
 /// Only of clips that are not aligned.
 pub const FRAMES: &str = "frames.jpg";
 
+/// Names of the files for people that every answer has.
+pub const OF_EVERY_ANSWER: [&str; 3] = [OVERLAY, CLOUD, SCAN];
+
 /// All names; not every result has all of the files.
 pub const ALL: [&str; 8] = [OVERLAY, CLOUD, VIEWS, FEATURES, SCAN, COMPLETION, THUMBNAIL, FRAMES];

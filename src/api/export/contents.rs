@@ -3,14 +3,12 @@
 use super::archive::Archive;
 use crate::api::App;
 use crate::api::error::Error;
-use crate::api::map::map_files;
+use crate::api::map::Revision;
 use crate::api::map::points::{Points, Streamed};
 use crate::api::types;
 use viola_geometry::LevelName;
-use viola_home::{ClipNumbers, PointFilter};
-use viola_storage::{
-    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
-};
+use viola_home::PointFilter;
+use viola_storage::{Clip, ClipFilter, Home, HomeId, MapLevel, Page, StorageError, map_file, result_file};
 
 const README: &str = include_str!("README.txt");
 /// Number of clips read at a time.
@@ -96,41 +94,12 @@ impl Contents {
     }
 
     async fn map(&self, zip: &mut Archive) -> Result<(), ExportError> {
-        let storage = &self.app.storage;
+        let storage = self.app.storage.clone();
         let Some(map) = storage.home_map(&self.home, None).await? else { return Ok(()) };
         zip.document("map/map.json", &types::HomeMap::from(map.clone())).await?;
-        for level in &map.levels {
-            self.map_level(zip, &map, level).await?;
-        }
-        Ok(())
-    }
-
-    async fn map_level(&self, zip: &mut Archive, map: &HomeMap, level: &MapLevel) -> Result<(), ExportError> {
-        let storage = &self.app.storage;
-        let folder = folder("map", level.level);
-        let files = |name| map_files(storage, &self.home, map.revision, level.level, name);
-        for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
-            for found in &files(name).await? {
-                let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
-                zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
-            }
-        }
-        for (format, name) in [(Streamed::Ply, "points.ply"), (Streamed::Glb, "points.glb")] {
-            let tiles = files(map_file::TILE).await?;
-            let points = Points {
-                storage: storage.clone(),
-                home: self.home.clone(),
-                revision: map.revision,
-                clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
-                filter: PointFilter::default(),
-            };
-            // Points that are too many for a GLB are in the PLY.
-            let head = match points.head(format, level.info.points, &tiles).await {
-                Ok((head, _)) => head,
-                Err(Error::InvalidQuery { .. }) => continue,
-                Err(error) => return Err(error.into()),
-            };
-            zip.stream(&format!("{folder}/{name}"), points.body(format, head, tiles)).await?;
+        let revision = Revision { storage, home: self.home.clone(), map };
+        for level in &revision.map.levels {
+            map_level(zip, &revision, level).await?;
         }
         Ok(())
     }
@@ -150,6 +119,9 @@ impl Contents {
         for name in names {
             if let Some(blob) = storage.clip_result(clip, name).await? {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
+            } else if let Err(lost) = storage.check_result_removed(clip, name).await {
+                // The next job makes it again. The rest of the home does not depend on it.
+                tracing::error!(home = %self.home, clip = %clip.id, %lost, "an export is without a file");
             }
         }
         // A recording that was removed meanwhile is not in the export.
@@ -158,4 +130,26 @@ impl Contents {
         }
         Ok(())
     }
+}
+
+/// Adds the files of a level of the map.
+async fn map_level(zip: &mut Archive, revision: &Revision, level: &MapLevel) -> Result<(), ExportError> {
+    let folder = folder("map", level.level);
+    for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
+        for found in &revision.files(level.level, name).await? {
+            zip.stream(&format!("{folder}/{name}"), revision.blob(found).await?.stream).await?;
+        }
+    }
+    for (format, name) in [(Streamed::Ply, "points.ply"), (Streamed::Glb, "points.glb")] {
+        let tiles = revision.files(level.level, map_file::TILE).await?;
+        let points = Points::new(revision, PointFilter::default());
+        // Points that are too many for a GLB are in the PLY.
+        let head = match points.head(format, level.info.points, &tiles).await {
+            Ok((head, _)) => head,
+            Err(Error::InvalidQuery { .. }) => continue,
+            Err(error) => return Err(error.into()),
+        };
+        zip.stream(&format!("{folder}/{name}"), points.body(format, head, tiles)).await?;
+    }
+    Ok(())
 }

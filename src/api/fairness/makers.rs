@@ -28,19 +28,31 @@ impl Default for Makers {
     }
 }
 
+/// The places of a file.
+pub(in crate::api) struct MakerPlaces {
+    /// Until it is sent.
+    pub unsent: FairPlace,
+    /// While it is made.
+    pub making: FairPlace,
+}
+
 impl Makers {
-    /// Waits for the place of a mesh: making one takes seconds and all cores.
-    pub async fn mesh(&self, tenant: &str) -> Result<FairPlace, Error> {
-        place(&self.meshes, tenant).await
+    /// Waits for the places of a mesh: making one takes seconds and all cores.
+    pub async fn mesh(&self, tenant: &str) -> Result<MakerPlaces, Error> {
+        self.places(&self.meshes, tenant).await
     }
 
-    /// Waits for the place of another file: making one takes a core for seconds, memory, and room on the disk.
-    pub async fn file(&self, tenant: &str) -> Result<FairPlace, Error> {
-        place(&self.files, tenant).await
+    /// Waits for the places of another file: making one takes a core for seconds, memory, and room on the disk.
+    pub async fn file(&self, tenant: &str) -> Result<MakerPlaces, Error> {
+        self.places(&self.files, tenant).await
     }
 
-    /// Waits for the place that a made file has until it is sent. It comes before the place of the making, so that a tenant
-    /// whose clients are slow does not keep that one.
+    /// Waits for the place until the file is sent first, so that a tenant whose clients are slow does not keep that of the making.
+    async fn places(&self, makers: &FairPlaces, tenant: &str) -> Result<MakerPlaces, Error> {
+        Ok(MakerPlaces { unsent: self.unsent(tenant).await?, making: place(makers, tenant).await? })
+    }
+
+    /// Waits for the place that a made file has until it is sent.
     pub async fn unsent(&self, tenant: &str) -> Result<FairPlace, Error> {
         place(&self.unsent, tenant).await
     }

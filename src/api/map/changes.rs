@@ -1,10 +1,9 @@
 //! `/v1/homes/{home}/map/changes`: the changes between two revisions of a map.
 
-use super::scene::scene;
-use super::{no_revision, number};
+use super::revision::{Revision, number};
 use crate::api::App;
-use crate::api::error::{Error, Problem};
-use crate::api::extract::{HomePath, Query};
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query, invalid_query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::Document;
 use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChanges, MapObject, MovedObject};
@@ -12,7 +11,7 @@ use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{RevisionObjects, object_changes};
-use viola_storage::{HomeId, KEPT_REVISIONS, MapClip, MapLevel, MapScene, Page};
+use viola_storage::{KEPT_REVISIONS, MapClip, MapLevel, MapScene, Page};
 
 /// The two revisions.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -35,8 +34,7 @@ pub(in crate::api) struct ChangesQuery {
 /// revision with such changes.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/changes", tag = "map", params(HomePath, ChangesQuery),
     responses((status = 200, description = "The changes", body = MapChanges),
-        (status = 410, description = "One of the revisions is not kept any more: `map-revision-removed`",
-            body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "One of the revisions is not kept any more: `map-revision-removed`"),
         CommonProblems))]
 pub(in crate::api) async fn get_map_changes(
     State(app): State<App>,
@@ -51,28 +49,29 @@ pub(in crate::api) async fn get_map_changes(
     let from = number("from", query.from.as_deref(), 0)?.or(before).unwrap_or(to - 1);
     if from >= to {
         let detail = format!("from is an earlier revision than to; they are {from} and {to}");
-        return Err(Error::InvalidQuery { field: Some("from"), detail });
+        return Err(invalid_query("from", detail));
     }
-    let later = Revision::of(&app, &home, to, current).await?;
-    let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
+    let later = Compared::of(Revision::kept(&app, home.clone(), Some(to)).await?).await?;
+    let earlier = match from {
+        0 => None,
+        from => Some(Compared::of(Revision::kept(&app, home, Some(from)).await?).await?),
+    };
     Ok(Document(changes(earlier.as_ref(), &later, (from, to))))
 }
 
 /// The clips and the levels of a revision, with their scenes.
-struct Revision {
+struct Compared {
     clips: Vec<MapClip>,
     levels: Vec<(MapLevel, MapScene)>,
 }
 
-impl Revision {
-    async fn of(app: &App, home: &HomeId, revision: i64, current: i64) -> Result<Revision, Error> {
-        let map = app.storage.home_map(home, Some(revision)).await?;
-        let map = map.ok_or_else(|| no_revision(revision, current))?;
+impl Compared {
+    async fn of(revision: Revision) -> Result<Compared, Error> {
         let mut levels = Vec::new();
-        for level in &map.levels {
-            levels.push((level.clone(), scene(app, home, &map, level.level).await?));
+        for level in &revision.map.levels {
+            levels.push((level.clone(), revision.scene(level.level).await?));
         }
-        Ok(Revision { clips: map.clips, levels })
+        Ok(Compared { clips: revision.map.clips, levels })
     }
 
     fn level(&self, name: LevelName) -> Option<&(MapLevel, MapScene)> {
@@ -81,17 +80,8 @@ impl Revision {
 }
 
 /// Returns the changes of all levels. No object moves from one level to another.
-fn changes(earlier: Option<&Revision>, later: &Revision, (from, to): (i64, i64)) -> MapChanges {
-    let mut all = MapChanges {
-        from,
-        to,
-        added: Vec::new(),
-        discovered: Vec::new(),
-        found_again: Vec::new(),
-        moved: Vec::new(),
-        gone: Vec::new(),
-        lost: Vec::new(),
-    };
+fn changes(earlier: Option<&Compared>, later: &Compared, (from, to): (i64, i64)) -> MapChanges {
+    let mut all = MapChanges { from, to, ..MapChanges::default() };
     for (level, scene) in &later.levels {
         let before = earlier.and_then(|earlier| earlier.level(level.level));
         let clips: Vec<&MapClip> = later.clips.iter().filter(|clip| clip.level == level.level).collect();
@@ -134,14 +124,12 @@ fn add_changes(
         },
     );
     let object = |object: &viola_storage::MapObject| MapObject::from(object.clone());
-    let gone = |object: &viola_storage::MapObject, reason: GoneReason| GoneObject {
-        reason,
-        object: MapObject::from(object.clone()),
-    };
-    let lost = |object: &viola_storage::MapObject| {
-        let is_known = clips.iter().any(|clip| object.clips.contains(&clip.clip));
+    let gone =
+        |gone: &viola_storage::MapObject, reason: GoneReason| GoneObject { reason, object: object(gone) };
+    let lost = |lost: &viola_storage::MapObject| {
+        let is_known = clips.iter().any(|clip| lost.clips.contains(&clip.clip));
         let reason = if is_known { LostReason::NotFound } else { LostReason::ClipsRemoved };
-        LostObject { reason, object: MapObject::from(object.clone()) }
+        LostObject { reason, object: object(lost) }
     };
     let each = |indices: &[usize], of: &[viola_storage::MapObject]| {
         indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>()

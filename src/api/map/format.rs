@@ -1,6 +1,7 @@
 //! The formats of a map's files: a request names one by `format`, or by the media type in `Accept`.
 
 use crate::api::error::Error;
+use crate::api::extract::invalid_query;
 use axum::http::{HeaderMap, header};
 
 /// A format with its name in a query and its media type.
@@ -15,7 +16,7 @@ pub(super) fn named<F: Copy>(formats: &[Format<F>], name: &str) -> Result<Format
             Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
             _ => names.concat(),
         };
-        Error::InvalidQuery { field: Some("format"), detail: format!("format is {names}") }
+        invalid_query("format", format!("format is {names}"))
     })
 }
 
@@ -66,7 +67,7 @@ mod tests {
             let Err(Error::InvalidQuery { field, detail }) = named(formats, "stl") else {
                 panic!("there is no such format")
             };
-            assert_eq!((field, detail), (Some("format"), format!("format is {list}")));
+            assert_eq!((field.as_deref(), detail), (Some("format"), format!("format is {list}")));
         }
     }
 }

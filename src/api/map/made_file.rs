@@ -2,13 +2,10 @@
 
 use super::apart;
 use super::points::Points;
-use crate::api::bodies::{PIECE_BYTES, attachment, holding};
+use crate::api::bodies::{PIECE_BYTES, holding};
 use crate::api::error::Error;
-use crate::api::fairness::FairPlace;
-use crate::api::reply::tagged;
+use crate::api::fairness::MakerPlaces;
 use axum::body::Body;
-use axum::http::{HeaderValue, header};
-use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read, Seek};
@@ -45,7 +42,7 @@ fn failed(source: io::Error) -> StorageError {
 }
 
 async fn spool(points: &Points, tiles: &[MapFile]) -> Result<Spool, Error> {
-    let mut file = tokio::fs::File::from_std(points.storage.scratch_file()?);
+    let mut file = tokio::fs::File::from_std(points.revision.storage.scratch_file()?);
     let mut sum = Sha256::new();
     for tile in tiles {
         let bytes = points.of_tile(tile).await?;
@@ -65,19 +62,18 @@ fn id_of(sum: Sha256) -> Uuid {
     Builder::from_custom_bytes(bytes).into_uuid()
 }
 
-/// Makes a file of a map's points by `write`; returns the body of an answer and its size. `place` is free when the file is
-/// made, and `unsent` when the body is dropped.
+/// Makes a file of a map's points by `write`; returns the body of an answer and its size.
 pub(super) async fn make(
-    [unsent, place]: [FairPlace; 2],
+    MakerPlaces { unsent, making }: MakerPlaces,
     points: &Points,
     tiles: &[MapFile],
     write: impl FnOnce(File, Spool) -> io::Result<()> + Send + 'static,
 ) -> Result<(Body, u64), Error> {
     let spool = spool(points, tiles).await?;
-    let out = points.storage.scratch_file()?;
+    let out = points.revision.storage.scratch_file()?;
     let made = apart(move || {
         // The work continues if the client leaves, so it holds the place.
-        let _place = place;
+        let _making = making;
         let mut file = out.try_clone()?;
         write(out, spool)?;
         file.rewind()?;
@@ -87,17 +83,4 @@ pub(super) async fn make(
     let (file, size_bytes) = made.await.map_err(failed)?;
     let pieces = ReaderStream::with_capacity(tokio::fs::File::from_std(file), PIECE_BYTES);
     Ok((holding(unsent, pieces), size_bytes))
-}
-
-/// Returns the answer with a file of known size.
-pub(super) fn answer(
-    (body, size_bytes): (Body, u64),
-    media_type: &'static str,
-    name: &str,
-    tag: &str,
-) -> Response {
-    let mut answer = body.into_response();
-    answer.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
-    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-    tagged(attachment(answer, name), tag)
 }

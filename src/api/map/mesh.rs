@@ -1,22 +1,22 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
 use super::format::{Format, named};
-use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, kept, level, revision, tag_of_content};
-use crate::api::bodies::{FileBytes, attachment, send, send_made};
+use super::{App, LevelQuery, Revision, apart, tag_of_content};
+use crate::api::bodies::{FileBytes, attachment, head_alone, send, send_made, to_the_end};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query, query_number};
+use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::{Head, known, tagged};
+use axum::Extension;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
+use bytes::Bytes;
 use serde::Deserialize;
-use tracing::error;
+use tracing::{error, warn};
 use viola_home::{MESH_TRIANGLES, Mesh};
-use viola_storage::{
-    BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, StorageError, map_file,
-};
+use viola_storage::{BlobReader, LevelSurface, MESH_POINTS, MapFile, MapLevel, StorageError, map_file};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
@@ -59,12 +59,9 @@ impl MeshFormat {
 }
 
 fn triangles(asked: Option<&str>) -> Result<usize, Error> {
-    let Some(text) = asked else { return Ok(MESH_TRIANGLES) };
-    let number = text.parse().ok().filter(|number| TRIANGLES.contains(number));
-    number.ok_or_else(|| Error::InvalidQuery {
-        field: Some("triangles"),
-        detail: format!("triangles is a number from {} to {}", TRIANGLES.start(), TRIANGLES.end()),
-    })
+    let what = format!("a number from {} to {}", TRIANGLES.start(), TRIANGLES.end());
+    let number = query_number("triangles", asked, |number| TRIANGLES.contains(number), &what)?;
+    Ok(number.unwrap_or(MESH_TRIANGLES))
 }
 
 /// Get the surface of a home as a triangle mesh
@@ -84,80 +81,113 @@ pub(in crate::api) async fn get_map_mesh(
     Query(query): Query<MeshQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("glb"))?;
     let budget = triangles(query.triangles.as_deref())?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?;
-    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
-    let objects = scene(&app, &home, &map, level.level).await?.mesh_parts();
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?;
+    let tiles = revision.files(level.level, map_file::TILE).await?;
+    let objects = revision.scene(level.level).await?.mesh_parts();
     let tag = tag_of_content(&tiles, &[objects.as_bytes(), format_name.as_bytes(), &budget.to_le_bytes()]);
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let name = file_name(&home, map.revision, "mesh", level.level, format_name);
-    let wanted = Wanted { home: &home, map: &map, level, format, budget };
-    let answer = match wanted.made(&app).await? {
-        Some(blob) => send(blob, media_type),
-        None => {
-            let unsent = app.makers.unsent(home.tenant()).await?;
-            send_made(wanted.make(&app).await?.into(), media_type, unsent)
+    let wanted = Wanted { revision: &revision, level, format, budget };
+    let answer = match wanted.stored().await? {
+        Stored::Whole(blob) => send(blob, media_type),
+        stored => {
+            wanted.check_points()?;
+            match head {
+                Some(_) => head_alone(media_type),
+                None => wanted.make(&app, media_type, stored).await?,
+            }
         }
     };
+    let name = revision.file_name("mesh", level.level, format_name);
     Ok(tagged(attachment(answer, &name), &tag))
 }
 
 /// A mesh that a request asks for.
 struct Wanted<'a> {
-    home: &'a HomeId,
-    map: &'a HomeMap,
+    revision: &'a Revision,
     level: &'a MapLevel,
     format: MeshFormat,
     budget: usize,
 }
 
+/// The file of a mesh that the worker made.
+enum Stored {
+    Whole(BlobReader),
+    /// The store lost it, or bytes of it.
+    Damaged(MapFile),
+    Absent,
+}
+
 impl Wanted<'_> {
-    /// Returns the file that the worker made, if there is one. A lost or damaged one is made again for each request.
-    async fn made(&self, app: &App) -> Result<Option<BlobReader>, Error> {
+    /// Returns the file that the worker made, if there is one.
+    async fn stored(&self) -> Result<Stored, Error> {
         if self.format != MeshFormat::Glb || self.budget != MESH_TRIANGLES {
-            return Ok(None);
+            return Ok(Stored::Absent);
         }
-        let (storage, level) = (&app.storage, self.level.level);
-        let files = storage.home_map_files(self.home, self.map.revision, level, map_file::MESH).await?;
-        Ok(match files.first() {
-            Some(file) => match storage.read_map_file(file).await {
-                Err(damage @ StorageError::DamagedFile { .. }) => {
-                    error!(home = %self.home, %damage, "a mesh is made again for a request");
-                    None
-                }
-                blob => blob?,
+        let storage = &self.revision.storage;
+        let Some(file) = self.revision.files(self.level.level, map_file::MESH).await?.pop() else {
+            return Ok(Stored::Absent);
+        };
+        let damage = match storage.read_map_file(&file).await {
+            Ok(Some(blob)) => return Ok(Stored::Whole(blob)),
+            Ok(None) => match storage.check_map_file_removed(&file).await {
+                Ok(()) => return Ok(Stored::Absent),
+                Err(lost) => lost,
             },
-            None => None,
-        })
+            Err(damage @ StorageError::DamagedFile { .. }) => damage,
+            Err(error) => return Err(error.into()),
+        };
+        error!(home = %self.revision.home, %damage, "a mesh is made again, and replaces the stored one");
+        Ok(Stored::Damaged(file))
     }
 
-    /// Makes the file for this request.
-    async fn make(&self, app: &App) -> Result<Vec<u8>, Error> {
+    /// Refuses a level of which no mesh is made.
+    fn check_points(&self) -> Result<(), Error> {
         let points = self.level.info.points;
-        if points > MESH_POINTS {
-            return Err(Error::InvalidQuery {
-                field: Some("level"),
-                detail: format!(
-                    "the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points"
-                ),
-            });
+        if points <= MESH_POINTS {
+            return Ok(());
         }
-        let place = app.makers.mesh(self.home.tenant()).await?;
-        let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
+        let detail =
+            format!("the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points");
+        Err(invalid_query("level", detail))
+    }
+
+    /// Returns the answer with a file that is made for this request.
+    async fn make(&self, app: &App, media_type: &'static str, stored: Stored) -> Result<Response, Error> {
+        let Revision { storage, home, map } = self.revision;
+        let MakerPlaces { unsent, making } = app.makers.mesh(home.tenant()).await?;
+        let surface = storage.level_surface(home, map.revision, self.level.level).await?;
         // Of a revision that was removed meanwhile, only the tiles that later ones share were read.
-        kept(&app.storage, self.home, Some(self.map.revision)).await?;
+        self.revision.check_kept().await?;
         let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
         let (format, budget) = (self.format, self.budget);
         let make = move || {
             // The work continues if the client leaves, so it holds the place.
-            let _place = place;
+            let _making = making;
             format.write(&surface.mesh(budget))
         };
-        Ok(apart(make).await)
+        let bytes = Bytes::from(apart(make).await);
+        if let Stored::Damaged(file) = stored {
+            self.replace(file, bytes.clone()).await;
+        }
+        Ok(send_made(bytes, media_type, unsent))
+    }
+
+    /// Stores a mesh in the place of a damaged one, so that later requests need not make it.
+    async fn replace(&self, damaged: MapFile, glb: Bytes) {
+        let Revision { storage, home, .. } = self.revision.clone();
+        let replaced =
+            to_the_end(
+                async move { storage.replace_mesh(&home, &damaged, glb.to_vec(), storage.now()).await },
+            );
+        if let Err(error) = replaced.await {
+            warn!(home = %self.revision.home, %error, "a damaged mesh could not be replaced");
+        }
     }
 }

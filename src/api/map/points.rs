@@ -3,17 +3,18 @@
 use super::format::{Format, accepted, named};
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, file_name, level, map_files, missing, revision, tag_of_content};
-use crate::api::bodies::FileBytes;
+use super::{App, LevelQuery, Revision, tag_of_content};
+use crate::api::bodies::{FileBytes, attachment, head_alone, sized};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query, query_number};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::{Head, known, tagged};
 use crate::api::types::ClassName;
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use bytes::Bytes;
 use futures::{Stream, StreamExt, TryStreamExt};
 use serde::Deserialize;
@@ -21,7 +22,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::sync::Arc;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
-use viola_storage::{HomeId, MapFile, Storage, StorageError, map_file};
+use viola_storage::{MapFile, StorageError, map_file};
 
 /// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -70,15 +71,11 @@ pub(in crate::api) enum Streamed {
     Glb,
 }
 
-fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
-    Error::InvalidQuery { field: Some(field), detail: detail.into() }
-}
-
 fn numbers<const N: usize>(field: &'static str, text: &str, what: &str) -> Result<[f32; N], Error> {
     let parsed: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let parsed = parsed.ok().filter(|all| all.iter().all(|number| number.is_finite()));
     let fixed = parsed.and_then(|all| <[f32; N]>::try_from(all).ok());
-    fixed.ok_or_else(|| invalid(field, format!("{field} is {what}, numbers with commas between them")))
+    fixed.ok_or_else(|| invalid_query(field, format!("{field} is {what}, numbers with commas between them")))
 }
 
 impl PointsQuery {
@@ -87,22 +84,19 @@ impl PointsQuery {
         let corners =
             self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
         if corners.is_some_and(|c| (0..3).any(|axis| c[axis] > c[axis + 3])) {
-            return Err(invalid("box", "the box is empty: its first corner is the lower one"));
+            return Err(invalid_query("box", "the box is empty: its first corner is the lower one"));
         }
         let heights = self.z.as_deref().map(|text| numbers::<2>("z", text, "low,high")).transpose()?;
         if heights.is_some_and(|[low, high]| low > high) {
-            return Err(invalid("z", "nothing lies between these heights: the lower one comes first"));
+            return Err(invalid_query("z", "nothing lies between these heights: the lower one comes first"));
         }
-        let voxel = self.voxel.as_deref().map(|text| {
-            let side: Option<f64> = text.parse().ok();
-            side.filter(|side| (MAP_VOXEL_M..=1.0).contains(side))
-                .ok_or_else(|| invalid("voxel", format!("voxel is a number from {MAP_VOXEL_M} to 1")))
-        });
+        let (sides, what) = (MAP_VOXEL_M..=1.0, format!("a number from {MAP_VOXEL_M} to 1"));
+        let voxel_m = query_number("voxel", self.voxel.as_deref(), |side| sides.contains(side), &what)?;
         Ok(PointFilter {
             classes,
             box_m: corners.map(|[a, b, c, d, e, f]| ([a, b, c], [d, e, f])),
             z_m: heights.map(|[low, high]| (low, high)),
-            voxel_m: voxel.transpose()?,
+            voxel_m,
         })
     }
 }
@@ -126,41 +120,40 @@ pub(in crate::api) async fn get_map_points(
     Query(query): Query<PointsQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let filter = query.filter()?;
     let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
     let (format, format_name, media_type) = named(&FORMATS, format.unwrap_or("ply"))?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?;
-    let tiles = map_files(&app.storage, &home, map.revision, level.level, map_file::TILE).await?;
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?;
+    let tiles = revision.files(level.level, map_file::TILE).await?;
     // A point has the index of its clip in the map's list.
-    let clips: Vec<u8> = map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
+    let clips: Vec<u8> = revision.map.clips.iter().flat_map(|clip| clip.clip.into_bytes()).collect();
     let asked = [&query.classes, &query.r#box, &query.z, &query.voxel];
     let [classes, corners, heights, voxel] = asked.map(|text| text.as_deref().unwrap_or_default().as_bytes());
     let of_map = [level.level.as_str().as_bytes(), media_type.as_bytes(), clips.as_slice()];
     let tag = tag_of_content(&tiles, &[&of_map[..], &[classes, corners, heights, voxel]].concat());
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let points = Points {
-        storage: app.storage.clone(),
-        home: home.clone(),
-        revision: map.revision,
-        clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
-        filter,
-    };
-    let name = file_name(&home, map.revision, "points", level.level, format_name);
-    let body = match format {
-        PointFormat::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
-        PointFormat::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
+    let points = Points::new(&revision, filter);
+    let name = revision.file_name("points", level.level, format_name);
+    let answer = match format {
+        PointFormat::Ply => {
+            sized(points.streamed(Streamed::Ply, level.info.points, tiles).await?, media_type)
+        }
+        PointFormat::Glb => {
+            sized(points.streamed(Streamed::Glb, level.info.points, tiles).await?, media_type)
+        }
+        PointFormat::E57 | PointFormat::Laz if head.is_some() => head_alone(media_type),
         PointFormat::E57 | PointFormat::Laz => {
-            let unsent = app.makers.unsent(home.tenant()).await?;
-            let place = app.makers.file(home.tenant()).await?;
             let write = if format == PointFormat::Laz { laz } else { e57 };
-            made_file::make([unsent, place], &points, &tiles, write).await?
+            let places = app.makers.file(revision.home.tenant()).await?;
+            sized(made_file::make(places, &points, &tiles, write).await?, media_type)
         }
     };
-    Ok(made_file::answer(body, media_type, &name, &tag))
+    Ok(tagged(attachment(answer, &name), &tag))
 }
 
 fn laz(out: File, points: Spool) -> io::Result<()> {
@@ -173,14 +166,17 @@ fn e57(out: File, points: Spool) -> io::Result<()> {
 
 /// A stream of a revision's points.
 pub(in crate::api) struct Points {
-    pub storage: Arc<Storage>,
-    pub home: HomeId,
-    pub revision: i64,
-    pub clips: ClipNumbers,
-    pub filter: PointFilter,
+    pub revision: Revision,
+    clips: ClipNumbers,
+    filter: PointFilter,
 }
 
 impl Points {
+    pub fn new(revision: &Revision, filter: PointFilter) -> Points {
+        let clips = ClipNumbers::new(revision.map.clips.iter().map(|clip| &clip.clip));
+        Points { revision: revision.clone(), clips, filter }
+    }
+
     /// Returns the body of an answer and its size.
     async fn streamed(self, format: Streamed, all: usize, tiles: Vec<MapFile>) -> Result<(Body, u64), Error> {
         let (head, size_bytes) = self.head(format, all, &tiles).await?;
@@ -215,7 +211,7 @@ impl Points {
             }
             Streamed::Glb => {
                 let size_bytes = glb.size_bytes().ok_or_else(|| {
-                    invalid(
+                    invalid_query(
                         "format",
                         "the points are more than a GLB can hold, 4 GiB; ask for ply, or for fewer",
                     )
@@ -251,9 +247,7 @@ impl Points {
     }
 
     pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, Error> {
-        let Some(bytes) = self.storage.map_file_bytes(tile).await? else {
-            return Err(missing(&self.storage, &self.home, self.revision, tile).await);
-        };
+        let bytes = self.revision.bytes(tile).await?;
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
         Ok(self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())?)

@@ -1,18 +1,19 @@
 //! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
 
 use super::format::{Format, named};
-use super::made_file::{answer, make};
+use super::made_file::make;
 use super::points::Points;
-use super::scene::scene;
-use super::{App, LevelQuery, apart, file_name, level, map_files, revision, tag_of_file};
-use crate::api::bodies::FileBytes;
+use super::{App, LevelQuery, Revision, apart};
+use crate::api::bodies::{FileBytes, attachment, head_alone, sized};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::{Head, known, tagged};
+use axum::Extension;
+use axum::body::Body;
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use bytes::Bytes;
 use jiff::Timestamp;
 use serde::Deserialize;
@@ -20,8 +21,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
-use viola_home::{ClipNumbers, ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
-use viola_storage::{HomeId, HomeMap, MapClip, MapObject, StorageError, map_file, result_file};
+use viola_home::{ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
+use viola_storage::{LidarMapRevision, MapClip, MapLevel, MapObject, StorageError, map_file, result_file};
 
 /// The format of a recording.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -59,51 +60,56 @@ pub(in crate::api) async fn get_map_recording(
     Query(query): Query<RecordingQuery>,
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
+    head: Option<Extension<Head>>,
 ) -> Result<Response, Error> {
     let (_, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or("mcap"))?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?;
-    let lidar_map = app.storage.lidar_map_revision(&home, level.level, level.lidar_map_revision).await?;
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?;
+    let lidar_map =
+        app.storage.lidar_map_revision(&revision.home, level.level, level.lidar_map_revision).await?;
     // The cameras are those of the clips' present results, and the LiDAR map may be removed before the revision is.
-    let results = app.storage.result_keys(&home).await?;
-    let results: Vec<&str> =
-        map.clips.iter().map(|clip| results.get(&clip.clip).map_or("", String::as_str)).collect();
-    let tag = tag_of_file(
-        &map,
-        &[
-            level.level.as_str().as_bytes(),
-            media_type.as_bytes(),
-            results.join(",").as_bytes(),
-            &[u8::from(lidar_map.is_some())],
-        ],
-    );
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    let results = app.storage.result_keys(&revision.home).await?;
+    let clips = revision.map.clips.iter();
+    let results: Vec<&str> = clips.map(|clip| results.get(&clip.clip).map_or("", String::as_str)).collect();
+    let tag = revision.tag(&[
+        level.level.as_str().as_bytes(),
+        media_type.as_bytes(),
+        results.join(",").as_bytes(),
+        &[u8::from(lidar_map.is_some())],
+    ]);
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let unsent = app.makers.unsent(home.tenant()).await?;
-    let place = app.makers.file(home.tenant()).await?;
-    let tiles = map_files(&app.storage, &home, map.revision, level.level, map_file::TILE).await?;
+    let answer = match head {
+        Some(_) => head_alone(media_type),
+        None => sized(recorded(&app, &revision, level, lidar_map.as_ref()).await?, media_type),
+    };
+    let name = revision.file_name("recording", level.level, format_name);
+    Ok(tagged(attachment(answer, &name), &tag))
+}
+
+/// Makes the recording; returns its body and its size.
+async fn recorded(
+    app: &App,
+    revision: &Revision,
+    level: &MapLevel,
+    lidar_map: Option<&LidarMapRevision>,
+) -> Result<(Body, u64), Error> {
+    let places = app.makers.file(revision.home.tenant()).await?;
+    let tiles = revision.files(level.level, map_file::TILE).await?;
+    let times = revision.map.clips.iter().filter_map(|clip| clip.recorded_at);
     let level_map = LevelMap {
         level: level.level,
-        time_ms: map.clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),
-        paths: paths(&app, &home, &map, level.level).await?,
-        objects: scene(&app, &home, &map, level.level).await?.objects,
-        lidar: match &lidar_map {
+        time_ms: times.max().map(Timestamp::as_millisecond),
+        paths: paths(revision, level.level).await?,
+        objects: revision.scene(level.level).await?.objects,
+        lidar: match lidar_map {
             Some(map) => Some(app.storage.lidar_map_file(map.id()).await?),
             None => None,
         },
     };
-    let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
-    let points = Points {
-        storage: app.storage.clone(),
-        home: home.clone(),
-        revision: map.revision,
-        clips,
-        filter: PointFilter::default(),
-    };
-    let body = make([unsent, place], &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
-    let name = file_name(&home, map.revision, "recording", level.level, format_name);
-    Ok(answer(body, media_type, &name, &tag))
+    let points = Points::new(revision, PointFilter::default());
+    make(places, &points, &tiles, move |out, spool| level_map.write(out, spool)).await
 }
 
 /// The contents of a recording.
@@ -132,12 +138,12 @@ impl LevelMap {
 }
 
 /// Returns the paths of the level's clips: the cameras of the newest clips, and only the frames of the others.
-async fn paths(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<Vec<ClipPath>, Error> {
-    let clips: Vec<&MapClip> = map.clips.iter().filter(|clip| clip.level == level).collect();
+async fn paths(revision: &Revision, level: LevelName) -> Result<Vec<ClipPath>, Error> {
+    let clips: Vec<&MapClip> = revision.map.clips.iter().filter(|clip| clip.level == level).collect();
     let without_cameras = clips.len().saturating_sub(Recording::MAX_PATHS);
     let mut paths = Vec::with_capacity(clips.len());
     for (index, clip) in clips.into_iter().enumerate() {
-        let views = if index < without_cameras { None } else { views(app, home, clip).await? };
+        let views = if index < without_cameras { None } else { views(revision, clip).await? };
         let poses = match views {
             Some(views) => apart(move || camera_poses(&views)).await,
             None => Ok(Vec::new()),
@@ -150,9 +156,9 @@ async fn paths(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Res
 }
 
 /// Returns the file with the cameras of a clip; `None` if the clip was removed since.
-async fn views(app: &App, home: &HomeId, clip: &MapClip) -> Result<Option<Bytes>, StorageError> {
-    match app.storage.clip(home, clip.clip).await {
-        Ok(clip) => app.storage.clip_result_bytes(&clip, result_file::VIEWS).await,
+async fn views(revision: &Revision, clip: &MapClip) -> Result<Option<Bytes>, StorageError> {
+    match revision.storage.clip(&revision.home, clip.clip).await {
+        Ok(clip) => revision.storage.clip_result_bytes(&clip, result_file::VIEWS).await,
         Err(StorageError::NoSuchClip) => Ok(None),
         Err(error) => Err(error),
     }

@@ -1,23 +1,21 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
 use super::format::{Format, named};
-use super::scene::scene;
-use super::{
-    App, LevelQuery, apart, file_name, level, map_files, missing, revision, tag_of_file, without_file,
-};
+use super::{App, LevelQuery, Revision, apart};
 use crate::api::bodies::{FileBytes, attachment, send_made};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query};
+use crate::api::fairness::MakerPlaces;
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{is_known, tagged};
+use crate::api::reply::{known, tagged};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use serde::{Deserialize, Serialize};
 use viola_formats::lidar::{LidarMap, valetudo_json};
 use viola_geometry::LevelName;
 use viola_home::{Ground, PlanImage, RobotLevel, Tile};
-use viola_storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
+use viola_storage::{MapLevel, MapScene, StorageError, map_file};
 
 /// The format of a file for robots.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -70,38 +68,37 @@ pub(in crate::api) async fn get_map_robot(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
     let (format, format_name, media_type) = named(&FORMATS, query.format.as_deref().unwrap_or_default())?;
     let levels = match of.level.as_deref() {
-        None if format == RobotFormat::Matter => map.levels.as_slice(),
-        asked => std::slice::from_ref(level(&map, asked)?),
+        None if format == RobotFormat::Matter => revision.map.levels.as_slice(),
+        asked => std::slice::from_ref(revision.level(asked)?),
     };
     let names: Vec<&str> = levels.iter().map(|level| level.level.as_str()).collect();
-    let tag = tag_of_file(&map, &[names.join("/").as_bytes(), format_name.as_bytes()]);
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    let tag = revision.tag(&[names.join("/").as_bytes(), format_name.as_bytes()]);
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let unsent = app.makers.unsent(home.tenant()).await?;
     // A LiDAR map as values takes up to a hundred megabytes.
-    let place = app.makers.file(home.tenant()).await?;
+    let MakerPlaces { unsent, making } = app.makers.file(revision.home.tenant()).await?;
     let mut sources = Vec::new();
     for level in levels {
-        sources.push(Source::read(&app, &home, &map, level, format).await?);
+        sources.push(Source::read(&revision, level, format).await?);
     }
     let make = move || {
         // The work continues if the client leaves, so it holds the place.
-        let _place = place;
+        let _making = making;
         write(format, &sources)
     };
     let bytes = apart(make).await?;
     let answer = send_made(bytes.into(), media_type, unsent);
     let name = match levels {
         // The other file of this format has all levels.
-        [one] if format == RobotFormat::Matter && map.levels.len() > 1 && one.level.is_main() => {
-            file_name(&home, map.revision, "matter-main", one.level, format.ending())
+        [one] if format == RobotFormat::Matter && revision.map.levels.len() > 1 && one.level.is_main() => {
+            revision.file_name("matter-main", one.level, format.ending())
         }
-        [one] => file_name(&home, map.revision, format_name, one.level, format.ending()),
-        _ => file_name(&home, map.revision, format_name, LevelName::MAIN, format.ending()),
+        [one] => revision.file_name(format_name, one.level, format.ending()),
+        _ => revision.file_name(format_name, LevelName::MAIN, format.ending()),
     };
     Ok(tagged(attachment(answer, &name), &tag))
 }
@@ -120,14 +117,8 @@ struct Source {
 }
 
 impl Source {
-    async fn read(
-        app: &App,
-        home: &HomeId,
-        map: &HomeMap,
-        level: &MapLevel,
-        format: RobotFormat,
-    ) -> Result<Source, Error> {
-        let storage = &app.storage;
+    async fn read(revision: &Revision, level: &MapLevel, format: RobotFormat) -> Result<Source, Error> {
+        let Revision { storage, home, .. } = revision;
         let found = storage.lidar_map_revision(home, level.level, level.lidar_map_revision).await?;
         let found = found.ok_or(Error::NoSuchLidarRevision(level.lidar_map_revision))?;
         let file = storage.lidar_map_file(found.id()).await?;
@@ -139,18 +130,16 @@ impl Source {
         });
         let (lidar, valetudo, mut ground) = read.await?;
         if let Some(ground) = &mut ground {
-            for file in map_files(storage, home, map.revision, level.level, map_file::TILE).await? {
-                let Some(bytes) = storage.map_file_bytes(&file).await? else {
-                    return Err(missing(storage, home, map.revision, &file).await);
-                };
+            for file in revision.files(level.level, map_file::TILE).await? {
+                let bytes = revision.bytes(&file).await?;
                 ground.add(&Tile::read(&bytes).map_err(|error| damaged("tile", &error.to_string()))?);
             }
         }
         let image = match format {
-            RobotFormat::Calibration => Some(image(app, home, map, level.level).await?),
+            RobotFormat::Calibration => Some(image(revision, level.level).await?),
             _ => None,
         };
-        let scene = scene(app, home, map, level.level).await?;
+        let scene = revision.scene(level.level).await?;
         Ok(Source { level: level.level, lidar, scene, valetudo, ground, image })
     }
 
@@ -165,20 +154,14 @@ impl Source {
 }
 
 /// Returns the frame of a level's `plan.png`.
-async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<PlanImage, Error> {
-    let files = app.storage.home_map_files(home, map.revision, level, map_file::PLAN_JSON).await?;
-    let Some(file) = files.first() else {
-        return Err(without_file(&app.storage, home, map.revision).await);
-    };
-    let Some(blob) = app.storage.read_map_file(file).await? else {
-        return Err(missing(&app.storage, home, map.revision, file).await);
-    };
-    PlanImage::in_plan_json(&blob.all().await?).ok_or_else(|| Error::InvalidQuery {
-        field: Some("revision"),
-        detail: format!(
+async fn image(revision: &Revision, level: LevelName) -> Result<PlanImage, Error> {
+    let file = revision.file(level, map_file::PLAN_JSON).await?;
+    PlanImage::in_plan_json(&revision.blob(&file).await?.all().await?).ok_or_else(|| {
+        let detail = format!(
             "revision {} was made by an earlier version, without the frame of its picture; ask for a later one",
-            map.revision
-        ),
+            revision.map.revision
+        );
+        invalid_query("revision", detail)
     })
 }
 

@@ -1,19 +1,19 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
 use super::format::{Format, accepted, named};
-use super::{App, LevelQuery, file_name, level, missing, revision, tag_of_content, without_file};
+use super::{App, LevelQuery, Revision, tag_of_content};
 use crate::api::bodies::{FileBytes, inline, send};
 use crate::api::error::Error;
-use crate::api::extract::{HomePath, Query};
+use crate::api::extract::{HomePath, Query, invalid_query};
 use crate::api::problems::{CommonProblems, MapProblems};
-use crate::api::reply::{Document, is_known, tagged};
+use crate::api::reply::{Document, known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
-use viola_storage::{HomeId, HomeMap, MapScene, map_file};
+use viola_storage::{MapScene, map_file};
 
 /// The rooms of a home: the segments of its LiDAR map, or computed from it if it has none
 #[derive(Serialize, utoipa::ToSchema)]
@@ -116,10 +116,10 @@ pub(in crate::api) async fn get_map_rooms(
     HomePath { home }: HomePath,
     Query(query): Query<RoomsQuery>,
 ) -> Result<Response, Error> {
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
+    let revision = Revision::asked(&app, home, query.revision.as_deref()).await?;
+    let scenes = scenes(&revision, query.level.as_deref()).await?;
     let rooms = scenes.into_iter().flat_map(|scene| scene.rooms).collect();
-    Ok(Document(rooms_document(map.revision, rooms)).into_response())
+    Ok(Document(rooms_document(revision.map.revision, rooms)).into_response())
 }
 
 /// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
@@ -132,12 +132,12 @@ pub(in crate::api) async fn get_map_objects(
     Query(query): Query<ObjectsQuery>,
 ) -> Result<Response, Error> {
     let classes = query.class.as_deref().map(|names| classes("class", names)).transpose()?;
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
+    let revision = Revision::asked(&app, home, query.revision.as_deref()).await?;
+    let scenes = scenes(&revision, query.level.as_deref()).await?;
     let mut objects: Vec<viola_storage::MapObject> =
         scenes.into_iter().flat_map(|scene| scene.objects).collect();
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
-    Ok(Document(objects_document(map.revision, objects)).into_response())
+    Ok(Document(objects_document(revision.map.revision, objects)).into_response())
 }
 
 /// Get the part of the LiDAR map that the clips have seen, as a whole and by room
@@ -149,10 +149,10 @@ pub(in crate::api) async fn get_map_coverage(
     HomePath { home }: HomePath,
     Query(query): Query<LevelQuery>,
 ) -> Result<Response, Error> {
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let level = level(&map, query.level.as_deref())?;
-    let scene = scene(&app, &home, &map, level.level).await?;
-    Ok(Document(MapCoverage { revision: map.revision, coverage: scene.coverage.into() }).into_response())
+    let revision = Revision::asked(&app, home, query.revision.as_deref()).await?;
+    let scene = revision.scene(revision.level(query.level.as_deref())?.level).await?;
+    let coverage = scene.coverage.into();
+    Ok(Document(MapCoverage { revision: revision.map.revision, coverage }).into_response())
 }
 
 /// Get the floor plan of a home: walls, doors and windows, rooms with their areas, and furniture
@@ -173,22 +173,16 @@ pub(in crate::api) async fn get_map_plan(
 ) -> Result<Response, Error> {
     let format = query.format.as_deref().or_else(|| accepted(&FORMATS, &headers));
     let (format, _, media_type) = named(&FORMATS, format.unwrap_or("svg"))?;
-    let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let level = level(&map, of.level.as_deref())?.level;
-    let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
-    let Some(file) = files.first() else {
-        return Err(without_file(&app.storage, &home, map.revision).await);
-    };
-    let tag = tag_of_content(std::slice::from_ref(file), &[]);
-    if is_known(&headers, &tag) {
-        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    let revision = Revision::asked(&app, home, of.revision.as_deref()).await?;
+    let level = revision.level(of.level.as_deref())?.level;
+    let file = revision.file(level, format.file()).await?;
+    let tag = tag_of_content(std::slice::from_ref(&file), &[]);
+    if let Some(known) = known(&headers, &tag) {
+        return Ok(known);
     }
-    let Some(blob) = app.storage.read_map_file(file).await? else {
-        return Err(missing(&app.storage, &home, map.revision, file).await);
-    };
     let (what, ending) = format.file().split_once('.').unwrap_or_default();
-    let name = file_name(&home, map.revision, what, level, ending);
-    Ok(tagged(inline(send(blob, media_type), &name), &tag))
+    let name = revision.file_name(what, level, ending);
+    Ok(tagged(inline(send(revision.blob(&file).await?, media_type), &name), &tag))
 }
 
 impl PlanFormat {
@@ -206,46 +200,26 @@ impl PlanFormat {
 
 /// Parses names of classes, separated by commas.
 pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Error> {
-    let class = |name: &str| {
-        Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
-            let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
-            let detail = format!("no class is called '{}'; there are {}", name.trim(), names.join(", "));
-            Error::InvalidQuery { field: Some(field), detail }
-        })
-    };
-    names.split(',').map(class).collect()
+    names.split(',').map(|name| class(field, name.trim())).collect()
+}
+
+/// Parses the name of a class.
+pub(in crate::api) fn class(field: &'static str, name: &str) -> Result<Class, Error> {
+    Class::ALL.iter().copied().find(|class| class.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
+        invalid_query(field, format!("no class is called '{name}'; there are {}", names.join(", ")))
+    })
 }
 
 /// Returns the scenes of all levels, or of one.
-async fn scenes(
-    app: &App,
-    home: &HomeId,
-    map: &HomeMap,
-    asked: Option<&str>,
-) -> Result<Vec<MapScene>, Error> {
+async fn scenes(revision: &Revision, asked: Option<&str>) -> Result<Vec<MapScene>, Error> {
     let levels = match asked {
-        Some(_) => std::slice::from_ref(level(map, asked)?),
-        None => &map.levels,
+        Some(_) => std::slice::from_ref(revision.level(asked)?),
+        None => &revision.map.levels,
     };
     let mut scenes = Vec::new();
     for level in levels {
-        scenes.push(scene(app, home, map, level.level).await?);
+        scenes.push(revision.scene(level.level).await?);
     }
     Ok(scenes)
-}
-
-pub(super) async fn scene(
-    app: &App,
-    home: &HomeId,
-    map: &HomeMap,
-    level: viola_geometry::LevelName,
-) -> Result<MapScene, Error> {
-    let files = app.storage.home_map_files(home, map.revision, level, map_file::SCENE).await?;
-    let Some(file) = files.first() else {
-        return Err(without_file(&app.storage, home, map.revision).await);
-    };
-    match app.storage.map_scene(file).await? {
-        Some(scene) => Ok(scene),
-        None => Err(missing(&app.storage, home, map.revision, file).await),
-    }
 }

@@ -190,7 +190,7 @@ pub(in crate::api) struct MovedObject {
 }
 
 /// The changes of a home's objects between two revisions of its map
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
 pub(in crate::api) struct MapChanges {
     /// The earlier revision; 0 is the home before the first.
     #[schema(minimum = 0, example = 3)]

@@ -65,7 +65,7 @@ const REASONS: [(&str, &str); 53] = [
 
 /// The codes of the readers of clips and LiDAR maps, in order: a file whose damage shows only when a job reads it.
 #[rustfmt::skip]
-const READERS: [&str; 84] = [
+pub(in crate::api) const READERS: [&str; 84] = [
     "archive_bomb", "bad_compression", "bad_depth", "bad_field", "bad_image", "bad_index", "bad_intrinsics",
     "bad_json", "bad_log", "bad_metadata", "bad_pcd", "bad_picture", "bad_ply", "bad_points", "bad_robot_map",
     "bad_video", "bad_yaml", "cannot_unpack", "color_depth_mismatch", "depth_not_grey16", "depth_video",

@@ -4,19 +4,17 @@ use super::headers;
 use super::metadata::BASE64;
 use super::refusal::UploadRefusal;
 use crate::api::digest::{Digests, Sha256Digest};
-use crate::api::error::{BodyRefusal, Error};
+use crate::api::error::Error;
 use axum::http::HeaderMap;
 use base64::Engine;
 use sha1::Sha1;
-use sha2::{Digest, Sha256};
+use sha2::Sha256;
+use sha2::digest::DynDigest;
 
 /// Supported algorithms; tus requires the first.
 pub(super) const ALGORITHMS: &str = "sha1,sha256";
 
-enum Hasher {
-    Sha1(Box<Sha1>),
-    Sha256(Box<Sha256>),
-}
+type Hasher = Box<dyn DynDigest + Send + Sync>;
 
 /// The checksums of the bytes so far, and their expected final values.
 pub(super) struct Checksum(Vec<Part>);
@@ -32,7 +30,7 @@ struct Part {
 pub(super) fn asked_for(headers: &HeaderMap) -> Result<Option<Checksum>, Error> {
     let mut parts: Vec<Part> = of_tus(headers)?.into_iter().collect();
     for Sha256Digest { field, expected } in Digests::of(headers)?.0 {
-        let hasher = Hasher::Sha256(Box::default());
+        let hasher = Box::<Sha256>::default();
         parts.push(Part { hasher, expected: expected.to_vec(), digest: Some(field) });
     }
     Ok((!parts.is_empty()).then_some(Checksum(parts)))
@@ -42,11 +40,12 @@ fn of_tus(headers: &HeaderMap) -> Result<Option<Part>, Error> {
     const NAME: &str = "Upload-Checksum";
     let Some(sent) = headers::text(headers, NAME)? else { return Ok(None) };
     let (algorithm, encoded) = sent.split_once(' ').unwrap_or((sent, ""));
-    let (hasher, bytes) = match algorithm {
-        "sha1" => (Hasher::Sha1(Box::default()), 20),
-        "sha256" => (Hasher::Sha256(Box::default()), 32),
+    let hasher: Hasher = match algorithm {
+        "sha1" => Box::<Sha1>::default(),
+        "sha256" => Box::<Sha256>::default(),
         _ => return Err(UploadRefusal::OtherChecksum.into()),
     };
+    let bytes = hasher.output_size();
     let expected = BASE64.decode(encoded.trim()).ok().filter(|expected| expected.len() == bytes);
     let expected = expected.ok_or_else(|| {
         let detail = format!("the sum of {algorithm} has {bytes} bytes, in base64");
@@ -57,26 +56,17 @@ fn of_tus(headers: &HeaderMap) -> Result<Option<Part>, Error> {
 
 impl Checksum {
     pub fn update(&mut self, bytes: &[u8]) {
-        for part in &mut self.0 {
-            match &mut part.hasher {
-                Hasher::Sha1(hasher) => hasher.update(bytes),
-                Hasher::Sha256(hasher) => hasher.update(bytes),
-            }
-        }
+        self.0.iter_mut().for_each(|part| part.hasher.update(bytes));
     }
 
     /// Refuses the bytes if one of the checksums is another one.
     pub fn check(self) -> Result<(), Error> {
         for Part { hasher, expected, digest } in self.0 {
-            let found = match hasher {
-                Hasher::Sha1(hasher) => hasher.finalize().to_vec(),
-                Hasher::Sha256(hasher) => hasher.finalize().to_vec(),
-            };
-            if found != expected {
-                return Err(digest.map_or_else(
-                    || UploadRefusal::ChecksumMismatch.into(),
-                    |field| BodyRefusal::Digest { field }.into(),
-                ));
+            if *hasher.finalize() != *expected {
+                return Err(match digest {
+                    Some(field) => Error::OtherDigest { field },
+                    None => UploadRefusal::ChecksumMismatch.into(),
+                });
             }
         }
         Ok(())

@@ -7,6 +7,7 @@ use viola_home::PlacedBy;
 on_every_back_end!(
     a_mesh_is_of_the_current_revision,
     a_mesh_stays_while_its_tiles_and_objects_do,
+    a_damaged_mesh_is_replaced_once,
     a_map_is_settled_when_no_work_is_ahead_that_may_replace_it,
     a_home_that_was_made_again_gets_no_mesh_of_the_removed_one,
     a_home_that_was_made_again_gets_no_map_of_the_removed_one,
@@ -73,6 +74,31 @@ async fn a_mesh_stays_while_its_tiles_and_objects_do(storage: Storage) {
         assert_eq!(added, !is_kept, "{seconds}");
     }
     storage.check_no_blob_is_left("a mesh").await;
+}
+
+async fn a_damaged_mesh_is_replaced_once(storage: Storage) {
+    let (home, _) = two_aligned(&storage).await;
+    let main = LevelName::MAIN;
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(finish(&storage, &claim, b"tile", 10).await);
+    let map = current(&storage, &home).await;
+    assert!(storage.add_mesh(&home, &map, main, b"mesh".to_vec()).await.unwrap());
+    let file = async || {
+        let mut files = storage.home_map_files(&home, 1, main, map_file::MESH).await.unwrap();
+        files.pop().expect("the revision has a mesh")
+    };
+    let bytes = async || storage.tenant_bytes(&Tenant::default()).await.unwrap();
+    let (damaged, before) = (file().await, bytes().await);
+    storage.blobs.put(damaged.key(), b"m".to_vec()).await.unwrap();
+    let replace = async |seconds: i64| {
+        storage.replace_mesh(&home, &damaged, b"mesh of 15 byte".to_vec(), at(seconds)).await.unwrap()
+    };
+    assert!(replace(11).await);
+    assert!(!replace(12).await, "another request replaced it");
+    assert_eq!(bytes_of(storage.read_map_file(&file().await).await.unwrap()).await, b"mesh of 15 byte");
+    assert_eq!(bytes().await, before + 11);
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
+    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
 }
 
 async fn a_map_is_settled_when_no_work_is_ahead_that_may_replace_it(storage: Storage) {

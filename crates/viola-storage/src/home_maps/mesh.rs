@@ -1,8 +1,9 @@
 //! The mesh of a map's level: the surface that it is made of, and its file, which is added to a revision later.
 
-use super::{HomeMap, MapObject, map_file};
+use super::{HomeMap, MapFile, MapObject, map_file, owner};
 use crate::database::query;
-use crate::{HomeId, Storage, StorageError, homes};
+use crate::{HomeId, Storage, StorageError, homes, pending_deletes};
+use jiff::Timestamp;
 use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_home::{Mesh, MeshObject, Tile};
@@ -26,6 +27,10 @@ impl LevelSurface {
             .collect();
         Mesh::new(&self.tiles, &parts, triangles)
     }
+}
+
+fn new_key() -> String {
+    format!("home-maps/{}", Uuid::now_v7())
 }
 
 impl Storage {
@@ -73,8 +78,7 @@ impl Storage {
         level: LevelName,
         glb: Vec<u8>,
     ) -> Result<bool, StorageError> {
-        let key = format!("home-maps/{}", Uuid::now_v7());
-        let size_bytes = glb.len() as i64;
+        let (key, size_bytes) = (new_key(), glb.len() as i64);
         let added = match self.blobs.put(&key, glb).await {
             Ok(()) => self.add_mesh_row(home, map, level, &key, size_bytes).await,
             Err(error) => Err(error),
@@ -82,6 +86,49 @@ impl Storage {
         // A write that failed may have taken effect.
         self.discard_unless(&[key], &added, |is_added| *is_added).await;
         added
+    }
+
+    /// Replaces the file of a mesh that the store lost or damaged. Returns false, and changes nothing, if it was replaced or
+    /// removed meanwhile.
+    pub async fn replace_mesh(
+        &self,
+        home: &HomeId,
+        damaged: &MapFile,
+        glb: Vec<u8>,
+        now: Timestamp,
+    ) -> Result<bool, StorageError> {
+        let (key, size_bytes) = (new_key(), glb.len() as i64);
+        let replaced = match self.blobs.put(&key, glb).await {
+            Ok(()) => self.replace_mesh_row(home, damaged, &key, size_bytes, now).await,
+            Err(error) => Err(error),
+        };
+        if let Ok(true) = replaced {
+            self.discard_pending(&owner(home), std::slice::from_ref(&damaged.key)).await;
+        }
+        self.discard_unless(&[key], &replaced, |is_replaced| *is_replaced).await;
+        replaced
+    }
+
+    async fn replace_mesh_row(
+        &self,
+        home: &HomeId,
+        damaged: &MapFile,
+        key: &str,
+        size_bytes: i64,
+        now: Timestamp,
+    ) -> Result<bool, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        // Holds the home, as the end of a merge does, which may remove the mesh.
+        homes::lock(&mut transaction, home).await?;
+        let replaced = query("UPDATE home_map_files SET blob_key = $1, size_bytes = $2 WHERE blob_key = $3");
+        let replaced = replaced.bind(key).bind(size_bytes).bind(&damaged.key);
+        if replaced.execute(&mut transaction).await? == 0 {
+            return Ok(false);
+        }
+        homes::grow(&mut transaction, home, size_bytes - damaged.size_bytes as i64).await?;
+        pending_deletes::add(&mut transaction, &owner(home), std::slice::from_ref(&damaged.key), now).await?;
+        transaction.commit().await?;
+        Ok(true)
     }
 
     async fn add_mesh_row(
