@@ -1,6 +1,7 @@
 //! Output files, folders and tables.
 
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -99,6 +100,24 @@ fn resolved(path: &Path) -> PathBuf {
         Some(existing.canonicalize().ok()?.join(rest))
     });
     real.unwrap_or(absolute)
+}
+
+/// Prints a list: the documents of its items as JSON, or a table with a row for each.
+pub fn print_list<T, const N: usize>(
+    items: &[T],
+    as_json: bool,
+    document: impl Fn(&T) -> Value,
+    head: [&str; N],
+    row: impl Fn(&T) -> [String; N],
+) -> Result<()> {
+    if as_json {
+        let documents: Vec<Value> = items.iter().map(document).collect();
+        println!("{}", serde_json::to_string_pretty(&documents)?);
+    } else {
+        let rows: Vec<_> = std::iter::once(head.map(str::to_owned)).chain(items.iter().map(row)).collect();
+        print!("{}", columns(&rows));
+    }
+    Ok(())
 }
 
 /// Returns the rows with aligned columns.
