@@ -4,12 +4,11 @@ mod check;
 mod download;
 mod drawing;
 mod fetch;
-pub(super) mod sum;
 #[cfg(test)]
 mod test_server;
 
 use super::args::NO_NETWORKS;
-use super::output;
+use super::{output, sum};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use serde_json::json;

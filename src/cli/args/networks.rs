@@ -1,8 +1,8 @@
 //! Arguments for the networks of a command.
 
 use super::runtime::RuntimeArguments;
-use crate::cli::models::sum;
 use crate::cli::progress::print_line;
+use crate::cli::sum;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
