@@ -16,13 +16,14 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align as align;
-use viola_align::{AlignParams, Alignment, AlignmentState};
+use viola_align::{AlignParams, Alignment};
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::LevelName;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
+use viola_storage::ClipState;
 
 #[derive(Args)]
 pub struct AlignArguments {
@@ -185,11 +186,7 @@ fn print_answer(
         lidar.occupied_points,
         lidar.rooms.len()
     );
-    let state = match alignment.state {
-        AlignmentState::Aligned => "aligned",
-        AlignmentState::Ambiguous => "ambiguous",
-        AlignmentState::Failed => "failed",
-    };
+    let state = ClipState::from(alignment.state).name();
     match &alignment.map_from_clip {
         Some(pose) => println!(
             "pose:   {state}, x {:.3} m, y {:.3} m, yaw {:.2} deg",

@@ -91,24 +91,10 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         // The receiver is dropped only after the demo has ended.
         let _ = listening.send(address);
     }));
-    let address = tokio::select! {
-        // Without an address the server has ended, which says why.
-        Ok(address) = address => address,
-        ended = &mut server => return Ok(ended.context("the server broke down")??),
-    };
-    let pictures = arguments.data.join("pictures");
-    let report = report(address, recordings, &pictures);
     let found = tokio::select! {
-        found = report => found?,
+        found = report(arguments, address, recordings) => found?,
         ended = &mut server => return Ok(ended.context("the server broke down")??),
     };
-    if !arguments.exit {
-        println!("\nThe service stays up at http://{address}/. Ctrl-C stops it.");
-        tokio::select! {
-            interrupted = tokio::signal::ctrl_c() => interrupted.context("Ctrl-C cannot be heard")?,
-            ended = &mut server => return Ok(ended.context("the server broke down")??),
-        }
-    }
     stop.cancel();
     server.await.context("the server broke down")??;
     if !arguments.exit {
@@ -117,15 +103,22 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
             "Stopped. `viola serve --data {}` serves the home again, until the next demo empties the folder.",
             data.display()
         );
-    }
-    if arguments.exit && found < recordings.clips.len() {
+    } else if found < recordings.clips.len() {
         bail!("{found} of {} clips were found", recordings.clips.len());
     }
     Ok(())
 }
 
-/// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses.
-async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -> Result<usize> {
+/// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses. Without `--exit` it
+/// returns at Ctrl-C.
+async fn report(
+    arguments: &DemoArguments,
+    address: oneshot::Receiver<SocketAddr>,
+    recordings: &Recordings,
+) -> Result<usize> {
+    // Without an address the server has ended, which says why.
+    let Ok(address) = address.await else { return std::future::pending().await };
+    let pictures = arguments.data.join("pictures");
     let client = Client::new(address)?;
     println!("Serving at http://{address}/; uploading as an app would.");
     client.make_home(HOME, "Simulated home").await?;
@@ -137,7 +130,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     let followed = recordings.clips.iter().map(|clip| follow(&client, clip, &bars));
     let answers = futures::future::try_join_all(followed).await?;
     bars.clear().context("cannot write to the terminal")?;
-    output::folder(pictures)?;
+    output::folder(&pictures)?;
     println!("\n{:<8} {:<10} {:>9} {:>9} {:>10}  where", "clip", "state", "error", "turn", "time");
     let mut found = 0;
     for (recording, answer) in recordings.clips.iter().zip(&answers) {
@@ -157,6 +150,10 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
         answers.len()
     );
     println!("Pictures: {}; the home from above: {}", pictures.display(), recordings.plan.display());
+    if !arguments.exit {
+        println!("\nThe service stays up at http://{address}/. Ctrl-C stops it.");
+        tokio::signal::ctrl_c().await.context("Ctrl-C cannot be heard")?;
+    }
     Ok(found)
 }
 
