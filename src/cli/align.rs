@@ -1,7 +1,7 @@
 //! `viola align`: aligns one clip to one map, without a server.
 
 use super::args::levels::{self, LevelArgument};
-use super::args::{CompletionArguments, NetworkArguments, numbers};
+use super::args::{MethodArguments, numbers};
 use super::output;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
@@ -16,7 +16,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align as align;
-use viola_align::{AlignParams, Alignment};
+use viola_align::Alignment;
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::LevelName;
@@ -48,9 +48,7 @@ pub struct AlignArguments {
     #[arg(long)]
     out: PathBuf,
     #[command(flatten)]
-    networks: NetworkArguments,
-    #[command(flatten)]
-    completion: CompletionArguments,
+    method: MethodArguments,
     /// Seed of the floor's RANSAC and of the inpainting.
     #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
@@ -86,13 +84,12 @@ struct Inputs<'a> {
 pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     refuse_to_overwrite(arguments)?;
     // Before the clip, because a missing network is found immediately.
-    let label = arguments.networks.labels()?;
-    let complete = arguments.completion.params(&arguments.networks)?;
+    let params = arguments.method.own_params(arguments.seed)?;
     // A folder that has `result.json` is whole, and has the answer of the last run.
     output::remove(&arguments.out.join("result.json"))?;
     let progress = TerminalProgress::new();
-    let watch =
-        Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
+    let watch = Stopwatch::around(&progress, std::time::Instant::now)
+        .with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
     // Before the clip, which may have to be unpacked.
     let maps = levels::open(&arguments.lidar, Advice::Flags)?;
@@ -102,7 +99,6 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let frames = arguments.frames.as_ref().map(|range| used_frames(&clip, range)).transpose();
     let frames = frames.with_context(|| format!("clip {}", arguments.clip.display()))?;
     let _own = output::own_folder(&arguments.out)?;
-    let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
         align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
             .with_context(|| format!("clip {}", arguments.clip.display()))?;
