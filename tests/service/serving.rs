@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use viola_testing::client::Client;
 use viola_testing::files::files_below;
-use viola_testing::process::{Process, viola};
+use viola_testing::process::{Process, succeed, viola};
 use viola_testing::{eventually, receiver, room, zips};
 
 /// Starts an OpenTelemetry collector; returns its URL and the received protobuf, with texts and ids in plain.
@@ -55,10 +55,7 @@ async fn traces_go_to_the_collector_that_is_named() {
 
 /// Runs a command that must succeed; returns its output.
 fn run(data: &Path, arguments: &[&str]) -> String {
-    let output = viola().args(arguments).arg("--data").arg(data).output().unwrap();
-    let erred = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {erred}");
-    String::from_utf8(output.stdout).unwrap()
+    succeed(viola().args(arguments).arg("--data").arg(data))
 }
 
 #[tokio::test]

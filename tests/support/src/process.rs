@@ -41,6 +41,14 @@ pub fn prepared(mut command: Command) -> Command {
     command
 }
 
+/// Runs a command that must succeed; returns its standard output.
+pub fn succeed(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{command:?}: {said}\n{erred}");
+    said.into_owned()
+}
+
 impl Process {
     /// Serves a data folder; returns once requests are accepted.
     pub fn serve(data: &Path, arguments: &[&str]) -> Process {
