@@ -14,7 +14,7 @@ use crate::jobs::{JobParams, WorkerParams};
 use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use client::{Client, ClipAnswer, ObjectAnswer};
+use client::{Client, ClipAnswer};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use recordings::{Recording, Recordings};
 use std::collections::BTreeMap;
@@ -158,10 +158,10 @@ async fn report(
 }
 
 /// Returns the objects of the home by class: `Objects: 2 bed, 1 sofa`.
-fn line_of_objects(objects: &[ObjectAnswer]) -> String {
+fn line_of_objects(objects: &[String]) -> String {
     let mut classes: BTreeMap<&str, usize> = BTreeMap::new();
-    for object in objects {
-        *classes.entry(&object.class).or_default() += 1;
+    for class in objects {
+        *classes.entry(class).or_default() += 1;
     }
     let classes: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {class}")).collect();
     format!("Objects: {}", if classes.is_empty() { "none".to_owned() } else { classes.join(", ") })
