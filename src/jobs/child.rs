@@ -115,7 +115,7 @@ fn tend(
 ) -> MethodResult {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
-        unknown_scale: !inputs.metric,
+        unknown_scale: inputs.unknown_scale,
         levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
         memory_bytes: limits.memory_bytes,
