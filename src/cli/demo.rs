@@ -56,10 +56,11 @@ pub struct DemoArguments {
 }
 
 pub fn run(arguments: &DemoArguments) -> Result<()> {
+    // Before the folder is emptied, because a missing network is found immediately.
+    let align = AlignParams { label: arguments.networks.surface_labels()?, ..AlignParams::default() };
     fresh_folder(&arguments.data)?;
     println!("Making a home, mapping it with its vacuum and filming three clips ...");
     let recordings = Recordings::make(arguments.seed, arguments.frames, &arguments.data.join("recordings"))?;
-    let align = AlignParams { label: arguments.networks.surface_labels()?, ..AlignParams::default() };
     let job = JobParams { align, ..JobParams::default() };
     let worker = WorkerParams { align: Arc::new(job), ..WorkerParams::default() };
     let runtime = tokio::runtime::Runtime::new()?;

@@ -28,6 +28,19 @@ fn all_clips_are_found_and_the_pictures_stay() {
 }
 
 #[test]
+fn an_earlier_demo_stays_if_there_are_no_such_networks() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["made-by-viola-demo", "plan.png"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+    }
+    let missing = folder.path().join("missing");
+    let output = demo(folder.path()).arg("--models").arg(missing).output().unwrap();
+    let erred = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && erred.contains("the models folder"), "{erred}");
+    assert!(folder.path().join("plan.png").exists());
+}
+
+#[test]
 fn a_folder_with_something_else_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let precious = folder.path().join("precious.txt");
