@@ -23,6 +23,7 @@ mod serve;
 mod service;
 mod shell;
 mod simulate;
+mod sum;
 mod surfaces;
 mod telemetry;
 mod tenants;

@@ -4,13 +4,11 @@
 //! The addresses come from tenants, so they must not reach this service's own network: see `address`.
 
 mod address;
-mod params;
 mod send;
 mod sign;
 mod target;
 
-pub use params::WebhookParams;
-pub use target::{TargetError, check_url};
+pub use target::{WebhookParams, check_url};
 
 use metrics::{counter, describe_counter};
 use send::Sender;
@@ -48,7 +46,7 @@ pub async fn deliver(
     changed: Arc<Notify>,
     stop: CancellationToken,
 ) {
-    let sender = match Sender::new(&params, send::resolve) {
+    let sender = match Sender::new(params) {
         Ok(sender) => Arc::new(sender),
         Err(error) => return error!(%error, "this process sends no webhooks"),
     };

@@ -1,7 +1,7 @@
 //! `viola align`: aligns one clip to one map, without a server.
 
 use super::args::levels::{self, LevelArgument};
-use super::args::{CompletionArguments, NetworkArguments, numbers};
+use super::args::{MethodArguments, numbers};
 use super::output;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
@@ -16,13 +16,14 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use viola_align as align;
-use viola_align::{AlignParams, Alignment, AlignmentState};
+use viola_align::Alignment;
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::LevelName;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
+use viola_storage::ClipState;
 
 #[derive(Args)]
 pub struct AlignArguments {
@@ -47,9 +48,7 @@ pub struct AlignArguments {
     #[arg(long)]
     out: PathBuf,
     #[command(flatten)]
-    networks: NetworkArguments,
-    #[command(flatten)]
-    completion: CompletionArguments,
+    method: MethodArguments,
     /// Seed of the floor's RANSAC and of the inpainting.
     #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
@@ -85,13 +84,12 @@ struct Inputs<'a> {
 pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     refuse_to_overwrite(arguments)?;
     // Before the clip, because a missing network is found immediately.
-    let label = arguments.networks.labels()?;
-    let complete = arguments.completion.params(&arguments.networks)?;
+    let params = arguments.method.own_params(arguments.seed)?;
     // A folder that has `result.json` is whole, and has the answer of the last run.
     output::remove(&arguments.out.join("result.json"))?;
     let progress = TerminalProgress::new();
-    let watch =
-        Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
+    let watch = Stopwatch::around(&progress, std::time::Instant::now)
+        .with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
     // Before the clip, which may have to be unpacked.
     let maps = levels::open(&arguments.lidar, Advice::Flags)?;
@@ -101,7 +99,6 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     let frames = arguments.frames.as_ref().map(|range| used_frames(&clip, range)).transpose();
     let frames = frames.with_context(|| format!("clip {}", arguments.clip.display()))?;
     let _own = output::own_folder(&arguments.out)?;
-    let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
         align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
             .with_context(|| format!("clip {}", arguments.clip.display()))?;
@@ -185,11 +182,7 @@ fn print_answer(
         lidar.occupied_points,
         lidar.rooms.len()
     );
-    let state = match alignment.state {
-        AlignmentState::Aligned => "aligned",
-        AlignmentState::Ambiguous => "ambiguous",
-        AlignmentState::Failed => "failed",
-    };
+    let state = ClipState::from(alignment.state).name();
     match &alignment.map_from_clip {
         Some(pose) => println!(
             "pose:   {state}, x {:.3} m, y {:.3} m, yaw {:.2} deg",

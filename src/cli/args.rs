@@ -10,7 +10,6 @@ mod seconds;
 mod store;
 mod worker;
 
-pub use completion::CompletionArguments;
 pub use method::MethodArguments;
 pub use networks::{NO_NETWORKS, NetworkArguments};
 pub use runtime::RuntimeArguments;

@@ -35,7 +35,7 @@ pub fn has_command(name: &str) -> bool {
 pub fn run() -> Result<()> {
     match ChildArguments::parse().command {
         ChildCommand::DecodeVideo(arguments) => decode_video::run(&arguments),
-        ChildCommand::AlignJob(arguments) => align_job::run(&arguments),
+        ChildCommand::AlignJob(arguments) => align_job::run(arguments),
         ChildCommand::OpenClip(arguments) => open_clip::run(&arguments),
     }
 }

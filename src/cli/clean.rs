@@ -26,13 +26,7 @@ pub struct CleanArguments {
 }
 
 pub fn run(arguments: &CleanArguments) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        let storage = Storage::administer(&arguments.store.params()).await?;
-        let cleaned = clean(&storage, arguments).await;
-        storage.close().await;
-        cleaned
-    })
+    arguments.store.administer(async |storage| clean(storage, arguments).await)
 }
 
 async fn clean(storage: &Storage, arguments: &CleanArguments) -> Result<()> {

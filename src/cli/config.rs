@@ -252,52 +252,39 @@ mod tests {
         crate::cli::Arguments::command()
     }
 
-    fn expanded(file: &str, given: &[&str]) -> Result<Vec<String>, String> {
+    /// Returns the arguments after the program's name with the settings of a file.
+    fn expanded(file: &str, given: &str) -> Result<String, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("viola.toml");
         std::fs::write(&path, file).unwrap();
         let config = format!("--config={}", path.display());
-        let given = ["viola"].iter().chain(given).map(|text| OsString::from(*text)).chain([config.into()]);
+        let given = format!("viola {given}");
+        let given = given.split(' ').map(OsString::from).chain([config.into()]);
         let arguments = with_file(given, &program()).map_err(|error| format!("{error:#}"))?;
-        let text = |text: OsString| text.into_string().unwrap().replace(path.to_str().unwrap(), "FILE");
-        Ok(arguments.into_iter().skip(1).map(text).collect())
+        let words: Vec<String> =
+            arguments.into_iter().skip(1).map(|word| word.into_string().unwrap()).collect();
+        Ok(words.join(" ").replace(path.to_str().unwrap(), "FILE"))
     }
 
     #[test]
     fn a_file_stands_behind_flags_and_before_defaults() {
         let file = "listen = \"127.0.0.1:1\"\nworkers = 2\nno-worker = true\n[work]\nworkers = 3\n";
-        let cases: [(&[&str], &[&str]); 7] = [
-            (&["serve"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=2"]),
-            (
-                &["serve", "--workers", "5"],
-                &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers", "5"],
-            ),
-            (&["serve", "--workers=5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=5"]),
-            (&["work"], &["work", "--workers=3"]),
-            (&["keys", "list"], &["keys", "list"]),
+        for (file, given, expected) in [
+            (file, "serve", "serve --listen=127.0.0.1:1 --no-worker --workers=2"),
+            (file, "serve --workers 5", "serve --listen=127.0.0.1:1 --no-worker --workers 5"),
+            (file, "serve --workers=5", "serve --listen=127.0.0.1:1 --no-worker --workers=5"),
+            (file, "work", "work --workers=3"),
+            (file, "keys list", "keys list"),
             // clap refuses the flag of a command without a configuration.
-            (&["openapi"], &["openapi", "--config=FILE"]),
-            (&["config", "work"], &["config", "work", "--config", "FILE"]),
-        ];
-        for (given, expected) in cases {
-            assert_eq!(expanded(file, given).as_deref(), Ok(expected.map_to_owned().as_slice()), "{given:?}");
+            (file, "openapi", "openapi --config=FILE"),
+            (file, "config work", "config work --config FILE"),
+            ("data = \"d\"", "keys -q list --json", "keys -q list --data=d --json"),
+        ] {
+            assert_eq!(expanded(file, given).as_deref(), Ok(expected), "{given}");
         }
-        let given = ["keys", "-q", "list", "--json"];
-        let expected = ["keys", "-q", "list", "--data=d", "--json"].map_to_owned();
-        assert_eq!(expanded("data = \"d\"", &given).as_deref(), Ok(expected.as_slice()));
         let without_file = ["viola", "serve", "--config"].map(OsString::from);
         let error = with_file(without_file.into_iter(), &program()).unwrap_err();
         assert!(error.is::<clap::Error>() && error.to_string().contains("needs the path"), "{error}");
-    }
-
-    trait MapToOwned {
-        fn map_to_owned(&self) -> Vec<String>;
-    }
-
-    impl MapToOwned for [&str] {
-        fn map_to_owned(&self) -> Vec<String> {
-            self.iter().map(|text| (*text).to_owned()).collect()
-        }
     }
 
     #[test]
@@ -311,7 +298,7 @@ mod tests {
             ("workers = ", "viola.toml"),
         ];
         for (file, named) in cases {
-            let error = expanded(file, &["serve"]).unwrap_err();
+            let error = expanded(file, "serve").unwrap_err();
             assert!(error.contains(named), "{file}: {error}");
         }
     }

@@ -14,7 +14,7 @@ use crate::jobs::{JobParams, WorkerParams};
 use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use client::{Client, ClipAnswer, ObjectAnswer};
+use client::{Client, ClipAnswer};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use recordings::{Recording, Recordings};
 use std::collections::BTreeMap;
@@ -56,10 +56,11 @@ pub struct DemoArguments {
 }
 
 pub fn run(arguments: &DemoArguments) -> Result<()> {
+    // Before the folder is emptied, because a missing network is found immediately.
+    let align = AlignParams { label: arguments.networks.surface_labels()?, ..AlignParams::default() };
     fresh_folder(&arguments.data)?;
     println!("Making a home, mapping it with its vacuum and filming three clips ...");
     let recordings = Recordings::make(arguments.seed, arguments.frames, &arguments.data.join("recordings"))?;
-    let align = AlignParams { label: arguments.networks.surface_labels()?, ..AlignParams::default() };
     let job = JobParams { align, ..JobParams::default() };
     let worker = WorkerParams { align: Arc::new(job), ..WorkerParams::default() };
     let runtime = tokio::runtime::Runtime::new()?;
@@ -91,24 +92,10 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         // The receiver is dropped only after the demo has ended.
         let _ = listening.send(address);
     }));
-    let address = tokio::select! {
-        // Without an address the server has ended, which says why.
-        Ok(address) = address => address,
-        ended = &mut server => return Ok(ended.context("the server broke down")??),
-    };
-    let pictures = arguments.data.join("pictures");
-    let report = report(address, recordings, &pictures);
     let found = tokio::select! {
-        found = report => found?,
+        found = report(arguments, address, recordings) => found?,
         ended = &mut server => return Ok(ended.context("the server broke down")??),
     };
-    if !arguments.exit {
-        println!("\nThe service stays up at http://{address}/. Ctrl-C stops it.");
-        tokio::select! {
-            interrupted = tokio::signal::ctrl_c() => interrupted.context("Ctrl-C cannot be heard")?,
-            ended = &mut server => return Ok(ended.context("the server broke down")??),
-        }
-    }
     stop.cancel();
     server.await.context("the server broke down")??;
     if !arguments.exit {
@@ -117,15 +104,22 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
             "Stopped. `viola serve --data {}` serves the home again, until the next demo empties the folder.",
             data.display()
         );
-    }
-    if arguments.exit && found < recordings.clips.len() {
+    } else if found < recordings.clips.len() {
         bail!("{found} of {} clips were found", recordings.clips.len());
     }
     Ok(())
 }
 
-/// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses.
-async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -> Result<usize> {
+/// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses. Without `--exit` it
+/// returns at Ctrl-C.
+async fn report(
+    arguments: &DemoArguments,
+    address: oneshot::Receiver<SocketAddr>,
+    recordings: &Recordings,
+) -> Result<usize> {
+    // Without an address the server has ended, which says why.
+    let Ok(address) = address.await else { return std::future::pending().await };
+    let pictures = arguments.data.join("pictures");
     let client = Client::new(address)?;
     println!("Serving at http://{address}/; uploading as an app would.");
     client.make_home(HOME, "Simulated home").await?;
@@ -137,7 +131,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     let followed = recordings.clips.iter().map(|clip| follow(&client, clip, &bars));
     let answers = futures::future::try_join_all(followed).await?;
     bars.clear().context("cannot write to the terminal")?;
-    output::folder(pictures)?;
+    output::folder(&pictures)?;
     println!("\n{:<8} {:<10} {:>9} {:>9} {:>10}  where", "clip", "state", "error", "turn", "time");
     let mut found = 0;
     for (recording, answer) in recordings.clips.iter().zip(&answers) {
@@ -157,14 +151,18 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
         answers.len()
     );
     println!("Pictures: {}; the home from above: {}", pictures.display(), recordings.plan.display());
+    if !arguments.exit {
+        println!("\nThe service stays up at http://{address}/. Ctrl-C stops it.");
+        tokio::signal::ctrl_c().await.context("Ctrl-C cannot be heard")?;
+    }
     Ok(found)
 }
 
 /// Returns the objects of the home by class: `Objects: 2 bed, 1 sofa`.
-fn line_of_objects(objects: &[ObjectAnswer]) -> String {
+fn line_of_objects(objects: &[String]) -> String {
     let mut classes: BTreeMap<&str, usize> = BTreeMap::new();
-    for object in objects {
-        *classes.entry(&object.class).or_default() += 1;
+    for class in objects {
+        *classes.entry(class).or_default() += 1;
     }
     let classes: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {class}")).collect();
     format!("Objects: {}", if classes.is_empty() { "none".to_owned() } else { classes.join(", ") })

@@ -15,6 +15,7 @@ use super::progress::Steps;
 use super::provenance::{commit, program, words};
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use serde::Serialize;
 use serde_json::json;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -347,23 +348,20 @@ fn default_clips(arguments: &EvaluateArguments) -> usize {
 
 /// Returns the scene with the given LiDAR map, or with one cut out of its mesh.
 fn scene_of(arguments: &EvaluateArguments, path: &Path) -> Result<Scene> {
-    let scene = match (&arguments.lidar, &arguments.truth) {
-        (Some(lidar), Some(truth)) => Scene::open(path, lidar, truth)?,
-        _ => {
-            let params = SurveyParams { seed: arguments.seed, ..SurveyParams::default() };
-            let (scene, survey) = Scene::open_with_mesh(path, &params)?;
-            // Saved so that it can be inspected, and reused by --lidar and --truth.
-            save(&arguments.out, "lidar.csv", &survey.points_csv())?;
-            let truth = json!({
-                "map_from_world": survey.map_from_world,
-                "vacuum_height_m": params.height_m,
-                "floor_in_world_m": survey.floor_m,
-                "sensors_in_map": survey.sensors_m.iter().map(|s| [s.x, s.y]).collect::<Vec<_>>(),
-            });
-            save(&arguments.out, "lidar_truth.json", &serde_json::to_string_pretty(&truth)?)?;
-            scene
-        }
-    };
+    if let (Some(lidar), Some(truth)) = (&arguments.lidar, &arguments.truth) {
+        return Ok(Scene::open(path, lidar, truth)?);
+    }
+    let params = SurveyParams { seed: arguments.seed, ..SurveyParams::default() };
+    let (scene, survey) = Scene::open_with_mesh(path, &params)?;
+    // Saved so that it can be inspected, and reused by --lidar and --truth.
+    save(&arguments.out, "lidar.csv", &survey.points_csv())?;
+    let truth = json!({
+        "map_from_world": survey.map_from_world,
+        "vacuum_height_m": params.height_m,
+        "floor_in_world_m": survey.floor_m,
+        "sensors_in_map": survey.sensors_m.iter().map(|s| [s.x, s.y]).collect::<Vec<_>>(),
+    });
+    save_json(&arguments.out, "lidar_truth.json", &truth)?;
     Ok(scene)
 }
 
@@ -385,4 +383,15 @@ fn share(text: &str) -> Result<f64, String> {
 
 fn save(out: &Path, name: &str, text: &str) -> Result<()> {
     output::write_bytes(&out.join(name), text)
+}
+
+fn save_json(out: &Path, name: &str, value: &impl Serialize) -> Result<()> {
+    save(out, name, &serde_json::to_string_pretty(value)?)
+}
+
+/// Saves a table and prints it.
+fn save_table(out: &Path, name: &str, table: &str) -> Result<()> {
+    save(out, name, table)?;
+    print!("{table}");
+    Ok(())
 }

@@ -22,7 +22,7 @@ enum JobsCommand {
     /// List the clips whose newest job ended without an answer, with the job's error.
     List(ListArguments),
     /// Queue the clips again whose newest job ended without an answer.
-    Retry(RetryArguments),
+    Retry(Selection),
 }
 
 #[derive(Args)]
@@ -32,12 +32,6 @@ struct ListArguments {
     /// Print a list of objects instead of the table.
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Args)]
-struct RetryArguments {
-    #[command(flatten)]
-    selection: Selection,
 }
 
 /// The jobs that a command is for.
@@ -115,30 +109,21 @@ fn code_of(job: &Job) -> Option<&str> {
 }
 
 pub fn run(arguments: &JobsArguments) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        match &arguments.command {
-            JobsCommand::List(arguments) => list(arguments).await,
-            JobsCommand::Retry(arguments) => retry(arguments).await,
-        }
-    })
+    match &arguments.command {
+        JobsCommand::List(arguments) => list(arguments),
+        JobsCommand::Retry(selection) => retry(selection),
+    }
 }
 
-async fn list(arguments: &ListArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.selection.store.params()).await?;
-    let jobs = arguments.selection.jobs(&storage).await?;
-    storage.close().await;
-    if arguments.json {
-        let document = |job: &Job| {
-            json!({"id": job.id, "tenant": job.home.tenant(), "home": job.home.as_str(), "clip": job.clip,
-                "state": job.state, "error": job.error, "finished_at": job.finished_at})
-        };
-        let documents: Vec<_> = jobs.iter().map(document).collect();
-        println!("{}", serde_json::to_string_pretty(&documents)?);
-        return Ok(());
-    }
-    let mut rows = vec![["tenant", "home", "clip", "state", "code", "ended"].map(str::to_owned)];
-    rows.extend(jobs.iter().map(|job| {
+fn list(arguments: &ListArguments) -> Result<()> {
+    let selection = &arguments.selection;
+    let jobs = selection.store.administer(async |storage| Ok(selection.jobs(storage).await?))?;
+    let document = |job: &Job| {
+        json!({"id": job.id, "tenant": job.home.tenant(), "home": job.home.as_str(), "clip": job.clip,
+            "state": job.state, "error": job.error, "finished_at": job.finished_at})
+    };
+    let head = ["tenant", "home", "clip", "state", "code", "ended"];
+    output::print_list(&jobs, arguments.json, document, head, |job| {
         let ended = job.finished_at.map(|at| at.strftime("%Y-%m-%d %H:%M").to_string());
         [
             job.home.tenant().to_owned(),
@@ -148,24 +133,23 @@ async fn list(arguments: &ListArguments) -> Result<()> {
             code_of(job).unwrap_or("-").to_owned(),
             ended.unwrap_or_else(|| "-".to_owned()),
         ]
-    }));
-    print!("{}", output::columns(&rows));
-    Ok(())
+    })
 }
 
-async fn retry(arguments: &RetryArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.selection.store.params()).await?;
-    let jobs = arguments.selection.jobs(&storage).await?;
-    let mut queued = 0;
-    for job in &jobs {
-        match storage.align_clip(&job.home, job.clip, storage.now()).await {
-            Ok(_) => queued += 1,
-            // Without a LiDAR map the clip waits for one.
-            Err(StorageError::NoLidarMap | StorageError::NoSuchHome | StorageError::NoSuchClip) => {}
-            Err(error) => return Err(error.into()),
+fn retry(selection: &Selection) -> Result<()> {
+    let (queued, all) = selection.store.administer(async |storage| {
+        let jobs = selection.jobs(storage).await?;
+        let mut queued = 0;
+        for job in &jobs {
+            match storage.align_clip(&job.home, job.clip, storage.now()).await {
+                Ok(_) => queued += 1,
+                // Without a LiDAR map the clip waits for one.
+                Err(StorageError::NoLidarMap | StorageError::NoSuchHome | StorageError::NoSuchClip) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
-    }
-    storage.close().await;
-    println!("{queued} of {} clips are queued again", jobs.len());
+        Ok((queued, jobs.len()))
+    })?;
+    println!("{queued} of {all} clips are queued again");
     Ok(())
 }

@@ -69,19 +69,17 @@ struct RevokeArguments {
 }
 
 pub fn run(arguments: &KeysArguments) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        match &arguments.command {
-            KeysCommand::Create(arguments) => create(arguments).await,
-            KeysCommand::List(arguments) => list(arguments).await,
-            KeysCommand::Revoke(arguments) => revoke(arguments).await,
+    match &arguments.command {
+        // A service may get its first key before its first start.
+        KeysCommand::Create(arguments) => {
+            arguments.store.administer_or_create(async |storage| create(storage, arguments).await)
         }
-    })
+        KeysCommand::List(arguments) => list(arguments),
+        KeysCommand::Revoke(arguments) => revoke(arguments),
+    }
 }
 
-async fn create(arguments: &CreateArguments) -> Result<()> {
-    // A service may get its first key before its first start.
-    let storage = Storage::administer_or_create(&arguments.store.params()).await?;
+async fn create(storage: &Storage, arguments: &CreateArguments) -> Result<()> {
     let now = storage.now();
     let life = arguments.days.map(|days| SignedDuration::from_hours(24 * i64::from(days)));
     let new = NewKey {
@@ -97,33 +95,25 @@ async fn create(arguments: &CreateArguments) -> Result<()> {
     let shown = writeln!(std::io::stdout(), "{}", secret.show());
     // Nobody has it otherwise, and it would be valid.
     let is_revoked = shown.is_err() && storage.revoke_key(key.id, storage.now()).await.is_ok();
-    storage.close().await;
     shown.with_context(|| {
         let state = if is_revoked { "it is revoked" } else { "revoke it with `viola keys revoke`" };
         format!("key {} cannot be shown; {state}, and create another one", key.id)
     })
 }
 
-async fn list(arguments: &ListArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.store.params()).await?;
-    let keys = storage.keys(arguments.tenant.as_ref()).await?;
-    storage.close().await;
-    let now = storage.now();
-    if arguments.json {
-        let document = |key: &ApiKey| {
-            json!({"id": key.id, "tenant": key.tenant.name(), "role": key.role.name(),
-                "home": key.home.as_ref().map(HomeId::as_str), "state": state(key, now),
-                "expires_at": key.expires_at, "last_used_at": key.last_used_at, "label": key.label})
-        };
-        let documents: Vec<_> = keys.iter().map(document).collect();
-        println!("{}", serde_json::to_string_pretty(&documents)?);
-        return Ok(());
-    }
+fn list(arguments: &ListArguments) -> Result<()> {
+    let (keys, now) = arguments
+        .store
+        .administer(async |storage| Ok((storage.keys(arguments.tenant.as_ref()).await?, storage.now())))?;
+    let document = |key: &ApiKey| {
+        json!({"id": key.id, "tenant": key.tenant.name(), "role": key.role.name(),
+            "home": key.home.as_ref().map(HomeId::as_str), "state": state(key, now),
+            "expires_at": key.expires_at, "last_used_at": key.last_used_at, "label": key.label})
+    };
     let when =
         |at: Option<Timestamp>| at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
     let head = ["id", "tenant", "role", "home", "state", "expires", "last used", "label"];
-    let mut rows = vec![head.map(str::to_owned)];
-    rows.extend(keys.iter().map(|key| {
+    output::print_list(&keys, arguments.json, document, head, |key| {
         [
             key.id.to_string(),
             key.tenant.name().to_owned(),
@@ -134,9 +124,7 @@ async fn list(arguments: &ListArguments) -> Result<()> {
             when(key.last_used_at),
             key.label.clone(),
         ]
-    }));
-    print!("{}", output::columns(&rows));
-    Ok(())
+    })
 }
 
 fn state(key: &ApiKey, now: Timestamp) -> &'static str {
@@ -147,13 +135,13 @@ fn state(key: &ApiKey, now: Timestamp) -> &'static str {
     }
 }
 
-async fn revoke(arguments: &RevokeArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.store.params()).await?;
-    let was_there = storage.revoke_key(arguments.id, storage.now()).await?;
-    storage.close().await;
+fn revoke(arguments: &RevokeArguments) -> Result<()> {
+    let id = arguments.id;
+    let was_there =
+        arguments.store.administer(async |storage| Ok(storage.revoke_key(id, storage.now()).await?))?;
     if !was_there {
-        bail!("no key has the id {}; `viola keys list` shows those there are", arguments.id);
+        bail!("no key has the id {id}; `viola keys list` shows those there are");
     }
-    println!("{} is revoked", arguments.id);
+    println!("{id} is revoked");
     Ok(())
 }

@@ -16,7 +16,7 @@ mod robot;
 mod table;
 
 use super::args::levels::{self, LevelArgument};
-use super::args::{CompletionArguments, NetworkArguments, numbers};
+use super::args::{MethodArguments, numbers};
 use super::output;
 use super::progress::{TerminalProgress, print_line, to_standard_error};
 use super::video_tools::video_tools;
@@ -32,7 +32,6 @@ use files::HomeFiles;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use viola_align::AlignParams;
 use viola_geometry::LevelName;
 use viola_geometry::progress::Silent;
 use viola_home as home;
@@ -91,9 +90,7 @@ pub struct MapArguments {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    networks: NetworkArguments,
-    #[command(flatten)]
-    completion: CompletionArguments,
+    method: MethodArguments,
     /// Seed of the floor's RANSAC and of the inpainting.
     #[arg(long, default_value_t = 0, value_parser = numbers::seed, allow_negative_numbers = true)]
     seed: u64,
@@ -106,9 +103,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let old_levels = earlier::levels_in(&arguments.out);
     refuse_to_overwrite(arguments, &old_levels)?;
     // Before the clips, because a missing network is found immediately.
-    let label = arguments.networks.labels()?;
-    let complete = arguments.completion.params(&arguments.networks)?;
-    let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
+    let align = arguments.method.own_params(arguments.seed)?;
     let unknown_scale = arguments.scale.is_some();
     let params = JobParams { align, video: video_tools(), unknown_scale, ..JobParams::default() };
     let out = &arguments.out;

@@ -3,7 +3,6 @@
 use super::args::StoreArguments;
 use anyhow::Result;
 use clap::Args;
-use viola_storage::Storage;
 
 #[derive(Args)]
 pub struct MigrateArguments {
@@ -12,11 +11,7 @@ pub struct MigrateArguments {
 }
 
 pub fn run(arguments: &MigrateArguments) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        let storage = Storage::migrate(&arguments.store.params()).await?;
-        println!("the tables of {} are up to date", storage.database_name());
-        storage.close().await;
-        anyhow::Ok(())
-    })
+    let database = arguments.store.migrate(async |storage| Ok(storage.database_name()))?;
+    println!("the tables of {database} are up to date");
+    Ok(())
 }

@@ -4,12 +4,11 @@ mod check;
 mod download;
 mod drawing;
 mod fetch;
-pub(super) mod sum;
 #[cfg(test)]
 mod test_server;
 
 use super::args::NO_NETWORKS;
-use super::output;
+use super::{output, sum};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use serde_json::json;
@@ -85,33 +84,27 @@ fn find<'m>(manifest: &'m Manifest, name: &str) -> Result<&'m ModelEntry> {
     })
 }
 
-fn list(folder: &Folder, json: bool) -> Result<()> {
+fn list(folder: &Folder, as_json: bool) -> Result<()> {
     let manifest = folder.manifest()?;
-    if json {
-        let network = |entry: &ModelEntry| -> Result<serde_json::Value> {
-            let State { bytes, installed, sum } = State::of(entry, &folder.models)?;
-            let (name, task, licence) = (&entry.name, task(entry.task), &entry.licence);
-            Ok(json!({"name": name, "task": task, "bytes": bytes, "installed": installed, "sum": sum,
-                "licence": licence}))
-        };
-        let networks = manifest.networks.iter().map(network).collect::<Result<Vec<_>>>()?;
-        println!("{}", serde_json::to_string_pretty(&networks)?);
-        return Ok(());
-    }
-    let mut rows = vec![["name", "task", "size", "installed", "sum", "licence"].map(str::to_owned)];
-    for entry in &manifest.networks {
-        let state = State::of(entry, &folder.models)?;
-        rows.push([
+    let with_state = |entry| -> Result<_> { Ok((entry, State::of(entry, &folder.models)?)) };
+    let networks = manifest.networks.iter().map(with_state).collect::<Result<Vec<_>>>()?;
+    let document = |(entry, state): &(&ModelEntry, State)| {
+        let State { bytes, installed, sum } = state;
+        let (name, task, licence) = (&entry.name, task(entry.task), &entry.licence);
+        json!({"name": name, "task": task, "bytes": bytes, "installed": installed, "sum": sum, "licence": licence})
+    };
+    let head = ["name", "task", "size", "installed", "sum", "licence"];
+    output::print_list(&networks, as_json, document, head, |(entry, state)| {
+        [
             entry.name.clone(),
             task(entry.task).to_owned(),
             state.bytes.map_or("-".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 / 1e6)),
             state.installed.to_owned(),
             state.sum.to_owned(),
             entry.licence.clone(),
-        ]);
-    }
-    print!("{}", output::columns(&rows));
-    for entry in &manifest.networks {
+        ]
+    })?;
+    for entry in manifest.networks.iter().filter(|_| !as_json) {
         if let Source::Export { how } = &entry.source
             && !entry.path(&folder.models).is_file()
         {

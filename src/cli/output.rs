@@ -1,6 +1,7 @@
 //! Output files, folders and tables.
 
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -101,6 +102,24 @@ fn resolved(path: &Path) -> PathBuf {
     real.unwrap_or(absolute)
 }
 
+/// Prints a list: the documents of its items as JSON, or a table with a row for each.
+pub fn print_list<T, const N: usize>(
+    items: &[T],
+    as_json: bool,
+    document: impl Fn(&T) -> Value,
+    head: [&str; N],
+    row: impl Fn(&T) -> [String; N],
+) -> Result<()> {
+    if as_json {
+        let documents: Vec<Value> = items.iter().map(document).collect();
+        println!("{}", serde_json::to_string_pretty(&documents)?);
+    } else {
+        let rows: Vec<_> = std::iter::once(head.map(str::to_owned)).chain(items.iter().map(row)).collect();
+        print!("{}", columns(&rows));
+    }
+    Ok(())
+}
+
 /// Returns the rows with aligned columns.
 pub fn columns<const N: usize>(rows: &[[String; N]]) -> String {
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
@@ -120,27 +139,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_write_that_fails_replaces_nothing() {
+    fn a_write_that_fails_replaces_nothing_and_leaves_the_files_of_others_alone() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("map.yaml");
+        let (path, other) = (folder.path().join("map.yaml"), folder.path().join("map.yaml.part"));
         let half = |to: &mut BufWriter<File>| {
             to.write_all(b"half")?;
             bail!("no more")
         };
+        fs::write(&other, "mine").unwrap();
         write_bytes(&path, b"first").unwrap();
         let error = write_whole::<()>(&path, half).unwrap_err();
         assert!(error.to_string().starts_with("cannot write "), "{error}");
-        assert_eq!(fs::read(&path).unwrap(), b"first");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_write_leaves_the_files_of_others_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        let (path, other) = (folder.path().join("map.yaml"), folder.path().join("map.yaml.part"));
-        fs::write(&other, "mine").unwrap();
-        write_bytes(&path, b"first").unwrap();
-        write_whole::<()>(&path, |_| bail!("no more")).unwrap_err();
         assert_eq!(fs::read(&other).unwrap(), b"mine");
         assert_eq!(fs::read(&path).unwrap(), b"first");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);

@@ -99,7 +99,7 @@ pub fn to_standard_error(line: &str) {
 }
 
 pub struct TerminalProgress {
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
     /// Name of this part of the work, such as `clip 2 of 6`; `None` if it is the whole work.
     part: Option<String>,
     stage: Mutex<Option<Stage>>,
@@ -127,23 +127,19 @@ impl TerminalProgress {
     }
 
     fn with(part: Option<String>) -> TerminalProgress {
-        let bar = has_bars().then(|| bar(1000, "{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}"));
+        let bar = bar(1000, "{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}");
         TerminalProgress { bar, part, stage: Mutex::new(None), furthest: AtomicU64::new(0) }
     }
 
     pub fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
     }
 
     /// Shows the highest progress so far.
     fn show(&self, stage: Stage, fraction: f64) {
         let thousandths = (stage.overall(fraction) * 1000.0) as u64;
         let furthest = self.furthest.fetch_max(thousandths, Ordering::Relaxed).max(thousandths);
-        if let Some(bar) = &self.bar {
-            bar.set_position(furthest);
-        }
+        self.bar.set_position(furthest);
     }
 }
 
@@ -158,12 +154,11 @@ impl Progress for TerminalProgress {
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(stage);
         self.show(stage, 0.0);
         let name = stage.name();
-        match (&self.bar, &self.part) {
-            (Some(bar), Some(part)) => bar.set_message(format!("{part}: {name}")),
-            (Some(bar), None) => bar.set_message(name),
-            (None, Some(part)) => print_line(&format!("{part}: {name}")),
-            (None, None) if is_at_least(Verbosity::Verbose) => to_standard_error(name),
-            (None, _) => {}
+        let line = self.part.as_ref().map_or(name.to_owned(), |part| format!("{part}: {name}"));
+        if !self.bar.is_hidden() {
+            self.bar.set_message(line);
+        } else if self.part.is_some() || is_at_least(Verbosity::Verbose) {
+            print_line(&line);
         }
     }
 

@@ -1,9 +1,8 @@
 //! The program and the commit that made a result.
 
+use super::sum;
 use super::video_tools::own_program;
 use anyhow::{Context, Result};
-use sha2::{Digest, Sha256};
-use std::fs;
 
 /// Returns the commit of the working tree that the command runs in; empty if there is none.
 pub(super) fn commit() -> String {
@@ -19,7 +18,5 @@ pub(super) fn words() -> impl Iterator<Item = String> {
 
 /// Returns the hash of this program's file, which separates the results of different builds.
 pub(super) fn program() -> Result<String> {
-    let path = own_program().context("cannot find this program's own file")?;
-    let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    sum::of_file(&own_program().context("cannot find this program's own file")?)
 }

@@ -7,8 +7,8 @@ use anyhow::{Result, bail};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
-    Catalogue, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv,
-    ros_pgm, ros_yaml, valetudo_json, write_scannet_zip,
+    Catalogue, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, plan_png, points_csv, ros_pgm,
+    ros_yaml, valetudo_json, write_scannet_zip,
 };
 
 /// More clips than one home needs; each is a file of megabytes.
@@ -60,8 +60,11 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         drift: arguments.drift,
         ..ClipParams::default()
     };
-    let clips: Vec<SimulatedClip> =
-        (0..arguments.clips).map(|index| filmed(&home, &survey, index, arguments.clips, &params)).collect();
+    let film = |index: u64| {
+        print_line(&format!("filming clip {} of {}", index + 1, arguments.clips));
+        home.clip(&survey, index, &params)
+    };
+    let clips: Vec<SimulatedClip> = (0..arguments.clips).map(film).collect();
     let truth = json!({
         "home": home.truth(),
         "vacuum_height_m": survey.vacuum_height_m,
@@ -115,11 +118,6 @@ fn refuse_files_of_others(out: &Path, clips: u64, earlier: Option<u64>) -> Resul
 
 fn clip_name(index: u64) -> String {
     format!("clip_{index}.zip")
-}
-
-fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
-    print_line(&format!("filming clip {} of {clips}", index + 1));
-    home.clip(survey, index, params)
 }
 
 fn save(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {

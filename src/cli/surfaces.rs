@@ -71,7 +71,7 @@ fn surfaces_of_home(
             frames,
             sensor,
             color_width: Sensor::PhoneLidar.depth_camera().width,
-            drift: arguments.drift.get(*turn % arguments.drift.len().max(1)).copied().unwrap_or(0.005),
+            drift: arguments.drift[*turn % arguments.drift.len()],
             ..ClipParams::default()
         };
         let clip = home.clip(&survey, index, &params);

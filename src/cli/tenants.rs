@@ -61,60 +61,45 @@ struct DeleteArguments {
 }
 
 pub fn run(arguments: &TenantsArguments) -> Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        match &arguments.command {
-            TenantsCommand::List(arguments) => list(arguments).await,
-            TenantsCommand::Set(arguments) => set(arguments).await,
-            TenantsCommand::Delete(arguments) => delete(arguments).await,
-        }
-    })
+    match &arguments.command {
+        TenantsCommand::List(arguments) => list(arguments),
+        TenantsCommand::Set(arguments) => set(arguments),
+        TenantsCommand::Delete(arguments) => delete(arguments),
+    }
 }
 
-async fn list(arguments: &ListArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.store.params()).await?;
-    let mut tenants = Vec::new();
-    for tenant in storage.tenants().await? {
-        let bytes = storage.tenant_bytes(&tenant).await?;
-        let limits = storage.tenant_limits(&tenant).await?;
-        tenants.push((tenant, bytes, limits));
-    }
-    storage.close().await;
-    if arguments.json {
-        let document = |(tenant, bytes, limits): &(Tenant, u64, TenantLimits)| {
-            json!({
-                "tenant": tenant.name(), "bytes": bytes,
-                "max_bytes": limits.max_bytes, "max_uploads": limits.max_uploads,
-            })
-        };
-        let documents: Vec<_> = tenants.iter().map(document).collect();
-        println!("{}", serde_json::to_string_pretty(&documents)?);
-        return Ok(());
-    }
-    let mut rows = vec![["tenant", "bytes of files", "max. bytes", "max. uploads"].map(str::to_owned)];
-    rows.extend(tenants.iter().map(|(tenant, bytes, limits)| {
+fn list(arguments: &ListArguments) -> Result<()> {
+    let tenants = arguments.store.administer(async |storage| {
+        let mut tenants = Vec::new();
+        for tenant in storage.tenants().await? {
+            let bytes = storage.tenant_bytes(&tenant).await?;
+            let limits = storage.tenant_limits(&tenant).await?;
+            tenants.push((tenant, bytes, limits));
+        }
+        Ok(tenants)
+    })?;
+    let document = |(tenant, bytes, limits): &(Tenant, u64, TenantLimits)| {
+        json!({"tenant": tenant.name(), "bytes": bytes, "max_bytes": limits.max_bytes,
+            "max_uploads": limits.max_uploads})
+    };
+    let head = ["tenant", "bytes of files", "max. bytes", "max. uploads"];
+    output::print_list(&tenants, arguments.json, document, head, |(tenant, bytes, limits)| {
         let (max_bytes, max_uploads) = (shown(limits.max_bytes), shown(limits.max_uploads));
         [tenant.name().to_owned(), bytes.to_string(), max_bytes, max_uploads]
-    }));
-    print!("{}", output::columns(&rows));
-    Ok(())
+    })
 }
 
 fn shown(limit: Option<u64>) -> String {
     limit.map_or("default".to_owned(), |limit| limit.to_string())
 }
 
-async fn set(arguments: &SetArguments) -> Result<()> {
+fn set(arguments: &SetArguments) -> Result<()> {
     let SetArguments { store, tenant, max_bytes, max_uploads } = arguments;
-    let storage = Storage::administer(&store.params()).await?;
     let limits = TenantLimits { max_bytes: *max_bytes, max_uploads: *max_uploads };
-    let set = async {
-        check_known(&storage, tenant).await?;
-        anyhow::Ok(storage.set_tenant_limits(tenant, &limits).await?)
-    };
-    let set = set.await;
-    storage.close().await;
-    set?;
+    store.administer(async |storage| {
+        check_known(storage, tenant).await?;
+        Ok(storage.set_tenant_limits(tenant, &limits).await?)
+    })?;
     println!("{}: bytes {}, unfinished uploads {}", tenant.name(), shown(*max_bytes), shown(*max_uploads));
     Ok(())
 }
@@ -132,14 +117,15 @@ async fn check_known(storage: &Storage, tenant: &Tenant) -> Result<()> {
     )
 }
 
-async fn delete(arguments: &DeleteArguments) -> Result<()> {
-    let storage = Storage::administer(&arguments.store.params()).await?;
-    let removed = delete_from(&storage, arguments).await;
-    storage.close().await;
-    let (removed, name) = (removed?, arguments.tenant.name());
+fn delete(arguments: &DeleteArguments) -> Result<()> {
+    let removed = arguments.store.administer(async |storage| delete_from(storage, arguments).await)?;
     println!(
-        "{name} is gone with all its files: homes {}, uploads {}, webhooks {}, keys {}",
-        removed.homes, removed.uploads, removed.webhooks, removed.keys
+        "{} is gone with all its files: homes {}, uploads {}, webhooks {}, keys {}",
+        arguments.tenant.name(),
+        removed.homes,
+        removed.uploads,
+        removed.webhooks,
+        removed.keys
     );
     Ok(())
 }

@@ -115,7 +115,7 @@ fn tend(
 ) -> MethodResult {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
-        unknown_scale: !inputs.metric,
+        unknown_scale: inputs.unknown_scale,
         levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
         memory_bytes: limits.memory_bytes,
@@ -132,19 +132,17 @@ fn tend(
     let Some(stdout) = leash.start(&mut command).map_err(AttemptError::system)? else {
         return Err(AttemptError::Cancelled);
     };
-    let last = listen(stdout, progress);
+    let told = listen(stdout, progress);
     let (status, is_killed) = leash.end().map_err(AttemptError::system)?;
-    match last {
-        Some(Message::Finished) => protocol::read_result(folder),
-        Some(Message::Failed(error)) => Err(error),
-        Some(_) => Err(AttemptError::internal("the child sent an invalid message")),
+    match told {
+        Some(ended) => ended.and_then(|()| protocol::read_result(folder)),
         None if is_killed => Err(AttemptError::Cancelled),
         None => Err(without_a_word(status, &last_words(&said), limits)),
     }
 }
 
-/// Forwards the progress; returns the last message, `None` if the process ended without one.
-fn listen(stdout: impl Read, progress: &SharedProgress) -> Option<Message> {
+/// Forwards the progress; returns the end that the last message tells, `None` if the process ended without one.
+fn listen(stdout: impl Read, progress: &SharedProgress) -> Option<Result<(), AttemptError>> {
     let mut stdout = BufReader::new(stdout);
     loop {
         let mut line = Vec::new();
@@ -157,8 +155,9 @@ fn listen(stdout: impl Read, progress: &SharedProgress) -> Option<Message> {
             Ok(Message::Enter(stage)) => progress.enter(stage),
             Ok(Message::Advance(fraction)) => progress.advance(fraction),
             Ok(Message::EarlyPose(pose)) => progress.early_pose(pose),
-            Ok(last) => return Some(last),
-            Err(_) => return Some(Message::Nonsense),
+            Ok(Message::Finished) => return Some(Ok(())),
+            Ok(Message::Failed(error)) => return Some(Err(error)),
+            Err(_) => return Some(Err(AttemptError::internal("the child sent an invalid message"))),
         }
     }
 }

@@ -28,9 +28,7 @@ use tracing::{Span, error, info, warn};
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{Assembly, Manifest, TileKey};
 use viola_reconstruct::label::SurfaceNetwork;
-use viola_storage::{
-    HomeId, LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage, StorageError,
-};
+use viola_storage::{LidarMapRevision, MapFile, MapScene, MergeClaim, NewRevision, Storage, StorageError};
 
 /// Files that are read at a time: a store far away waits more than it works.
 const FILES_AT_A_TIME: usize = 8;
@@ -79,7 +77,7 @@ pub(super) async fn merge(
         }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
-            let damaged = cause.damaged_clip();
+            let damaged = if let MergeError::DamagedClip { clip } = cause { Some(clip) } else { None };
             let released = queue.storage.fail_merge(claim, damaged, queue.storage.now()).await;
             log_failed_release(claim, released);
         }
@@ -139,24 +137,20 @@ async fn try_merge(
     surface: SurfaceLabels,
     running: &Arc<Running>,
 ) -> Result<Merged, MergeError> {
-    let last = readable(&claim.home, storage.last_manifest(claim).await)?;
+    let last = match storage.last_manifest(claim).await {
+        // The map can be made without it.
+        Err(damage @ StorageError::Column { .. }) => {
+            error!(home = %claim.home, %damage, "a file of the last map is left out");
+            Manifest::default()
+        }
+        last => last?,
+    };
     match merge_from(&last, storage, claim, surface.clone(), running).await {
         Err(damage @ MergeError::DamagedMap) => {
             error!(home = %claim.home, %damage, "the map is made again from its clips");
             merge_from(&Manifest::default(), storage, claim, surface, running).await
         }
         merged => merged,
-    }
-}
-
-/// Returns nothing instead of a file of the last map that is damaged: the map can be made without it.
-fn readable<T: Default>(home: &HomeId, file: Result<T, StorageError>) -> Result<T, StorageError> {
-    match file {
-        Err(damage @ StorageError::Column { .. }) => {
-            error!(%home, %damage, "a file of the last map is left out");
-            Ok(T::default())
-        }
-        file => file,
     }
 }
 

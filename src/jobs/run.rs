@@ -21,8 +21,8 @@ pub(super) type Working = BoxFuture<'static, MethodResult>;
 /// Input of the method.
 pub(super) struct Inputs {
     pub clip: LocalFile,
-    /// False if the clip's unit is unknown.
-    pub metric: bool,
+    /// True if the clip's unit is unknown.
+    pub unknown_scale: bool,
     pub levels: Vec<LevelFile>,
 }
 

@@ -263,19 +263,18 @@ impl Attempt<'_> {
         let storage = &self.queue.storage;
         let job = &self.claim.job;
         let clip = storage.clip_file(job.clip).await?;
-        let metric = storage.clip(&job.home, job.clip).await?.info.metric;
+        let unknown_scale = !storage.clip(&job.home, job.clip).await?.info.metric;
         let mut levels = Vec::new();
         for map in &self.claim.lidar_maps {
             levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
         }
-        let (inputs, progress) = (Inputs { clip, metric, levels }, progress.clone());
+        let (inputs, progress) = (Inputs { clip, unknown_scale, levels }, progress.clone());
         let uploaded_bytes = inputs.bytes().map_err(AttemptError::system)?;
         let limits = JobLimits::new(&self.params.limits, uploaded_bytes);
         let working = match &self.params.child {
             Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, progress),
             None => {
                 let scratch = storage.scratch(self.claim.job.home.tenant());
-                let unknown_scale = !inputs.metric;
                 let params = JobParams { scratch, unknown_scale, ..JobParams::clone(&self.params.align) };
                 run_here(self.params.method, params.into(), inputs, progress)
             }

@@ -5,9 +5,8 @@
 //! are not followed, the environment's proxies are not used, and only the head of the answer is read.
 
 use super::address::is_public;
-use super::params::{ANSWER, WebhookParams};
 use super::sign::signature;
-use super::target::check_url;
+use super::target::{WebhookParams, check_url};
 use futures::FutureExt;
 use futures::future::{BoxFuture, Shared};
 use jiff::Timestamp;
@@ -17,6 +16,7 @@ use reqwest::header::{CONTENT_TYPE, HeaderMap, RETRY_AFTER};
 use std::collections::HashMap;
 use std::error::Error;
 use std::io;
+use std::iter;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -24,11 +24,14 @@ use tracing::warn;
 use viola_storage::tls::use_ring;
 use viola_storage::{Sending, Sent, ToSend};
 
+/// Timeout of the answer of one address.
+const ANSWER: Duration = Duration::from_secs(15);
+
 /// Function from a name to its addresses.
-pub type Lookup = fn(String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>>;
+type Lookup = fn(String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>>;
 
 /// Resolves a name as the system does.
-pub fn resolve(name: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
+fn resolve(name: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
     Box::pin(async move { Ok(tokio::net::lookup_host((name, 0)).await?.collect()) })
 }
 
@@ -105,10 +108,10 @@ impl Resolve for Checked {
 }
 
 impl Sender {
-    pub fn new(params: &WebhookParams, lookup: Lookup) -> Result<Sender, reqwest::Error> {
+    pub fn new(params: WebhookParams) -> Result<Sender, reqwest::Error> {
         use_ring();
         let private_addresses = params.private_addresses;
-        let resolver = Checked { lookup, lookups: Lookups::default(), private_addresses };
+        let resolver = Checked { lookup: resolve, lookups: Lookups::default(), private_addresses };
         let client = reqwest::Client::builder()
             .user_agent(concat!("viola/", env!("CARGO_PKG_VERSION")))
             .timeout(ANSWER)
@@ -116,7 +119,7 @@ impl Sender {
             .no_proxy()
             .dns_resolver(resolver)
             .build()?;
-        Ok(Sender { client, params: *params })
+        Ok(Sender { client, params })
     }
 
     pub async fn send(&self, sending: &Sending, delivery: &ToSend) -> Sent {
@@ -162,14 +165,8 @@ fn cause(error: &reqwest::Error) -> String {
     if error.is_timeout() {
         return format!("the address did not answer in {} s", ANSWER.as_secs());
     }
-    let mut cause: &dyn Error = error;
-    while let Some(inner) = cause.source() {
-        cause = inner;
-    }
-    if std::ptr::eq(cause as *const dyn Error as *const (), error as *const reqwest::Error as *const ()) {
-        return "the message could not be sent".to_owned();
-    }
-    cause.to_string()
+    let innermost = iter::successors(error.source(), |&cause| cause.source()).last();
+    innermost.map_or_else(|| "the message could not be sent".to_owned(), ToString::to_string)
 }
 
 #[cfg(test)]

@@ -1,9 +1,15 @@
 //! Checks of a webhook's address that need no name resolution.
 
 use super::address::is_public;
-use super::params::WebhookParams;
 use std::net::IpAddr;
 use url::{Host, Url};
+
+/// Options of webhooks.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WebhookParams {
+    /// True if webhooks may use addresses of private networks and of this machine, and plain http.
+    pub private_addresses: bool,
+}
 
 const MAX_URL_BYTES: usize = 2048;
 

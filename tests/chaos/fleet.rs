@@ -14,7 +14,7 @@ use viola_testing::client::Client;
 use viola_testing::disk::Disk;
 use viola_testing::eventually;
 use viola_testing::postgres::Schema;
-use viola_testing::process::{prepared, program, viola};
+use viola_testing::process::{prepared, program, succeed, viola};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
 
 /// Storage of the processes.
@@ -222,13 +222,9 @@ impl Fleet {
     /// Checks that the cleaner removes the leftovers of killed processes, and finds none a second time.
     pub fn clean_twice(&self) {
         let clean = || {
-            let mut command = self.command(0);
             // With many kills and few files, the leftovers may exceed the limit of a sweep.
-            command.args(["clean", "--remove-unknown", "--older-than-seconds", "0"]);
-            let output = command.output().unwrap();
-            let text = String::from_utf8_lossy(&output.stdout).into_owned();
-            assert!(output.status.success(), "{text} {}", String::from_utf8_lossy(&output.stderr));
-            text
+            let arguments = ["clean", "--remove-unknown", "--older-than-seconds", "0"];
+            succeed(self.command(0).args(arguments))
         };
         println!("first: {}", clean().trim());
         let second = clean();

@@ -3,11 +3,9 @@
 use crate::fleet::Fleet;
 use serde_json::{Value, json};
 use std::collections::HashMap;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use viola_testing::client::Client;
-use viola_testing::eventually;
+use viola_testing::{eventually, receiver};
 
 #[derive(Clone, Default)]
 pub struct Hooks {
@@ -23,40 +21,21 @@ fn thing(change: &Value) -> String {
 impl Hooks {
     pub async fn start(fleet: &Fleet) -> Hooks {
         let hooks = Hooks::default();
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let url = format!("http://{}/", listener.local_addr().unwrap());
         let hearing = hooks.clone();
-        std::thread::spawn(move || {
-            for connection in listener.incoming() {
-                let hooks = hearing.clone();
-                std::thread::spawn(move || while hooks.hear(connection.as_ref().unwrap()).is_some() {});
-            }
-        });
+        let url = receiver(move |message| hearing.hear(message));
         let request = fleet.server(0).request(reqwest::Method::POST, "/v1/webhooks");
         Client::read(request.json(&json!({"url": url})).send().await.unwrap()).await.ok(201);
         hooks
     }
 
-    /// Reads a message; returns `None` if the sender hung up or was killed in the middle.
-    fn hear(&self, mut connection: &TcpStream) -> Option<()> {
-        let mut reader = BufReader::new(connection);
-        let (mut line, mut length) = (String::new(), 0);
-        while reader.read_line(&mut line).ok()? > 2 {
-            if let Some(value) = line.to_lowercase().strip_prefix("content-length:") {
-                length = value.trim().parse().ok()?;
-            }
-            line.clear();
-        }
-        let mut body = vec![0; length];
-        reader.read_exact(&mut body).ok()?;
-        let message: Value = serde_json::from_slice(&body).ok()?;
+    fn hear(&self, message: &[u8]) {
+        let message: Value = serde_json::from_slice(message).unwrap();
         let change = &message["data"];
-        let seq = change["seq"].as_i64()?;
+        let seq = change["seq"].as_i64().unwrap();
         let mut told = self.told.lock().unwrap();
         let newest = told.entry(thing(change)).or_default();
         *newest = seq.max(*newest);
         *self.messages.lock().unwrap() += 1;
-        connection.write_all(b"HTTP/1.1 204 No Content\r\n\r\n").ok()
     }
 
     /// Checks that the newest change of every item in the feed was received.

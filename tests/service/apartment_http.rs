@@ -37,9 +37,8 @@ async fn an_excerpt_finds_its_place() {
     let home = client.make_home("apartment").await;
     let map = client.put(&format!("{home}/lidar-map"), fs::read(&lidar).unwrap()).await.ok(201);
     assert_eq!(map["info"]["format"], "valetudo");
-    let answer = client.post(&format!("{home}/clips"), excerpt(&scene, 120..180)).await;
-    let path = answer.header("location").to_owned();
-    let clip = answer.ok(201);
+    let path = client.add_clip(&home, excerpt(&scene, 120..180)).await;
+    let clip = client.get(&path).await.ok(200);
     assert_eq!((&clip["info"]["layout"], &clip["info"]["frames"]), (&"scannet".into(), &60.into()));
 
     let clip = client.settled(&path).await;
@@ -112,9 +111,7 @@ async fn check_compression(client: &Client, home: &str) {
 }
 
 async fn add(client: &Client, home: &str, zip: &[u8]) -> String {
-    let answer = client.post(&format!("{home}/clips"), zip.to_vec()).await;
-    let path = answer.header("location").to_owned();
-    answer.ok(201);
+    let path = client.add_clip(home, zip.to_vec()).await;
     let clip = client.settled(&path).await;
     assert_eq!(clip["state"], "aligned", "{clip:#}");
     path
@@ -150,7 +147,7 @@ async fn the_order_of_clips_does_not_matter() {
     for order in [[5, 2, 7, 4, 0, 3, 6, 1], [6, 4, 1, 0, 2, 7, 3, 5]] {
         let home = client.make_home(&format!("home-{}", order[0])).await;
         for i in order {
-            client.post(&format!("{home}/clips"), zips[i].clone()).await.ok(201);
+            client.add_clip(&home, zips[i].clone()).await;
         }
         client.put(&format!("{home}/lidar-map"), lidar.clone()).await.ok(201);
         assert!(map_of(client, &home, 8).await == map, "the order of the clips shows");

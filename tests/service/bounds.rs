@@ -3,6 +3,7 @@
 mod clips;
 mod maps;
 
+use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
 use serde_json::Value;
 use std::io::{Cursor, Read};
 use std::process::Command;
@@ -43,6 +44,12 @@ fn try_align(clip: &Files, map: &[u8]) -> Result<Value, String> {
     // 3: there is no pose.
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}: {said}", output.status);
     Ok(serde_json::from_slice(&std::fs::read(path("out/result.json")).unwrap()).unwrap())
+}
+
+fn png(picture: impl Into<DynamicImage>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.into().write_to(&mut bytes, ImageFormat::Png).unwrap();
+    bytes.into_inner()
 }
 
 fn codes(answer: &Value) -> Vec<&str> {
@@ -180,15 +187,14 @@ fn a_way_that_no_home_has_room_for_ends_in_a_reason() {
 fn noise_costs_no_more_than_a_home() {
     let mut files = repeated(60);
     let mut state = 1u32;
-    let mut noise = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(160, 120);
+    let mut noise = ImageBuffer::<Luma<u16>, Vec<u16>>::new(160, 120);
     for pixel in noise.pixels_mut() {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         pixel.0 = [200 + (state >> 16) as u16 % 4800];
     }
-    let mut png = Cursor::new(Vec::new());
-    noise.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let noise = png(noise);
     for (_, bytes) in files.iter_mut().filter(|(name, _)| name.starts_with("depth/")) {
-        bytes.clone_from(png.get_ref());
+        bytes.clone_from(&noise);
     }
     let answer = align(&moved(&files, |number| 0.1 * f64::from(number)), &room::lidar_csv());
     assert_ne!(answer["state"], "aligned", "{answer:#}");

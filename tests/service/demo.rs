@@ -1,12 +1,13 @@
 //! `viola demo`, from the outside.
 
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Command;
+use viola_testing::process::{succeed, viola};
 
-fn demo(folder: &std::path::Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
-    command.env_remove("VIOLA_MODELS");
+fn demo(folder: &Path) -> Command {
+    let mut command = viola();
     command.args(["demo", "--exit", "--listen", "127.0.0.1:0", "--frames", "40", "--data"]).arg(folder);
-    command.output().unwrap()
+    command
 }
 
 #[test]
@@ -15,10 +16,7 @@ fn all_clips_are_found_and_the_pictures_stay() {
     let data = folder.path().join("demo");
     // The second run starts from scratch.
     for _ in 0..2 {
-        let output = demo(&data);
-        let (said, erred) =
-            (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert!(output.status.success(), "{said}\n{erred}");
+        let said = succeed(&mut demo(&data));
         assert!(said.contains("3 of 3 clips"), "{said}");
         // The built-in network labels the surface, so the furnished home has objects.
         assert!(said.contains("\nObjects: ") && !said.contains("Objects: none"), "{said}");
@@ -30,11 +28,24 @@ fn all_clips_are_found_and_the_pictures_stay() {
 }
 
 #[test]
+fn an_earlier_demo_stays_if_there_are_no_such_networks() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["made-by-viola-demo", "plan.png"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+    }
+    let missing = folder.path().join("missing");
+    let output = demo(folder.path()).arg("--models").arg(missing).output().unwrap();
+    let erred = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && erred.contains("the models folder"), "{erred}");
+    assert!(folder.path().join("plan.png").exists());
+}
+
+#[test]
 fn a_folder_with_something_else_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let precious = folder.path().join("precious.txt");
     std::fs::write(&precious, "mine").unwrap();
-    let output = demo(folder.path());
+    let output = demo(folder.path()).output().unwrap();
     assert!(!output.status.success());
     let erred = String::from_utf8_lossy(&output.stderr);
     assert!(erred.contains("--data"), "{erred}");

@@ -9,6 +9,7 @@ use std::process::Stdio;
 use tempfile::TempDir;
 use viola_testing::client::Client;
 use viola_testing::disk::{Disk, SmallDisk};
+use viola_testing::files::files_below;
 use viola_testing::process::{Process, prepared, program, viola};
 use viola_testing::{eventually, room, zips};
 
@@ -33,26 +34,13 @@ async fn execute(data: &Path, statement: &'static str) {
     connection.close().await.unwrap();
 }
 
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let (mut folders, mut files) = (vec![folder.to_owned()], Vec::new());
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() { folders.push(path) } else { files.push(path) }
-        }
-    }
-    files
-}
-
 fn file_below(folder: &Path, is_wanted: impl Fn(&Path) -> bool) -> PathBuf {
     files_below(folder).into_iter().find(|path| is_wanted(path)).expect("there is no such file")
 }
 
 /// Adds a clip of the room with so many frames; returns its id once it is aligned.
 async fn aligned(client: &Client, home: &str, frames: u32) -> String {
-    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
-    let path = answer.header("location").to_owned();
-    answer.ok(201);
+    let path = client.add_clip(home, zips::zip(&room::clip(frames))).await;
     assert_eq!(client.settled(&path).await["state"], "aligned");
     path.rsplit('/').next().unwrap().to_owned()
 }
@@ -74,7 +62,7 @@ async fn a_truncated_database_is_told_and_its_files_stay() {
     let data = TempDir::new().unwrap();
     let server = Process::serve(data.path(), &["--workers", "0"]);
     let home = server.client.make_home("h").await;
-    server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(2))).await.ok(201);
+    server.client.add_clip(&home, zips::zip(&room::clip(2))).await;
     assert!(server.stop("TERM").success());
     let database = data.path().join("viola.sqlite");
     let whole = fs::read(&database).unwrap();
@@ -94,12 +82,11 @@ async fn a_truncated_recording_is_a_fault_of_the_service_and_others_are_aligned(
     let server = Process::serve(data.path(), &["--retry-seconds", "0.1"]);
     let home = server.client.make_home("h").await;
     let bytes = zips::zip(&room::clip(12));
-    let bad = server.client.post(&format!("{home}/clips"), bytes.clone()).await.header("location").to_owned();
+    let bad = server.client.add_clip(&home, bytes.clone()).await;
     let id = bad.rsplit('/').next().unwrap();
     let file = file_below(&data.path().join("blobs"), |path| path.ends_with(format!("{id}/file")));
     cut(&file, bytes.len() as u64 / 2);
-    let good = server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(13))).await;
-    let good = good.header("location").to_owned();
+    let good = server.client.add_clip(&home, zips::zip(&room::clip(13))).await;
     server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     assert_eq!(server.client.settled(&good).await["state"], "aligned");
     let waiting = eventually("the fault is told", || async {
@@ -126,9 +113,8 @@ async fn an_end_of_a_job_that_is_not_recorded_is_counted_as_a_fault() {
     let refuse = "CREATE TRIGGER refuse BEFORE UPDATE ON jobs WHEN NEW.state = 'succeeded'
         BEGIN SELECT RAISE(ABORT, 'refused'); END";
     execute(data.path(), refuse).await;
-    let home = client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    client.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await.ok(201);
+    let home = client.make_room("h").await;
+    client.add_clip(&home, zips::zip(&room::clip(12))).await;
     let metrics = eventually("the fault is counted", || async {
         let text = String::from_utf8(client.get("/metrics").await.bytes).unwrap();
         text.contains("viola_job_attempts_total{outcome=\"storage_fault\"} 1").then_some(text)
@@ -150,7 +136,7 @@ async fn an_acknowledged_upload_that_cannot_become_a_clip_is_a_warning() {
     assert!(server.stop("TERM").success());
     // As if the request with the last byte had been cut off.
     execute(&data, "UPDATE uploads SET state = 'arrived', length_bytes = received_bytes").await;
-    let server = Process::serve_with_log(&data, &log);
+    let server = Process::serve_logged(&data, &log, &[]);
     let event = eventually("the refusal is logged", || async {
         let text = fs::read_to_string(&log).unwrap();
         let mut events = text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
@@ -168,8 +154,7 @@ async fn a_map_is_made_without_damaged_files() {
     let data = TempDir::new().unwrap();
     let server = Process::serve(data.path(), &["--retry-seconds", "0.1"]);
     let client = &server.client;
-    let home = &client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = &client.make_room("h").await;
     let [a, b] = [aligned(client, home, 12).await, aligned(client, home, 13).await];
     mapped(client, home, &[&a, &b]).await;
 
@@ -221,13 +206,10 @@ async fn jobs_and_merges_go_on_when_a_full_disk_is_freed() {
     let Some(disk) = SmallDisk::mount(folder.path(), 288) else { return };
     let server = Process::serve_on(&disk, &["--retry-seconds", "0.1", "--lease-seconds", "1"]);
     let client = &server.client;
-    let home = client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = client.make_room("h").await;
     let mut clips = Vec::new();
     for frames in [12, 100] {
-        let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
-        clips.push(answer.header("location").to_owned());
-        answer.ok(201);
+        clips.push(client.add_clip(&home, zips::zip(&room::clip(frames))).await);
         disk.fill(server.id());
         eventually("the service is not ready", || async {
             (client.get("/readyz").await.status == 503).then_some(())

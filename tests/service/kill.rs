@@ -5,10 +5,11 @@ mod hundred;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Stdio;
 use tempfile::TempDir;
 use viola_testing::client::Client;
+use viola_testing::files::files_below;
 use viola_testing::process::{Process, viola};
 use viola_testing::tus::sha256;
 use viola_testing::{eventually, room, zips};
@@ -16,25 +17,10 @@ use viola_testing::{eventually, room, zips};
 /// Enough frames that a job is still running when it is interrupted.
 const FRAMES: u32 = 200;
 
-/// Returns the files below a folder without the one with the store's id.
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() { folders.push(path) } else { files.push(path) }
-        }
-    }
-    files.retain(|path| !path.ends_with("viola-store-id"));
-    files
-}
-
 /// Creates a home with a map and a clip whose job runs; returns the paths of the clip and of the job.
 async fn running_job(client: &Client) -> (String, String) {
     let clip = zips::zip(&room::clip(FRAMES));
-    let home = client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = client.make_room("h").await;
     let answer = client.post(&format!("{home}/clips"), clip).await;
     let clip = answer.header("location").to_owned();
     let job = format!("/v1/jobs/{}", answer.ok(201)["job"]["id"].as_str().unwrap());
@@ -211,7 +197,7 @@ async fn a_lost_database_loses_no_file() {
     let data = TempDir::new().unwrap();
     let server = Process::serve(data.path(), &["--workers", "0"]);
     let home = server.client.make_home("h").await;
-    server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(2))).await.ok(201);
+    server.client.add_clip(&home, zips::zip(&room::clip(2))).await;
     server.kill();
     for file in files_below(data.path()) {
         if file.file_name().unwrap().to_string_lossy().starts_with("viola.sqlite") {
@@ -251,7 +237,7 @@ async fn a_lost_database_loses_no_file() {
 async fn nobody_writes_into_the_log() {
     let folder = TempDir::new().unwrap();
     let (data, log) = (folder.path().join("data"), folder.path().join("log"));
-    let server = Process::serve_with_log(&data, &log);
+    let server = Process::serve_logged(&data, &log, &[]);
     let home = server.client.make_home("h").await;
     let forged = "x\n{\"level\":\"ERROR\",\"message\":\"forged\"}\r\n";
     let name = serde_json::json!({"name": forged});

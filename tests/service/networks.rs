@@ -9,10 +9,8 @@ async fn alignment(arguments: &[&str]) -> Value {
     let data = tempfile::tempdir().unwrap();
     let server = Process::serve(data.path(), arguments);
     let client = &server.client;
-    let home = client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
-    let clip = client.settled(answer.header("location")).await;
+    let home = client.make_room("h").await;
+    let clip = client.settled(&client.add_clip(&home, zips::zip(&room::clip(12))).await).await;
     assert_eq!(clip["state"], "aligned", "{clip:#}");
     clip["alignment"].clone()
 }

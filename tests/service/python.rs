@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use viola_testing::process::Process;
+use viola_testing::process::{Process, succeed};
 use viola_testing::{room, zips};
 
 /// A Python with the generated client in a folder.
@@ -51,11 +51,7 @@ impl Python {
         let mut command = Command::new(&self.program);
         let path = std::env::join_paths([self.folder.path(), &sources()]).unwrap();
         command.args(arguments).current_dir(self.folder.path()).env("PYTHONPATH", path);
-        let output = command.env("PYTHONDONTWRITEBYTECODE", "1").output().unwrap();
-        let (said, erred) =
-            (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert!(output.status.success(), "{arguments:?}: {said}\n{erred}");
-        said.into_owned()
+        succeed(command.env("PYTHONDONTWRITEBYTECODE", "1"))
     }
 }
 

@@ -4,6 +4,7 @@
 //! `VIOLA_SCHEMATHESIS` is the path of the program (`pip install schemathesis`); else the test is skipped.
 
 use std::process::Command;
+use viola_testing::process::succeed;
 
 const LEAST_CASES: u32 = 5000;
 
@@ -14,9 +15,7 @@ fn the_service_keeps_to_its_document() {
         return;
     };
     let run = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/schemathesis/run");
-    let output = Command::new(run).arg(env!("CARGO_BIN_EXE_viola")).arg(program).output().unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}\n{erred}");
+    let said = succeed(Command::new(run).arg(env!("CARGO_BIN_EXE_viola")).arg(program));
     let cases = said.lines().find_map(|line| line.trim().split_once(" generated"));
     let cases: u32 = cases.and_then(|(count, _)| count.parse().ok()).unwrap_or(0);
     println!("{cases} cases");

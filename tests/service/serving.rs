@@ -2,47 +2,20 @@
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Cursor, Read, Write};
-use std::net::TcpListener;
+use std::io::{Cursor, Read};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use viola_testing::client::Client;
-use viola_testing::process::{Process, viola};
-use viola_testing::{eventually, room, zips};
+use viola_testing::files::files_below;
+use viola_testing::process::{Process, succeed, viola};
+use viola_testing::{eventually, receiver, room, zips};
 
 /// Starts an OpenTelemetry collector; returns its URL and the received protobuf, with texts and ids in plain.
 fn collector() -> (String, Arc<Mutex<Vec<u8>>>) {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let url = format!("http://{}", listener.local_addr().unwrap());
     let got = Arc::<Mutex<Vec<u8>>>::default();
     let kept = got.clone();
-    std::thread::spawn(move || {
-        for connection in listener.incoming() {
-            let kept = kept.clone();
-            std::thread::spawn(move || {
-                let mut connection = BufReader::new(connection.unwrap());
-                loop {
-                    let (mut line, mut length) = (String::new(), 0);
-                    while connection.read_line(&mut line).unwrap_or(0) > 2 {
-                        let lower = line.to_lowercase();
-                        if let Some(value) = lower.strip_prefix("content-length:") {
-                            length = value.trim().parse().unwrap();
-                        }
-                        line.clear();
-                    }
-                    if length == 0 {
-                        return;
-                    }
-                    let mut body = vec![0; length];
-                    connection.read_exact(&mut body).unwrap();
-                    kept.lock().unwrap().extend(body);
-                    connection.get_mut().write_all(b"HTTP/1.1 200 OK\r\ncontent-length: 0\r\n\r\n").unwrap();
-                }
-            });
-        }
-    });
-    (url, got)
+    (receiver(move |body| kept.lock().unwrap().extend(body)), got)
 }
 
 fn holds(bytes: &[u8], part: &[u8]) -> bool {
@@ -54,8 +27,7 @@ async fn traces_go_to_the_collector_that_is_named() {
     let (url, got) = collector();
     let data = tempfile::tempdir().unwrap();
     let server = Process::serve_with(data.path(), &[("OTEL_EXPORTER_OTLP_ENDPOINT", &url)]);
-    let home = server.client.make_home("h").await;
-    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.client.make_room("h").await;
     let trace = "4bf92f3577b34da6a3ce929d0e0e4736";
     let request = server.client.request(reqwest::Method::POST, &format!("{home}/clips"));
     let request = request.header("traceparent", format!("00-{trace}-00f067aa0ba902b7-01"));
@@ -83,10 +55,7 @@ async fn traces_go_to_the_collector_that_is_named() {
 
 /// Runs a command that must succeed; returns its output.
 fn run(data: &Path, arguments: &[&str]) -> String {
-    let output = viola().args(arguments).arg("--data").arg(data).output().unwrap();
-    let erred = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {erred}");
-    String::from_utf8(output.stdout).unwrap()
+    succeed(viola().args(arguments).arg("--data").arg(data))
 }
 
 #[tokio::test]
@@ -94,11 +63,9 @@ async fn ended_jobs_are_listed_and_queued_again_beside_a_running_server() {
     let data = tempfile::tempdir().unwrap();
     let server = Process::serve(data.path(), &["--no-worker"]);
     let client = &server.client;
-    let home = client.make_home("h").await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
-    let path = answer.header("location").to_owned();
-    let clip = answer.ok(201);
+    let home = client.make_room("h").await;
+    let path = client.add_clip(&home, zips::zip(&room::clip(12))).await;
+    let clip = client.get(&path).await.ok(200);
     let job = clip["job"]["id"].as_str().unwrap().to_owned();
     client.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
     let listed = |filter: &[&str]| -> Value {
@@ -187,21 +154,10 @@ async fn a_tenant_is_removed_beside_a_running_server() {
     // The last tenant's keys are deleted too, and requests without a key are still refused.
     run(data.path(), &["tenants", "delete", "bolt", "--yes"]);
     server.client.get("/v1/homes/h").await.problem(401, "key-missing");
-    let files = eventually("every file is gone", || async {
-        let mut files = vec![];
-        let mut folders = vec![data.path().join("blobs")];
-        while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).unwrap() {
-                let path = entry.unwrap().path();
-                if path.is_dir() { folders.push(path) } else { files.push(path) }
-            }
-        }
-        // The store's id stays.
-        files.retain(|path| !path.ends_with("viola-store-id"));
-        files.is_empty().then_some(files)
+    eventually("every file is gone", || async {
+        files_below(&data.path().join("blobs")).is_empty().then_some(())
     })
     .await;
-    assert!(files.is_empty());
 }
 
 /// More than the blocking threads (512), and more than the queue of connections to be accepted.
@@ -228,10 +184,9 @@ async fn two_thousand_exports_at_once_end() {
     setrlimit(Resource::Nofile, Rlimit { current: descriptors.maximum, ..descriptors }).unwrap();
     let data = tempfile::tempdir().unwrap();
     let server = Process::serve(data.path(), &["--no-worker"]);
-    let home = server.client.make_home("h").await;
-    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.client.make_room("h").await;
     let recording = zips::zip_of_size(&room::clip(2), 2 << 20);
-    server.client.post(&format!("{home}/clips"), recording.clone()).await.ok(201);
+    server.client.add_clip(&home, recording.clone()).await;
 
     let other = Client::new(server.client.base.clone());
     other.lives().await;
@@ -285,12 +240,7 @@ async fn admin_address(log: &Path) -> String {
 async fn metrics_and_readiness_are_for_operators() {
     let folder = tempfile::tempdir().unwrap();
     let (data, log) = (folder.path().join("data"), folder.path().join("log"));
-    let created = viola()
-        .args(["keys", "create", "--tenant", "acme", "--role", "admin", "--data"])
-        .arg(&data)
-        .output()
-        .unwrap();
-    assert!(created.status.success(), "{created:?}");
+    run(&data, &["keys", "create", "--tenant", "acme", "--role", "admin"]);
     let server = Process::serve_logged(&data, &log, &["--admin-listen", "127.0.0.1:0"]);
     let operators = Client::new(format!("http://{}", admin_address(&log).await));
     for path in ["/readyz", "/metrics"] {

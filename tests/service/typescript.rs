@@ -8,14 +8,11 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
-use viola_testing::process::Process;
+use viola_testing::process::{Process, succeed};
 use viola_testing::{room, zips};
 
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).args(arguments).current_dir(folder).output().unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{program} {arguments:?}: {said}\n{erred}");
-    said.into_owned()
+    succeed(Command::new(program).args(arguments).current_dir(folder))
 }
 
 /// Copies the client's sources with the types of this build's document; `None` without Node.js or packages.

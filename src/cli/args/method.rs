@@ -1,4 +1,4 @@
-//! Arguments of the alignment, for the commands of a service.
+//! Arguments of the alignment.
 
 use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
@@ -28,6 +28,13 @@ impl MethodArguments {
     /// Refuses values that exclude each other.
     pub fn check(&self) -> Result<()> {
         self.completion.check()
+    }
+
+    /// Returns the parameters of a command for its user's own clips; a network that cannot be used is an error.
+    pub fn own_params(&self, seed: u64) -> Result<AlignParams> {
+        let label = self.networks.labels()?;
+        let complete = self.completion.params(&self.networks)?;
+        Ok(AlignParams { seed, label, complete, ..AlignParams::default() })
     }
 
     /// Returns the parameters of a service. Networks that cannot be used are left out: the causes are logged, and every

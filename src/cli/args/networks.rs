@@ -1,8 +1,8 @@
 //! Arguments for the networks of a command.
 
 use super::runtime::RuntimeArguments;
-use crate::cli::models::sum;
 use crate::cli::progress::print_line;
+use crate::cli::sum;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -27,7 +27,7 @@ pub struct NetworkArguments {
     /// Folder of neural networks (see `viola models list`). Without it, the built-in network classifies
     /// surfaces. `none` uses no network at all: classes then come from geometry alone.
     #[arg(long, env = VARIABLE, value_name = "DIR", value_parser = OsStringValueParser::new().map(PathBuf::from))]
-    pub models: Option<PathBuf>,
+    models: Option<PathBuf>,
     #[command(flatten)]
     runtime: RuntimeArguments,
 }
@@ -88,7 +88,7 @@ impl NetworkArguments {
     }
 
     /// Returns the segmentation network of the models folder, if one is installed.
-    pub fn segmenter(&self) -> Result<Option<Arc<dyn Segmenter>>> {
+    fn segmenter(&self) -> Result<Option<Arc<dyn Segmenter>>> {
         let Some(installed) = self.installed(Task::Segmentation)? else {
             if let Some(models) = self.folder() {
                 tracing::warn!("no segmentation network in {}: pictures give no classes", models.display());
@@ -100,7 +100,7 @@ impl NetworkArguments {
     }
 
     /// Returns the surface network: that of the models folder, else the built-in one.
-    pub fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
+    fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
         let Some(installed) = self.installed(Task::Surface)? else { return Ok(None) };
         let network = self.open(&installed)?;
         // The sum of the file itself: another file may have replaced the one that the list tells.

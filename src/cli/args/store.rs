@@ -1,10 +1,11 @@
 //! Arguments for the storage of the service.
 
+use anyhow::Result;
 use clap::Args;
 use std::path::PathBuf;
 use viola_storage::{
-    InvalidSecretsKey, POSTGRES_CONNECTIONS, PostgresParams, S3Params, SecretsKey, StorageParams,
-    UnpackParams,
+    InvalidSecretsKey, POSTGRES_CONNECTIONS, PostgresParams, S3Params, SecretsKey, Storage, StorageError,
+    StorageParams, UnpackParams,
 };
 
 #[derive(Args)]
@@ -72,6 +73,21 @@ impl StoreArguments {
         }
     }
 
+    /// Runs `work` on the storage of a service that is there, beside its servers.
+    pub fn administer<T>(&self, work: impl AsyncFnOnce(&Storage) -> Result<T>) -> Result<T> {
+        run_on(Storage::administer(&self.params()), work)
+    }
+
+    /// Runs `work` as [`StoreArguments::administer`] does, and creates missing parts before.
+    pub fn administer_or_create<T>(&self, work: impl AsyncFnOnce(&Storage) -> Result<T>) -> Result<T> {
+        run_on(Storage::administer_or_create(&self.params()), work)
+    }
+
+    /// Creates or updates the tables, and runs `work`.
+    pub fn migrate<T>(&self, work: impl AsyncFnOnce(&Storage) -> Result<T>) -> Result<T> {
+        run_on(Storage::migrate(&self.params()), work)
+    }
+
     fn s3(&self) -> Option<S3Params> {
         Some(S3Params {
             bucket: self.s3_bucket.clone()?,
@@ -84,6 +100,20 @@ impl StoreArguments {
             path_style: !self.s3_virtual_hosted,
         })
     }
+}
+
+/// Runs `work` on the storage that `opened` returns, and closes it also after an error.
+fn run_on<T>(
+    opened: impl Future<Output = Result<Storage, StorageError>>,
+    work: impl AsyncFnOnce(&Storage) -> Result<T>,
+) -> Result<T> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let storage = opened.await?;
+        let done = work(&storage).await;
+        storage.close().await;
+        done
+    })
 }
 
 fn secrets_key(file: &str) -> Result<SecretsKey, String> {

@@ -40,20 +40,14 @@ pub struct AlignJobArguments {
     memory_bytes: u64,
 }
 
-pub fn run(arguments: &AlignJobArguments) -> Result<()> {
-    let AlignJobArguments { method, clip, unknown_scale, level, into, memory_bytes } = arguments;
-    let order = ChildOrder {
-        clip: clip.clone(),
-        unknown_scale: *unknown_scale,
-        levels: level.clone(),
-        into: into.clone(),
-        memory_bytes: *memory_bytes,
-    };
+pub fn run(arguments: AlignJobArguments) -> Result<()> {
+    let AlignJobArguments { method, clip, unknown_scale, level: levels, into, memory_bytes } = arguments;
+    let order = ChildOrder { clip, unknown_scale, levels, into, memory_bytes };
     let params = || {
         let Some(method) = method else {
             return Ok(JobParams { video: video_tools(), ..JobParams::default() });
         };
-        let method: MethodArguments = serde_json::from_str(method).map_err(|error| error.to_string())?;
+        let method: MethodArguments = serde_json::from_str(&method).map_err(|error| error.to_string())?;
         method.params().map_err(|error| format!("{error:#}"))
     };
     serve_child(&order, params, io::stdout()).context("nobody listens")

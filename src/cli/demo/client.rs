@@ -5,7 +5,7 @@ use futures::{StreamExt, TryStreamExt};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use reqwest::{Body, Response, StatusCode};
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -41,27 +41,6 @@ pub struct JobAnswer {
     state: String,
     stage: Option<String>,
     progress: f64,
-}
-
-/// The members of a home's map that the client reads.
-#[derive(Debug, Deserialize)]
-struct MapAnswer {
-    left_out: Vec<LeftOutAnswer>,
-}
-
-#[derive(Debug, Deserialize)]
-struct LeftOutAnswer {
-    state: String,
-}
-
-#[derive(Debug, Deserialize)]
-struct ObjectsAnswer {
-    objects: Vec<ObjectAnswer>,
-}
-
-#[derive(Debug, Deserialize)]
-pub struct ObjectAnswer {
-    pub class: String,
 }
 
 /// Maximum time for the fusion of the demo's clips, which takes seconds.
@@ -180,15 +159,17 @@ impl Client {
         Ok(good(request.send().await?).await?.json().await?)
     }
 
-    /// Returns the objects of a home's map, after all aligned clips are in it or [`MAX_MERGE`] is over.
-    pub async fn objects(&self, home: &str) -> Result<Vec<ObjectAnswer>> {
+    /// Returns the classes of the objects of a home's map, after all aligned clips are in it or [`MAX_MERGE`] is over.
+    pub async fn objects(&self, home: &str) -> Result<Vec<String>> {
         let map = format!("{}/homes/{home}/map", self.base);
         let begun = Instant::now();
         while !self.is_merged(&map).await? && begun.elapsed() < MAX_MERGE {
             tokio::time::sleep(POLL).await;
         }
         let answer = good(self.http.get(format!("{map}/objects")).send().await?).await;
-        Ok(answer.context("the home has no map")?.json::<ObjectsAnswer>().await?.objects)
+        let answer: Value = answer.context("the home has no map")?.json().await?;
+        let objects = answer["objects"].as_array().context("the map has no objects")?;
+        Ok(objects.iter().filter_map(|object| object["class"].as_str()).map(str::to_owned).collect())
     }
 
     async fn is_merged(&self, map: &str) -> Result<bool> {
@@ -197,8 +178,9 @@ impl Client {
         if answer.status() == StatusCode::NOT_FOUND {
             return Ok(false);
         }
-        let map: MapAnswer = good(answer).await?.json().await?;
-        Ok(map.left_out.iter().all(|clip| clip.state != "aligned"))
+        let map: Value = good(answer).await?.json().await?;
+        let left_out = map["left_out"].as_array().context("the map does not tell its clips")?;
+        Ok(left_out.iter().all(|clip| clip["state"] != "aligned"))
     }
 
     /// Downloads a file of a clip's results.

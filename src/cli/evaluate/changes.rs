@@ -1,7 +1,7 @@
 //! `viola evaluate --changes`: the changes that the maps of simulated homes tell.
 
 use super::each_home::each_home;
-use super::{EvaluateArguments, save};
+use super::{EvaluateArguments, save_json, save_table};
 use anyhow::Result;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::home::{ChangesHome, ChangesRow, changes};
@@ -14,8 +14,6 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let rows: Vec<ChangesRow> = arguments.set.iter().map(|set| ChangesRow::of(set.name(), &done)).collect();
     let table = ChangesRow::markdown(&rows);
     let json = serde_json::json!({ "rows": rows, "homes": done });
-    save(&arguments.out, "changes.json", &serde_json::to_string_pretty(&json)?)?;
-    save(&arguments.out, "changes.md", &table)?;
-    print!("{table}");
-    Ok(())
+    save_json(&arguments.out, "changes.json", &json)?;
+    save_table(&arguments.out, "changes.md", &table)
 }

@@ -4,6 +4,7 @@ use super::{EvaluateArguments, homes};
 use crate::cli::output;
 use crate::cli::progress::print_line;
 use crate::cli::provenance::program;
+use crate::cli::sum;
 use anyhow::Result;
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -25,8 +26,7 @@ pub(super) fn each_home<T>(
     let of_clip = HomesParams { sets: Vec::new(), seeds: 0..0, clips_per_home: 0, ..homes.clone() };
     let weights = arguments.networks.content(&[Task::Surface])?;
     let name = Sha256::digest(format!("{} {of_clip:?} {params:?} {weights}", program()?));
-    let name: String = name.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-    let folder = arguments.out.join("clips").join(name);
+    let folder = arguments.out.join("clips").join(sum::hexadecimal(&name[..8]));
     output::folder(&folder)?;
     let mut done = Vec::new();
     for &set in &homes.sets {

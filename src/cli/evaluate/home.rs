@@ -1,7 +1,7 @@
 //! `viola evaluate --home`: compares a home's map, rooms and objects with a mesh or a simulated truth.
 
 use super::each_home::each_home;
-use super::{EvaluateArguments, save, scene_of};
+use super::{EvaluateArguments, save, save_json, save_table, scene_of};
 use crate::cli::output;
 use crate::cli::progress::{Steps, TerminalProgress};
 use anyhow::Result;
@@ -29,13 +29,11 @@ pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     let ranges = consecutive(scene.clip.frames().len(), arguments.first_length());
     let progress = |part: String| -> Box<dyn Progress> { Box::new(TerminalProgress::of_step(part)) };
     let (report, plan) = evaluate(&scene, path, &ranges, &params, &progress)?;
-    save(out, "home.json", &serde_json::to_string_pretty(&report)?)?;
-    save(out, "home.md", &report.markdown())?;
+    save_json(out, "home.json", &report)?;
     save(out, "plan.svg", &home::plan_svg(&plan))?;
     save(out, "plan.geojson", &home::plan_geojson(&plan).to_string())?;
     output::write_bytes(&out.join("plan.png"), home::plan_png(&plan))?;
-    print!("{}", report.markdown());
-    Ok(())
+    save_table(out, "home.md", &report.markdown())
 }
 
 /// Writes `home.json`, `home.md` and, for each set, the plan of its first home as PNG and SVG. With a number of clips the homes
@@ -61,10 +59,8 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
             serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched, "plan": score.plan }),
         );
     }
-    save(&arguments.out, "home.json", &serde_json::to_string_pretty(&rows)?)?;
-    save(&arguments.out, "home.md", &text)?;
-    print!("{text}");
-    Ok(())
+    save_json(&arguments.out, "home.json", &rows)?;
+    save_table(&arguments.out, "home.md", &text)
 }
 
 /// Returns how the points of simulated homes were made, in words.

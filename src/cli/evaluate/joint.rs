@@ -1,7 +1,7 @@
 //! `viola evaluate --joint`: the clips of simulated homes, placed together.
 
 use super::each_home::each_home;
-use super::{EvaluateArguments, save};
+use super::{EvaluateArguments, save, save_table};
 use anyhow::Result;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::home::{JointHome, JointRow, joint};
@@ -18,12 +18,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         rows.push(JointRow::of("all", &done.iter().collect::<Vec<_>>()));
     }
     let table = JointRow::markdown(&rows);
-    save(
-        &arguments.out,
-        "joint.json",
-        &serde_json::to_string(&serde_json::json!({ "rows": rows, "homes": done }))?,
-    )?;
-    save(&arguments.out, "joint.md", &table)?;
-    print!("{table}");
-    Ok(())
+    let json = serde_json::json!({ "rows": rows, "homes": done });
+    save(&arguments.out, "joint.json", &json.to_string())?;
+    save_table(&arguments.out, "joint.md", &table)
 }

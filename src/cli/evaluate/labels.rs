@@ -1,6 +1,6 @@
 //! `viola evaluate --labels`: classes of points.
 
-use super::{EvaluateArguments, homes, save};
+use super::{EvaluateArguments, homes, save_json, save_table};
 use crate::cli::output;
 use crate::cli::progress::{Steps, TerminalProgress};
 use anyhow::{Context, Result};
@@ -37,16 +37,9 @@ pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
         }
     }
     let table = labels::markdown(&rows) + "\n" + &labels::floors_markdown(&floors);
-    save(
-        &arguments.out,
-        "labels.json",
-        &serde_json::to_string_pretty(
-            &json!({ "network": by, "surface_network": surface, "rows": rows, "floors": floors }),
-        )?,
-    )?;
-    save(&arguments.out, "labels.md", &table)?;
-    print!("{table}");
-    Ok(())
+    let answer = json!({"network": by, "surface_network": surface, "rows": rows, "floors": floors});
+    save_json(&arguments.out, "labels.json", &answer)?;
+    save_table(&arguments.out, "labels.md", &table)
 }
 
 /// Writes `labels.json` and `labels.md` of simulated clips.
@@ -64,8 +57,6 @@ pub(super) fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let furniture: Vec<String> = objects.iter().map(labels::ObjectsRow::markdown).collect();
     let table = format!("{}\n{}", labels::markdown(&rows), furniture.join("\n"));
     let answer = json!({ "surface_network": surface, "rows": rows, "objects": objects });
-    save(&arguments.out, "labels.json", &serde_json::to_string_pretty(&answer)?)?;
-    save(&arguments.out, "labels.md", &table)?;
-    print!("{table}");
-    Ok(())
+    save_json(&arguments.out, "labels.json", &answer)?;
+    save_table(&arguments.out, "labels.md", &table)
 }

@@ -1,6 +1,6 @@
 //! The files of an evaluation of poses, and the lines of its progress.
 
-use super::{EvaluateArguments, save};
+use super::{EvaluateArguments, save, save_json};
 use crate::cli::provenance::{commit, words};
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -66,10 +66,10 @@ pub(super) fn write_all(
     run["clips_at_a_time"] = json!(workers);
     run["peak_memory_bytes"] = json!(peak);
     run["clips_without_true_pose"] = json!(left_out);
-    save(out, "table.json", &serde_json::to_string_pretty(&rows)?)?;
+    save_json(out, "table.json", &rows)?;
     save(out, "table.md", &table)?;
     save(out, "clips.csv", &evaluate::clips_csv(results))?;
-    save(out, "run.json", &serde_json::to_string_pretty(&run)?)?;
+    save_json(out, "run.json", &run)?;
     save(out, "coverage.svg", &plot::error_against_coverage(results))?;
     if let Some(svg) = plot::risk_against_coverage(results) {
         save(out, "risk.svg", &svg)?;

@@ -1,6 +1,6 @@
 //! `viola evaluate --track`: evaluates the tracking of clips by their pictures alone.
 
-use super::{EvaluateArguments, save};
+use super::{EvaluateArguments, save_json, save_table};
 use crate::cli::output;
 use crate::cli::progress::print_line;
 use anyhow::{Context, Result, ensure};
@@ -30,10 +30,8 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         None => simulated(arguments, &params)?,
     };
     text += &markdown(&rows);
-    save(out, "track.json", &serde_json::to_string_pretty(&rows)?)?;
-    save(out, "track.md", &text)?;
-    print!("{text}");
-    Ok(())
+    save_json(out, "track.json", &rows)?;
+    save_table(out, "track.md", &text)
 }
 
 fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams) -> Result<Vec<TrackRow>> {

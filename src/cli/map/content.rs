@@ -1,16 +1,13 @@
 //! The identity of a clip: its content.
 
 use crate::api::content_sha256;
+use crate::cli::sum;
 use anyhow::{Context, Result, bail};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::Read;
 use std::path::Path;
 use uuid::{Builder, Uuid};
 use viola_formats::container::{self, Container, Folder, Region};
-
-/// Bytes read at a time.
-const BUFFER_BYTES: usize = 1 << 16;
 
 /// The content of a clip.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,11 +32,11 @@ impl Content {
                 hash.update((name.len() as u64).to_le_bytes());
                 hash.update(name);
                 hash.update(file.bytes.to_le_bytes());
-                add(&mut hash, file.reader()).with_context(unreadable)?;
+                sum::add(&mut hash, file.reader()).with_context(unreadable)?;
             }
         } else if metadata.is_file() {
             let file = File::open(path).and_then(Region::whole).with_context(unreadable)?;
-            add(&mut hash, file.reader()).with_context(unreadable)?;
+            sum::add(&mut hash, file.reader()).with_context(unreadable)?;
         } else {
             // Opening a pipe would block until there is a writer.
             bail!("{} is neither a file nor a folder", path.display());
@@ -51,7 +48,7 @@ impl Content {
 
     /// Returns the SHA-256 in lower-case hexadecimal.
     pub fn sha256(&self) -> String {
-        self.bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+        sum::hexadecimal(&self.bytes)
     }
 
     /// Returns the hash of the recording: equal for a clip that is packed twice.
@@ -64,18 +61,6 @@ impl Content {
         let mut bytes = [0; 16];
         bytes.copy_from_slice(&self.bytes[..16]);
         Builder::from_custom_bytes(bytes).into_uuid()
-    }
-}
-
-fn add(hash: &mut Sha256, mut file: impl Read) -> std::io::Result<()> {
-    let mut buffer = vec![0; BUFFER_BYTES];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(()),
-            Ok(bytes) => hash.update(&buffer[..bytes]),
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
     }
 }
 

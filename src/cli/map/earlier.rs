@@ -2,28 +2,18 @@
 
 use crate::cli::output;
 use anyhow::Result;
-use serde::Deserialize;
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use viola_geometry::LevelName;
 
-/// The levels in `map.json`.
-#[derive(Deserialize)]
-struct Earlier {
-    levels: Vec<EarlierLevel>,
-}
-
-#[derive(Deserialize)]
-struct EarlierLevel {
-    level: LevelName,
-}
-
 /// Returns the levels of the map in a folder; none without a `map.json` of `viola map`.
 pub fn levels_in(out: &Path) -> Vec<LevelName> {
     let json = fs::read(out.join("map.json")).unwrap_or_default();
-    let earlier: Option<Earlier> = serde_json::from_slice(&json).ok();
-    let levels = earlier.map_or_else(Vec::new, |earlier| earlier.levels);
-    levels.into_iter().map(|level| level.level).collect()
+    let map: Value = serde_json::from_slice(&json).unwrap_or_default();
+    let levels = map["levels"].as_array().map_or(&[][..], Vec::as_slice);
+    let level = |level: &Value| level["level"].as_str()?.parse().ok();
+    levels.iter().map(level).collect::<Option<_>>().unwrap_or_default()
 }
 
 /// Returns the folder of a level's files.

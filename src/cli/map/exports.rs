@@ -1,5 +1,6 @@
 //! The files of a level for other programs: points as E57 and LAZ, and the recording.
 
+use super::files::{HomeFiles, LevelFiles};
 use crate::cli::output;
 use anyhow::Result;
 use sha2::{Digest, Sha256};
@@ -7,50 +8,34 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 use uuid::Builder;
-use viola_formats::lidar::LidarMap;
-use viola_geometry::LevelName;
-use viola_home::{
-    ClipNumbers, ClipPath, MapPoint, RecordedObject, Recording, Tile, point_bytes, write_e57, write_laz,
-};
+use viola_home::{ClipPath, RecordedObject, Recording, point_bytes, write_e57, write_laz};
+use viola_storage::MapObject;
 
-/// One level of a home's map.
-pub struct LevelExports<'a> {
-    pub level: LevelName,
-    pub tiles: &'a [Tile],
-    pub numbers: &'a ClipNumbers,
-    pub objects: Vec<RecordedObject<'a>>,
-    pub paths: Vec<ClipPath>,
-    /// Time of the newest clip, if known.
-    pub time_ms: Option<i64>,
-    pub lidar: &'a LidarMap,
-}
-
-impl LevelExports<'_> {
-    /// Writes `points.e57`, `points.laz` and `home.mcap` as the API sends them.
-    pub fn write(&self, folder: &Path) -> Result<()> {
+impl HomeFiles<'_> {
+    /// Writes `points.e57`, `points.laz` and `home.mcap` of a level as the API sends them.
+    pub(super) fn write_exports(&self, level: &LevelFiles, folder: &Path) -> Result<()> {
         let mut sum = Sha256::new();
-        self.points().for_each(|point| sum.update(point_bytes(&point)));
+        self.points(level).for_each(|point| sum.update(point_bytes(&point)));
         let mut id = [0; 16];
         id.copy_from_slice(&sum.finalize()[..16]);
         let id = Builder::from_custom_bytes(id).into_uuid();
-        write_file(&folder.join("points.e57"), |file| write_e57(file, id, self.points().map(Ok)))?;
+        write_file(&folder.join("points.e57"), |file| write_e57(file, id, self.points(level).map(Ok)))?;
         write_file(&folder.join("points.laz"), |file| {
-            write_laz(BufWriter::new(file), id, self.points().map(Ok))
+            write_laz(BufWriter::new(file), id, self.points(level).map(Ok))
         })?;
+        let objects: Vec<RecordedObject> = self.objects_on(level).map(MapObject::recorded).collect();
+        let paths = self.paths.iter().filter(|(of, _)| *of == level.level);
+        let paths: Vec<ClipPath> = paths.map(|(_, path)| path.clone()).collect();
         let recording = Recording {
-            level: self.level,
+            level: level.level,
             time_ms: self.time_ms.unwrap_or_default(),
-            paths: &self.paths,
-            objects: &self.objects,
-            lidar: Some(self.lidar),
+            paths: &paths,
+            objects: &objects,
+            lidar: Some(level.lidar),
         };
         write_file(&folder.join("home.mcap"), |file| {
-            recording.write(BufWriter::new(file), self.points().map(Ok))
+            recording.write(BufWriter::new(file), self.points(level).map(Ok))
         })
-    }
-
-    fn points(&self) -> impl Iterator<Item = MapPoint> {
-        self.tiles.iter().flat_map(|tile| self.numbers.in_map(tile))
     }
 }
 

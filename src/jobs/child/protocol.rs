@@ -24,9 +24,6 @@ pub(super) enum Message {
     Finished,
     /// There is no answer. The last message.
     Failed(AttemptError),
-    /// A line that is no message.
-    #[serde(skip)]
-    Nonsense,
 }
 
 /// Writes an answer into the job's folder.

@@ -11,7 +11,7 @@ use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use viola_formats::container::Scratch;
 use viola_geometry::LevelName;
 use viola_geometry::progress::{EarlyPose, Progress, Stage};
@@ -64,7 +64,8 @@ pub fn serve_child(
     let ended = ended.unwrap_or_else(|panic| Err(AttemptError::internal(text_of(panic.as_ref()))));
     let written =
         ended.and_then(|finished| write_result(&order.into, &finished).map_err(AttemptError::system));
-    writer.send(&match written {
+    let mut out = writer.out();
+    out.send(&match written {
         Ok(()) => Message::Finished,
         Err(error) => Message::Failed(error),
     })
@@ -116,30 +117,30 @@ impl<W: Write> Out<W> {
 }
 
 impl<W: Write + Send> MessageWriter<W> {
-    fn send(&self, message: &Message) -> io::Result<()> {
-        self.out.lock().unwrap_or_else(PoisonError::into_inner).send(message)
+    fn out(&self) -> MutexGuard<'_, Out<W>> {
+        self.out.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn report(&self, out: &mut Out<W>, message: &Message) {
+        if out.send(message).is_err() {
+            self.is_cut.store(true, Ordering::Relaxed);
+        }
     }
 }
 
 impl<W: Write + Send> Progress for MessageWriter<W> {
     fn enter(&self, stage: Stage) {
-        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut out = self.out();
         out.last = 0.0;
-        if out.send(&Message::Enter(stage)).is_err() {
-            self.is_cut.store(true, Ordering::Relaxed);
-        }
+        self.report(&mut out, &Message::Enter(stage));
     }
 
     fn advance(&self, fraction: f64) {
-        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut out = self.out();
         let fraction = fraction.clamp(0.0, 1.0);
-        let is_news = fraction >= out.last + STEP;
-        if !is_news {
-            return;
-        }
-        out.last = fraction;
-        if out.send(&Message::Advance(fraction)).is_err() {
-            self.is_cut.store(true, Ordering::Relaxed);
+        if fraction >= out.last + STEP {
+            out.last = fraction;
+            self.report(&mut out, &Message::Advance(fraction));
         }
     }
 
@@ -152,8 +153,6 @@ impl<W: Write + Send> Progress for MessageWriter<W> {
     }
 
     fn early_pose(&self, pose: EarlyPose) {
-        if self.send(&Message::EarlyPose(pose)).is_err() {
-            self.is_cut.store(true, Ordering::Relaxed);
-        }
+        self.report(&mut self.out(), &Message::EarlyPose(pose));
     }
 }

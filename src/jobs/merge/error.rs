@@ -28,13 +28,3 @@ pub(in crate::jobs) enum MergeError {
     #[error("the merge took longer than {} s, the limit for its clips; it is repeated after a pause", .limit.as_secs())]
     TookTooLong { limit: Duration },
 }
-
-impl MergeError {
-    /// Returns the clip whose files are missing or damaged, if that is the reason.
-    pub fn damaged_clip(&self) -> Option<Uuid> {
-        match self {
-            MergeError::DamagedClip { clip } => Some(*clip),
-            _ => None,
-        }
-    }
-}

@@ -1,8 +1,7 @@
 //! Clips that no phone records: many frames, large pictures.
 
-use super::try_align;
-use image::{ImageBuffer, ImageFormat, Luma, Rgb};
-use std::io::Cursor;
+use super::{png, try_align};
+use image::{ImageBuffer, Luma, Rgb};
 use viola_testing::room;
 use viola_testing::zips::Files;
 
@@ -23,22 +22,17 @@ fn pose(number: u32) -> Vec<u8> {
 
 /// Returns a flat depth picture at 2 m.
 fn depth_png(side: u32) -> Vec<u8> {
-    let mut png = Cursor::new(Vec::new());
-    ImageBuffer::from_pixel(side, side, Luma([2000u16])).write_to(&mut png, ImageFormat::Png).unwrap();
-    png.into_inner()
+    png(ImageBuffer::from_pixel(side, side, Luma([2000u16])))
 }
 
 /// Returns a colour picture, if possible with texture at every scale.
 fn color_png(side: u32) -> Vec<u8> {
-    let mut png = Cursor::new(Vec::new());
     if side > 4096 {
         // A plain one, since its file has to be small.
-        ImageBuffer::from_pixel(side, side, Luma([100u8])).write_to(&mut png, ImageFormat::Png).unwrap();
-        return png.into_inner();
+        return png(ImageBuffer::from_pixel(side, side, Luma([100u8])));
     }
     let pixel = |x: u32, y: u32| Rgb([(x ^ y) as u8, (x * 7 + y / 8) as u8, (y / 16) as u8]);
-    ImageBuffer::from_fn(side, side, pixel).write_to(&mut png, ImageFormat::Png).unwrap();
-    png.into_inner()
+    png(ImageBuffer::from_fn(side, side, pixel))
 }
 
 /// Returns a clip whose frames have the same pictures; without colour if its side is 0.

@@ -1,12 +1,13 @@
 //! Dead processes and faults of the machine, and the clips that they count against.
 
-use super::{FRAMES, files_below};
+use super::FRAMES;
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 use viola_testing::client::Client;
+use viola_testing::files::files_below;
 use viola_testing::process::Process;
 use viola_testing::{eventually, room, zips};
 
@@ -26,9 +27,7 @@ async fn upload(client: &Client, clips: usize, frames: u32) -> Vec<String> {
     let home = client.make_home("h").await;
     let mut paths = Vec::new();
     for clip in clips {
-        let answer = client.post(&format!("{home}/clips"), clip).await;
-        paths.push(answer.header("location").to_owned());
-        answer.ok(201);
+        paths.push(client.add_clip(&home, clip).await);
     }
     client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     paths

@@ -31,14 +31,11 @@ async fn a_hundred_kills_lose_nothing_and_need_no_hand() {
     for kill in 0..KILLS {
         let server = serve();
         if kill == 0 {
-            let home = server.client.make_home("h").await;
-            server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+            server.client.make_room("h").await;
         }
         if kill % 20 == 0 {
             let clip = zips::zip(&room::clip(12 + kill as u32));
-            let answer = server.client.post("/v1/homes/h/clips", clip).await;
-            clips.push(answer.header("location").to_owned());
-            answer.ok(201);
+            clips.push(server.client.add_clip("/v1/homes/h", clip).await);
         }
         let (tell, mut told) = tokio::sync::mpsc::unbounded_channel();
         let writer = tokio::spawn(write(Client::new(server.client.base.clone()), kill, tell));

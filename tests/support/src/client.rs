@@ -1,6 +1,6 @@
 //! A client that talks to a server as an app would.
 
-use crate::eventually;
+use crate::{eventually, room};
 use reqwest::{Method, Response};
 use serde_json::Value;
 
@@ -94,6 +94,21 @@ impl Client {
         let answer = self.put(&format!("/v1/homes/{id}"), "").await;
         assert!(answer.status == 200 || answer.status == 201, "{answer:?}");
         format!("/v1/homes/{id}")
+    }
+
+    /// Creates a home with the LiDAR map of [`room`].
+    pub async fn make_room(&self, id: &str) -> String {
+        let home = self.make_home(id).await;
+        self.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+        home
+    }
+
+    /// Adds a clip to a home; returns its path.
+    pub async fn add_clip(&self, home: &str, file: Vec<u8>) -> String {
+        let answer = self.post(&format!("{home}/clips"), file).await;
+        let path = answer.header("location").to_owned();
+        answer.ok(201);
+        path
     }
 
     /// Returns the clip once its job has ended.

@@ -4,8 +4,10 @@
 pub mod client;
 pub mod data;
 pub mod disk;
+pub mod files;
 pub mod postgres;
 pub mod process;
+mod receiver;
 pub mod room;
 pub mod s3_server;
 mod skip;
@@ -14,5 +16,6 @@ pub mod tus;
 mod wait;
 pub mod zips;
 
+pub use receiver::receiver;
 pub use skip::skipped;
-pub use wait::{DEADLINE, eventually};
+pub use wait::eventually;

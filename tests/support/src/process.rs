@@ -41,52 +41,50 @@ pub fn prepared(mut command: Command) -> Command {
     command
 }
 
+/// Runs a command that must succeed; returns its standard output.
+pub fn succeed(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{command:?}: {said}\n{erred}");
+    said.into_owned()
+}
+
 impl Process {
     /// Serves a data folder; returns once requests are accepted.
     pub fn serve(data: &Path, arguments: &[&str]) -> Process {
-        let mut command = viola();
-        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
-        Process::begin(command.stderr(Stdio::null()))
+        Process::begin(viola(), data, arguments, Stdio::null())
     }
 
     /// Serves a data folder and writes its log to a file.
-    pub fn serve_with_log(data: &Path, log: &Path) -> Process {
-        Process::serve_logged(data, log, &[])
-    }
-
-    /// Serves a data folder with arguments and writes its log to a file.
     pub fn serve_logged(data: &Path, log: &Path, arguments: &[&str]) -> Process {
         let log = std::fs::File::create(log).unwrap();
-        let mut command = viola();
-        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
-        Process::begin(command.stderr(log))
-    }
-
-    /// Returns the process id.
-    pub fn id(&self) -> u32 {
-        self.child.id()
+        Process::begin(viola(), data, arguments, log)
     }
 
     /// Serves a data folder with some variables of the environment set.
     pub fn serve_with(data: &Path, variables: &[(&str, &str)]) -> Process {
         let mut command = viola();
-        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
-        Process::begin(command.envs(variables.iter().copied()).stderr(Stdio::null()))
+        command.envs(variables.iter().copied());
+        Process::begin(command, data, &[], Stdio::null())
     }
 
     /// Serves a folder of a disk.
     pub fn serve_on(disk: &dyn Disk, arguments: &[&str]) -> Process {
-        let mut command = prepared(disk.command(program()));
-        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(disk.data());
-        Process::begin(command.args(arguments).stderr(Stdio::null()))
+        Process::begin(prepared(disk.command(program())), disk.data(), arguments, Stdio::null())
     }
 
-    fn begin(command: &mut Command) -> Process {
-        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    fn begin(mut command: Command, data: &Path, arguments: &[&str], log: impl Into<Stdio>) -> Process {
+        command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
+        let mut child = command.stdout(Stdio::piped()).stderr(log).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let base = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}"));
         Process { client: Client::new(base.to_owned()), child }
+    }
+
+    /// Returns the process id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Kills the process as `kill -9` does.

@@ -4,7 +4,7 @@ use std::future::Future;
 use std::time::{Duration, Instant};
 
 /// Longer than any wait takes on a busy machine with two cores.
-pub const DEADLINE: Duration = Duration::from_secs(300);
+const DEADLINE: Duration = Duration::from_secs(300);
 
 /// Pauses between two questions: a twentieth of the wait so far, because the questions of several tests would slow down what
 /// they wait for.

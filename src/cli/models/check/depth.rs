@@ -1,12 +1,9 @@
 //! Check of a depth network.
 
-use super::CheckArguments;
-use super::times::Times;
+use super::{CheckArguments, opened, timed};
 use anyhow::{Context, Result};
-use image::{ImageFormat, Rgb, RgbImage};
-use std::time::Instant;
+use image::{Rgb, RgbImage};
 use viola_align::complete::monocular::open_estimator;
-use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::ModelEntry;
 
@@ -24,14 +21,9 @@ pub(super) fn run(
     arguments: &CheckArguments,
     params: &RuntimeParams,
     picture: &RgbImage,
-) -> Result<()> {
-    let start = Instant::now();
-    let network = network::open(&entry.path(&arguments.folder.models), params)?;
-    println!("runtime: {}, because {}", network.runtime(), network.reason());
-    let estimator = open_estimator(entry, network)?;
-    println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
-    let (depth, times) = Times::of(arguments.runs, || Ok(estimator.depth(picture)?))?;
-    println!("{times}");
+) -> Result<RgbImage> {
+    let estimator = opened(entry, arguments, params, open_estimator)?;
+    let depth = timed(arguments.runs, || estimator.depth(picture))?;
 
     let mut sorted = depth.clone();
     sorted.sort_by(f32::total_cmp);
@@ -45,9 +37,7 @@ pub(super) fn run(
     let (near, far) = (at(0.02), at(0.98));
     let colors = depth.iter().flat_map(|depth| color((depth - near) / (far - near).max(f32::MIN_POSITIVE)).0);
     RgbImage::from_raw(picture.width(), picture.height(), colors.collect())
-        .context("there is not one depth for each pixel")?
-        .save_with_format(&arguments.out, ImageFormat::Png)
-        .with_context(|| format!("cannot write {}", arguments.out.display()))
+        .context("there is not one depth for each pixel")
 }
 
 /// Returns the colour at a fraction of the way from near to far.

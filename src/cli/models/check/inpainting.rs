@@ -1,9 +1,8 @@
 //! Check of an inpainting network.
 
-use super::times::Times;
-use super::{CheckArguments, read};
-use anyhow::{Context, Result};
-use image::{GrayImage, ImageFormat, Luma, RgbImage};
+use super::{CheckArguments, print_loaded, read, timed};
+use anyhow::Result;
+use image::{GrayImage, Luma, RgbImage};
 use std::time::Instant;
 use viola_align::complete::inpaint::open_inpainter;
 use viola_network::RuntimeParams;
@@ -17,20 +16,15 @@ pub(super) fn run(
     arguments: &CheckArguments,
     params: &RuntimeParams,
     picture: &RgbImage,
-) -> Result<()> {
+) -> Result<RgbImage> {
     let hole = match &arguments.mask {
         Some(path) => read(path)?.into_luma8(),
         None => middle(picture.width(), picture.height()),
     };
     let start = Instant::now();
     let inpainter = open_inpainter(entry, &arguments.folder.models, params)?;
-    println!("loaded:  {} in {} ms", inpainter.name(), start.elapsed().as_millis());
-    let (filled, times) =
-        Times::of(arguments.runs, || Ok(inpainter.inpaint(picture, &hole, SEED, &|| true)?))?;
-    println!("{times}");
-    filled
-        .save_with_format(&arguments.out, ImageFormat::Png)
-        .with_context(|| format!("cannot write {}", arguments.out.display()))
+    print_loaded(&inpainter.name(), start);
+    Ok(timed(arguments.runs, || inpainter.inpaint(picture, &hole, SEED, &|| true))?)
 }
 
 /// Returns a mask with one hole over the middle third of both sides.

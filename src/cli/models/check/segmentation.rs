@@ -1,13 +1,10 @@
 //! Check of a segmentation network.
 
-use super::super::drawing::Drawing;
-use super::CheckArguments;
-use super::times::Times;
-use anyhow::{Context, Result};
+use super::super::drawing::drawing;
+use super::{CheckArguments, opened, timed};
+use anyhow::Result;
 use image::RgbImage;
-use std::time::Instant;
 use viola_geometry::taxonomy::{CLASSES, Class};
-use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::ModelEntry;
 use viola_reconstruct::label::{ClassMap, open_segmenter};
@@ -17,22 +14,16 @@ pub(super) fn run(
     arguments: &CheckArguments,
     params: &RuntimeParams,
     picture: &RgbImage,
-) -> Result<()> {
-    let start = Instant::now();
-    let network = network::open(&entry.path(&arguments.folder.models), params)?;
-    println!("runtime: {}, because {}", network.runtime(), network.reason());
-    let segmenter = open_segmenter(entry, network)?;
-    println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
-    let (map, times) = Times::of(arguments.runs, || Ok(segmenter.segment(picture)?))?;
-    println!("{times}");
+) -> Result<RgbImage> {
+    let segmenter = opened(entry, arguments, params, open_segmenter)?;
+    let map = timed(arguments.runs, || segmenter.segment(picture))?;
 
     let classes = classes(&map, picture);
     let shares = shares(&classes);
     for (class, share) in &shares {
         println!("{:16} {:5.1} %", class.name(), share * 100.0);
     }
-    let drawing = Drawing::new(picture, &classes, &shares);
-    drawing.save(&arguments.out).with_context(|| format!("cannot write {}", arguments.out.display()))
+    Ok(drawing(picture, &classes, &shares))
 }
 
 /// Returns the likeliest class of each pixel.

@@ -3,27 +3,36 @@
 use anyhow::{Context, Result, bail};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::Path;
 use viola_network::Weights;
 
-/// Returns the sum in hexadecimal.
-pub(super) fn of_file(path: &Path) -> Result<String> {
-    let unreadable = || format!("cannot read {}", path.display());
-    let mut file = File::open(path).with_context(unreadable)?;
-    let mut hash = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
+/// Bytes read at a time.
+const BUFFER_BYTES: usize = 1 << 16;
+
+/// Adds all that is read to a sum.
+pub(super) fn add(hash: &mut Sha256, mut read: impl Read) -> io::Result<()> {
+    let mut buffer = vec![0; BUFFER_BYTES];
     loop {
-        match file.read(&mut buffer).with_context(unreadable)? {
-            0 => break,
-            bytes => hash.update(&buffer[..bytes]),
+        match read.read(&mut buffer) {
+            Ok(0) => return Ok(()),
+            Ok(bytes) => hash.update(&buffer[..bytes]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
         }
     }
+}
+
+/// Returns the sum in hexadecimal.
+pub(super) fn of_file(path: &Path) -> Result<String> {
+    let mut hash = Sha256::new();
+    let read = File::open(path).and_then(|file| add(&mut hash, file));
+    read.with_context(|| format!("cannot read {}", path.display()))?;
     Ok(hexadecimal(&hash.finalize()))
 }
 
 /// Returns the sums of all files in a folder and its folders, with their paths, in the order of the paths.
-pub(in crate::cli) fn of_folder(folder: &Path) -> Result<String> {
+pub(super) fn of_folder(folder: &Path) -> Result<String> {
     let unreadable = || format!("cannot read {}", folder.display());
     let entries = std::fs::read_dir(folder).with_context(unreadable)?;
     let mut paths = entries
@@ -45,22 +54,21 @@ pub(super) fn of_bytes(bytes: &[u8]) -> String {
 }
 
 /// Returns the sum of a network's weights in hexadecimal.
-pub(in crate::cli) fn of_weights(weights: &Weights) -> Result<String> {
+pub(super) fn of_weights(weights: &Weights) -> Result<String> {
     match weights {
         Weights::File(path) => of_file(path),
         Weights::BuiltIn { bytes, .. } => Ok(of_bytes(bytes)),
     }
 }
 
-fn hexadecimal(sum: &[u8]) -> String {
+pub(super) fn hexadecimal(sum: &[u8]) -> String {
     sum.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Returns an error if the file's sum is not `wanted`.
-pub(super) fn expect(path: &Path, wanted: &str, what: &str) -> Result<()> {
-    let got = of_file(path)?;
-    if !got.eq_ignore_ascii_case(wanted) {
-        bail!("{what} is not that of models.toml: its SHA-256 is {got}, not {wanted}; nothing is installed");
+/// Returns an error if a sum is not `wanted`.
+pub(super) fn expect(sum: &str, wanted: &str, what: &str) -> Result<()> {
+    if !sum.eq_ignore_ascii_case(wanted) {
+        bail!("{what} is not that of models.toml: its SHA-256 is {sum}, not {wanted}; nothing is installed");
     }
     Ok(())
 }
