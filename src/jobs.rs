@@ -18,7 +18,7 @@ mod worker;
 pub use align_clip::{AlignJobError, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
 pub use child::{ChildOrder, ChildParams, PANICKED, serve_child};
 pub use limits::JobLimitParams;
-pub use merge::{Described, Earlier, describe};
+pub use merge::{Described, Earlier, SurfaceLabels, describe, serve_merge};
 pub use metrics::describe_metrics;
 pub use priority::give_way;
 pub use run::Method;

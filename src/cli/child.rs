@@ -2,9 +2,11 @@
 
 mod align_job;
 mod decode_video;
+mod merge_home;
 mod open_clip;
 
 pub use align_job::{child, child_params};
+pub use merge_home::merge_child_params;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -22,6 +24,8 @@ enum ChildCommand {
     DecodeVideo(decode_video::DecodeVideoArguments),
     /// Align the clip of a job.
     AlignJob(align_job::AlignJobArguments),
+    /// Do the work of a merge.
+    MergeHome(merge_home::MergeHomeArguments),
     /// Open an uploaded file.
     OpenClip(open_clip::OpenClipArguments),
 }
@@ -36,6 +40,7 @@ pub fn run() -> Result<()> {
     match ChildArguments::parse().command {
         ChildCommand::DecodeVideo(arguments) => decode_video::run(&arguments),
         ChildCommand::AlignJob(arguments) => align_job::run(arguments),
+        ChildCommand::MergeHome(arguments) => merge_home::run(&arguments),
         ChildCommand::OpenClip(arguments) => open_clip::run(&arguments),
     }
 }

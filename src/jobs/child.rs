@@ -5,6 +5,8 @@ mod memory;
 mod protocol;
 mod serve;
 
+pub(super) use leash::{KilledOnDrop, Leash, Pipes};
+pub(super) use memory::limit as limit_memory;
 pub use serve::{ChildOrder, serve_child};
 
 use super::attempt_error::{AttemptError, MethodResult};
@@ -12,7 +14,6 @@ use super::limits::JobLimits;
 use super::run::{Inputs, Working};
 use super::shared_progress::SharedProgress;
 use futures::FutureExt;
-use leash::Leash;
 use protocol::Message;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
@@ -31,7 +32,7 @@ const MAX_MESSAGE_BYTES: u64 = 1 << 20;
 /// Most bytes of the child's standard error that go to the log.
 const MAX_SAID_BYTES: u64 = 2000;
 /// Words of a Rust program whose allocation the system refused, before it aborts.
-const NO_MEMORY: &str = "memory allocation of ";
+pub(super) const NO_MEMORY: &str = "memory allocation of ";
 /// Exit status of a Rust program that panicked.
 pub const PANICKED: i32 = 101;
 
@@ -46,13 +47,18 @@ pub struct ChildParams {
 }
 
 impl ChildParams {
+    /// Returns the command without the environment of this process.
+    pub(super) fn command(&self) -> Command {
+        let mut command = Command::new(&self.program);
+        command.args(&self.arguments).env_clear().envs(self.environment.iter().cloned());
+        command
+    }
+
     /// Runs the command with one more argument and returns its output; none if it took longer than `max_time`.
     /// The process is killed if nobody waits for it any more.
     pub async fn output(&self, argument: &OsStr, max_time: Duration) -> io::Result<Option<Output>> {
-        let mut command = tokio::process::Command::new(&self.program);
-        command.args(&self.arguments).arg(argument);
-        command.env_clear().envs(self.environment.iter().cloned());
-        command.stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true);
+        let mut command = tokio::process::Command::from(self.command());
+        command.arg(argument).stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true);
         tokio::time::timeout(max_time, command.output()).await.ok().transpose()
     }
 }
@@ -96,14 +102,6 @@ pub(super) fn run_in_child(
     ended.boxed()
 }
 
-struct KilledOnDrop(Arc<Leash>);
-
-impl Drop for KilledOnDrop {
-    fn drop(&mut self) {
-        self.0.kill();
-    }
-}
-
 /// Starts the process and reads its messages until it has ended.
 fn tend(
     params: &ChildParams,
@@ -124,15 +122,13 @@ fn tend(
         fs::write(order.map_of(file.level), &file.bytes).map_err(AttemptError::system)?;
     }
     let said = folder.join("stderr");
-    let mut command = Command::new(&params.program);
-    command.args(&params.arguments).args(order.arguments());
-    command.env_clear().envs(params.environment.iter().cloned());
-    command.stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut command = params.command();
+    command.args(order.arguments()).stdin(Stdio::null());
     command.stderr(File::create(&said).map_err(AttemptError::system)?);
-    let Some(stdout) = leash.start(&mut command).map_err(AttemptError::system)? else {
+    let Some(pipes) = leash.start(&mut command).map_err(AttemptError::system)? else {
         return Err(AttemptError::Cancelled);
     };
-    let told = listen(stdout, progress);
+    let told = listen(pipes.stdout, progress);
     let (status, is_killed) = leash.end().map_err(AttemptError::system)?;
     match told {
         Some(ended) => ended.and_then(|()| protocol::read_result(folder)),
@@ -179,7 +175,7 @@ fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> AttemptE
 }
 
 /// Returns the end of a process's standard error; empty if it cannot be read.
-fn last_words(file: &Path) -> String {
+pub(super) fn last_words(file: &Path) -> String {
     let read = || -> io::Result<Vec<u8>> {
         let mut file = File::open(file)?;
         let bytes = file.metadata()?.len();

@@ -1,4 +1,4 @@
-//! Limits of one job: a base, and a share for each uploaded byte. The limit of a merge grows with its clips.
+//! Limits of one job: a base, and a share for each uploaded byte. Those of a merge grow with its clips.
 
 use std::time::Duration;
 use viola_reconstruct::Reason;
@@ -13,6 +13,9 @@ const MEMORY_OF_A_BYTE: u64 = 4;
 /// of its home needs a fraction of a second for each, and maybe a hundred times as long on a slow machine with other work.
 const CLIPS_OF_TWICE_THE_TIME: u32 = 50;
 
+/// Additional memory of a merge for each clip.
+const MEMORY_OF_A_CLIP: u64 = 2 * MIB;
+
 /// Limits of a job whose files are empty.
 #[derive(Debug, Clone)]
 pub struct JobLimitParams {
@@ -21,6 +24,8 @@ pub struct JobLimitParams {
     pub memory_bytes: u64,
     /// Time of a merge without clips, until it writes its files.
     pub merge_time: Duration,
+    /// Memory of the process of a merge without clips, in addition to its network.
+    pub merge_memory_bytes: u64,
 }
 
 impl Default for JobLimitParams {
@@ -29,17 +34,22 @@ impl Default for JobLimitParams {
             time: Duration::from_mins(10),
             memory_bytes: 1 << 30,
             merge_time: Duration::from_mins(10),
+            merge_memory_bytes: 1 << 30,
         }
     }
 }
 
-/// Returns the time limit of a merge.
-pub(super) fn merge_limit(params: &JobLimitParams, clips: usize) -> Duration {
+/// Returns the limits of a merge of so many clips.
+pub(super) fn merge_limits(params: &JobLimitParams, clips: usize) -> JobLimits {
     let clips = u32::try_from(clips).unwrap_or(u32::MAX);
-    params.merge_time.saturating_add(params.merge_time.saturating_mul(clips) / CLIPS_OF_TWICE_THE_TIME)
+    let time = params.merge_time.saturating_mul(clips) / CLIPS_OF_TWICE_THE_TIME;
+    JobLimits {
+        time: params.merge_time.saturating_add(time),
+        memory_bytes: params.merge_memory_bytes.saturating_add(u64::from(clips) * MEMORY_OF_A_CLIP),
+    }
 }
 
-/// Limits of one job.
+/// Limits of one job or merge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct JobLimits {
     pub time: Duration,
@@ -92,10 +102,11 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_of_a_merge_grows_with_the_clips() {
+    fn the_limits_of_a_merge_grow_with_the_clips() {
         let params = JobLimitParams::default();
-        let limits = [0, 5, 50, 1000].map(|clips| merge_limit(&params, clips));
-        assert_eq!(limits, [10, 11, 20, 210].map(Duration::from_mins));
-        merge_limit(&params, usize::MAX);
+        let limits = [0, 5, 50, 1000].map(|clips| merge_limits(&params, clips));
+        assert_eq!(limits.map(|limits| limits.time), [10, 11, 20, 210].map(Duration::from_mins));
+        assert_eq!(limits.map(|limits| limits.memory_bytes / MIB), [1024, 1034, 1124, 3024]);
+        merge_limits(&params, usize::MAX);
     }
 }

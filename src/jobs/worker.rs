@@ -38,6 +38,8 @@ pub struct WorkerParams {
     pub align: Arc<JobParams>,
     /// Child process of each job. Without it jobs run in this process, without a limit of memory.
     pub child: Option<ChildParams>,
+    /// Child process of each merge; without it merges run in this process, too.
+    pub merge_child: Option<ChildParams>,
     pub limits: JobLimitParams,
 }
 
@@ -50,6 +52,7 @@ impl Default for WorkerParams {
             method: align_clip,
             align: Arc::default(),
             child: None,
+            merge_child: None,
             limits: JobLimitParams::default(),
         }
     }
@@ -144,8 +147,7 @@ impl Worker {
         };
         claim.home.tenant().clone_into(merged);
         let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
-        let (surface, times) = (params.align.align.label.surface.clone(), (params.lease, params.grace));
-        merge(queue, &claim, surface, &params.limits, times, stop).instrument(span).await;
+        merge(queue, &claim, params, stop).instrument(span).await;
         self.begin_meshes(claim.home);
         true
     }

@@ -13,13 +13,13 @@ use viola_geometry::progress::Progress;
 use viola_storage::RetryPolicy;
 use viola_testing::{eventually, room, zips};
 
-const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
+pub const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 
 /// A clip with a file of this name kills its process.
 const DEADLY: &str = "deadly.txt";
 
 /// Writes a program that replaces the child. `$clip` is its clip, `$into` its folder, `$tries` its starts.
-fn script(folder: &TempDir, lines: &str) -> PathBuf {
+pub fn script(folder: &TempDir, lines: &str) -> PathBuf {
     let path = folder.path().join("child");
     let tries = folder.path().join("tries").display().to_string();
     let head = format!(
@@ -66,7 +66,7 @@ async fn server_with(program: PathBuf, limits: JobLimitParams) -> Server {
 }
 
 /// Uploads clips, each with one more file, to a home with a map; returns their paths.
-async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
+pub async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     let mut paths = Vec::new();
@@ -222,7 +222,7 @@ async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
     is_gone(process).await;
 }
 
-async fn is_gone(process: i32) {
+pub async fn is_gone(process: i32) {
     let process = rustix::process::Pid::from_raw(process).unwrap();
     eventually("the child is gone", || async {
         (rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)).then_some(())

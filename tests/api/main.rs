@@ -22,6 +22,7 @@ mod levels;
 mod lidar_map;
 mod limits;
 mod map;
+mod merge_children;
 mod metrics;
 mod neighbours;
 mod origins;

@@ -1,9 +1,9 @@
 //! Arguments of the alignment.
 
 use super::completion::CompletionArguments;
-use super::networks::NetworkArguments;
+use super::networks::{NetworkArguments, loaded};
 use crate::cli::video_tools::video_tools;
-use crate::jobs::JobParams;
+use crate::jobs::{JobParams, SurfaceLabels};
 use anyhow::Result;
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,11 @@ impl MethodArguments {
     /// Returns whether networks of a models folder may be loaded.
     pub fn has_models_folder(&self) -> bool {
         self.networks.folder().is_some()
+    }
+
+    /// Returns the network for the surfaces of homes. One that cannot be used is left out, and the cause is logged.
+    pub fn surface(&self) -> SurfaceLabels {
+        loaded(self.networks.surface(), "surface", &mut Vec::new())
     }
 
     /// Refuses values that exclude each other.

@@ -3,7 +3,7 @@
 use super::method::MethodArguments;
 use super::numbers;
 use super::seconds::{job_seconds, seconds};
-use crate::cli::child::child_params;
+use crate::cli::child::{child_params, merge_child_params};
 use crate::jobs::{JobLimitParams, WorkerParams};
 use crate::webhooks::WebhookParams;
 use anyhow::Result;
@@ -68,6 +68,7 @@ impl WorkerArguments {
             retry: RetryPolicy { first_delay: self.retry_seconds, ..RetryPolicy::default() },
             align: Arc::new(self.method.params()?),
             child: Some(child_params(&self.method)?),
+            merge_child: Some(merge_child_params(&self.method)?),
             limits: self.limits(),
             ..WorkerParams::default()
         })

@@ -1,11 +1,26 @@
 //! A running process that one thread waits for and another may kill.
 
 use std::io;
-use std::process::{Child, ChildStdout, Command, ExitStatus};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 #[derive(Default)]
-pub(super) struct Leash(Mutex<State>);
+pub(in crate::jobs) struct Leash(Mutex<State>);
+
+/// The ends of a process's pipes.
+pub(in crate::jobs) struct Pipes {
+    /// `None` if its standard input is no pipe.
+    pub stdin: Option<ChildStdin>,
+    pub stdout: ChildStdout,
+}
+
+pub(in crate::jobs) struct KilledOnDrop(pub Arc<Leash>);
+
+impl Drop for KilledOnDrop {
+    fn drop(&mut self) {
+        self.0.kill();
+    }
+}
 
 #[derive(Default)]
 struct State {
@@ -18,17 +33,18 @@ impl Leash {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts the process; returns `None` after a call of [`Leash::kill`]. The process ends with this thread.
-    pub fn start(&self, command: &mut Command) -> io::Result<Option<ChildStdout>> {
-        confine(command);
+    /// Starts the process with a pipe for its standard output; returns `None` after a call of [`Leash::kill`]. The process ends
+    /// with this thread.
+    pub fn start(&self, command: &mut Command) -> io::Result<Option<Pipes>> {
+        confine(command.stdout(Stdio::piped()));
         let mut state = self.lock();
         if state.is_killed {
             return Ok(None);
         }
         let mut child = command.spawn()?;
-        let stdout = child.stdout.take();
+        let (stdin, stdout) = (child.stdin.take(), child.stdout.take());
         state.child = Some(child);
-        Ok(stdout)
+        Ok(stdout.map(|stdout| Pipes { stdin, stdout }))
     }
 
     pub fn kill(&self) {

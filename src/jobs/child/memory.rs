@@ -5,7 +5,7 @@ use std::io;
 /// Limits the memory of this process to `more_bytes` in addition to what it has: an allocation beyond it ends
 /// the process. If the whole system runs out of memory, this process goes before its parent.
 #[cfg(target_os = "linux")]
-pub(super) fn limit(more_bytes: u64) -> io::Result<()> {
+pub(in crate::jobs) fn limit(more_bytes: u64) -> io::Result<()> {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
     use std::fs;
     // It may be unwritable in a container; the limit holds nevertheless.
@@ -23,6 +23,6 @@ pub(super) fn limit(more_bytes: u64) -> io::Result<()> {
 
 /// Other systems have no such limit.
 #[cfg(not(target_os = "linux"))]
-pub(super) fn limit(_: u64) -> io::Result<()> {
+pub(in crate::jobs) fn limit(_: u64) -> io::Result<()> {
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Describes the next revision: its ids come from the last one, and corrections of people are applied.
 
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_align::LevelMap;
 use viola_geometry::progress::{Cancelled, Progress};
@@ -17,7 +18,7 @@ const FRAMES: usize = 5;
 
 /// One level of the revision that a new one follows, and what people corrected on the level; empty before the
 /// first.
-#[derive(Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Earlier {
     pub clips: Vec<PlacedClip>,
     pub scene: Option<MapScene>,
@@ -31,6 +32,7 @@ pub struct Earlier {
 }
 
 /// A LiDAR map that a level had at its last revision.
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LeftMap {
     pub revision: i64,
     /// From its frame into that of the present map, by registering the maps; `None` if they do not tell it.

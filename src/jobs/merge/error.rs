@@ -13,8 +13,10 @@ pub(in crate::jobs) enum MergeError {
     Storage(#[from] StorageError),
     #[error("the merge panicked")]
     Panicked,
-    #[error("no thread could be started for the merge: {0}")]
-    NoThread(std::io::Error),
+    #[error("no thread or process could be started for the merge: {0}")]
+    NotStarted(std::io::Error),
+    #[error("the process of the merge ended early: {0}")]
+    Died(String),
     #[error("a stored file of the last map is missing or damaged")]
     DamagedMap,
     #[error("the stored files of clip {clip} are missing or damaged; align the clip again")]
@@ -24,7 +26,15 @@ pub(in crate::jobs) enum MergeError {
     #[error("nobody waits for the merge any more")]
     Abandoned,
     #[error("the merge was asked to stop")]
-    Cancelled(#[from] Cancelled),
+    Cancelled,
     #[error("the merge took longer than {} s, the limit for its clips; it is repeated after a pause", .limit.as_secs())]
     TookTooLong { limit: Duration },
+    #[error("the merge needs more memory than its process may have, {} MiB for its clips; it is repeated after a pause", .limit_bytes >> 20)]
+    TooLarge { limit_bytes: u64 },
+}
+
+impl From<Cancelled> for MergeError {
+    fn from(_: Cancelled) -> MergeError {
+        MergeError::Cancelled
+    }
 }

@@ -6,7 +6,6 @@ use crate::jobs::LevelFile;
 use bytes::Bytes;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use tracing::{info, warn};
 use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
@@ -36,12 +35,7 @@ pub(super) fn label(
     let read = |(key, bytes): (TileKey, Bytes)| Ok((key, assembly.read_kept(&key, &bytes)?));
     let kept = kept.into_par_iter().map(read).collect::<Result<_, UnknownFileFormat>>();
     let kept = kept.map_err(|_| MergeError::DamagedMap)?;
-    let map = assembly.label(kept, surface, progress)?;
-    if let Some(failure) = &map.failure {
-        warn!(%failure, "the surface network failed: parts of the map have the labels of the clips and of the shapes");
-    }
-    info!(windows = map.windows, "the map is labelled");
-    Ok(map)
+    Ok(assembly.label(kept, surface, progress)?)
 }
 
 /// Returns the next revision with all its files.

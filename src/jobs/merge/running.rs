@@ -4,12 +4,15 @@ use super::error::MergeError;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use tokio::sync::Notify;
 use viola_geometry::progress::Progress;
 
 /// State of a running merge, shared with its threads.
 #[derive(Debug, Default)]
 pub(super) struct Running {
     is_cancelled: AtomicBool,
+    /// Told once it is cancelled, to the one who waits for that.
+    cancelled: Notify,
     /// Set once the merge writes its files, which no row names yet.
     is_writing: AtomicBool,
 }
@@ -17,6 +20,11 @@ pub(super) struct Running {
 impl Running {
     pub fn begin_to_write(&self) {
         self.is_writing.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns when the merge is asked to stop, once.
+    pub async fn stopped(&self) {
+        self.cancelled.notified().await;
     }
 
     /// Returns after `limit`; never if the merge writes its files by then, because little is left to do.
@@ -42,8 +50,9 @@ impl Running {
             reason = early => reason,
         };
         self.is_cancelled.store(true, Ordering::Relaxed);
+        self.cancelled.notify_one();
         match tokio::time::timeout(grace, merge).await {
-            Ok(Err(MergeError::Cancelled(_))) | Err(_) => reason,
+            Ok(Err(MergeError::Cancelled)) | Err(_) => reason,
             Ok(ended) => ended,
         }
     }
@@ -60,7 +69,6 @@ mod tests {
     use super::*;
     use tokio::sync::oneshot;
     use tokio::task::yield_now;
-    use viola_geometry::progress::Cancelled;
 
     /// Returns the end of a merge that is asked to stop during `rest`, its last part.
     async fn ended(
@@ -88,7 +96,7 @@ mod tests {
             while !running.cancelled() {
                 yield_now().await;
             }
-            Err(MergeError::Cancelled(Cancelled))
+            Err(MergeError::Cancelled)
         };
         assert_eq!(ended(&running, works, hour).await, "stopped");
         let writes = async {

@@ -49,9 +49,9 @@ impl Assembly {
         self.looked.contains_key(&level)
     }
 
-    /// Returns whether a tile of the last map stays in the map.
-    pub fn keeps(&self, key: &TileKey) -> bool {
-        self.last.contains_key(key) && !self.changed.contains_key(key)
+    /// Returns the tiles of the last map that stay in the map.
+    pub fn kept(&self) -> impl Iterator<Item = &TileKey> {
+        self.last.keys().filter(|key| !self.changed.contains_key(key))
     }
 
     /// Reads a tile that the assembly keeps. Fails if its points are not those of the last map: the file is damaged.

@@ -9,7 +9,7 @@ use viola_align::{Alignment, AlignmentState};
 use viola_geometry::{LevelName, Point2, Pose2, Pose3};
 
 /// A clip that may be in the map.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Member {
     pub clip: Uuid,
     /// Recording time in milliseconds since 1970, if known.
@@ -22,7 +22,7 @@ pub struct Member {
 }
 
 /// A clip's own alignment result.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Verdict {
     Aligned {
         level: LevelName,
@@ -45,7 +45,7 @@ pub enum Verdict {
 }
 
 /// A possible pose of a clip.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Mode {
     /// The level in whose LiDAR map the pose is.
     pub level: LevelName,

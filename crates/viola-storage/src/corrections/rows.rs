@@ -4,13 +4,13 @@ use crate::columns::to_json;
 use crate::database::{Connection, Row, Transaction, query};
 use crate::{HomeId, StorageError, home_maps};
 use jiff::Timestamp;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use viola_geometry::LevelName;
 use viola_home::{ObjectCorrection, RoomCorrection, level_of_id};
 
 /// A correction as it is kept.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Kept<T> {
     /// Id of the object, or of the room when it was first corrected.
     pub target: String,
@@ -21,7 +21,7 @@ pub struct Kept<T> {
 }
 
 /// All corrections of a home, by target.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Corrections {
     /// Grows with every correction.
     pub version: i64,

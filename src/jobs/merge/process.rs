@@ -1,0 +1,122 @@
+//! The work of a merge in a process of its own: one that needs too much memory, or dies, takes nothing else with it.
+
+use super::SurfaceLabels;
+use super::error::MergeError;
+use super::wire::{self, AnswerHead, Failure, RevisionHead, Told};
+use super::work::{Answer, Files, Link, Made, Order, Request, make};
+use crate::jobs::child::{ChildParams, Leash, NO_MEMORY, Pipes, last_words, limit_memory};
+use crate::jobs::priority::give_way;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::Path;
+use std::process::{ExitStatus, Stdio};
+use viola_geometry::progress::Silent;
+
+/// Starts the process and answers it until it has ended. It is killed with `leash`, and ends with this thread. Its standard
+/// error goes into `folder`.
+pub(super) fn tend(
+    params: &ChildParams,
+    order: &Order,
+    limit_bytes: u64,
+    folder: &Path,
+    link: &mut dyn Link,
+    leash: &Leash,
+) -> Result<Option<Made>, MergeError> {
+    let said = folder.join("stderr");
+    let mut command = params.command();
+    command.args(arguments(limit_bytes)).stdin(Stdio::piped());
+    command.stderr(File::create(&said).map_err(MergeError::NotStarted)?);
+    let started = leash.start(&mut command).map_err(MergeError::NotStarted)?;
+    let Some(Pipes { stdin: Some(stdin), stdout }) = started else { return Err(MergeError::Cancelled) };
+    let ended = converse(order, limit_bytes, BufReader::new(stdout), BufWriter::new(stdin), link);
+    let (status, is_killed) = leash.end().map_err(MergeError::NotStarted)?;
+    ended.unwrap_or_else(|error| match is_killed {
+        true => Err(MergeError::Cancelled),
+        false => Err(without_a_word(status, &error, &last_words(&said), limit_bytes)),
+    })
+}
+
+fn arguments(limit_bytes: u64) -> [OsString; 2] {
+    ["--memory-bytes".into(), limit_bytes.to_string().into()]
+}
+
+/// Gives the process its order and answers what it asks for. Fails if the process ends, or sends what it should not.
+fn converse(
+    order: &Order,
+    limit_bytes: u64,
+    mut from_work: impl Read,
+    mut to_work: impl Write,
+    link: &mut dyn Link,
+) -> io::Result<Result<Option<Made>, MergeError>> {
+    wire::write(&mut to_work, order, &Files::new())?;
+    loop {
+        // What the process made was in its memory.
+        let (told, files) = wire::read(&mut from_work, limit_bytes)?;
+        match told {
+            Told::Request(request) => match link.ask(request) {
+                Ok(answer) => {
+                    let (head, files) = AnswerHead::split(answer);
+                    wire::write(&mut to_work, &head, &files)?;
+                }
+                Err(error) => return Ok(Err(error)),
+            },
+            Told::Made(None) => return Ok(Ok(None)),
+            Told::Made(Some(head)) => {
+                return Ok(head.join(files).map(Some).ok_or_else(|| MergeError::Died(MIXED_UP.to_owned())));
+            }
+            Told::Failed(failure) => return Ok(Err(failure.into())),
+        }
+    }
+}
+
+const MIXED_UP: &str = "its files are not those of its message";
+
+/// Returns the error of a process that ended without a last message.
+fn without_a_word(status: ExitStatus, error: &io::Error, said: &str, limit_bytes: u64) -> MergeError {
+    if status.code().is_none() && said.contains(NO_MEMORY) {
+        return MergeError::TooLarge { limit_bytes };
+    }
+    MergeError::Died(format!("{status}, {error}: {said}"))
+}
+
+/// Does the work of a merge whose order, and all that it asks for, comes from `input`; `surface` loads its network. Fails if
+/// nobody reads `out`.
+pub fn serve_merge(
+    memory_bytes: u64,
+    surface: impl FnOnce() -> SurfaceLabels,
+    input: impl Read,
+    out: impl Write,
+) -> io::Result<()> {
+    give_way();
+    let surface = surface();
+    // The network is loaded, and all threads have begun, each with memory for itself: the limit is for the map alone.
+    rayon::broadcast(|_| ());
+    limit_memory(memory_bytes)?;
+    let mut link = ProcessLink { input: BufReader::new(input), out: BufWriter::new(out) };
+    let (order, _) = wire::read(&mut link.input, u64::MAX)?;
+    let (told, files) = match make(order, &mut link, surface.as_deref(), &Silent) {
+        Ok(Some(made)) => {
+            let (head, files) = RevisionHead::split(made);
+            (Told::Made(Some(head)), files)
+        }
+        Ok(None) => (Told::Made(None), Files::new()),
+        Err(error) => (Told::Failed(Failure::from(&error)), Files::new()),
+    };
+    wire::write(&mut link.out, &told, &files)
+}
+
+/// The link of a process. An error means that its worker is gone.
+struct ProcessLink<R: Read, W: Write> {
+    input: BufReader<R>,
+    out: BufWriter<W>,
+}
+
+impl<R: Read, W: Write> Link for ProcessLink<R, W> {
+    fn ask(&mut self, request: Request) -> Result<Answer, MergeError> {
+        let answered = wire::write(&mut self.out, &Told::Request(request), &Files::new())
+            .and_then(|()| wire::read::<AnswerHead>(&mut self.input, u64::MAX));
+        let (head, files) = answered.map_err(|_| MergeError::Abandoned)?;
+        head.join(files).ok_or(MergeError::Abandoned)
+    }
+}
