@@ -4,7 +4,7 @@ use super::App;
 use super::bodies::to_the_end;
 use super::error::Error;
 use super::extract::{ClipPath, Json, Member, member, wrong};
-use super::problems::{CommonProblems, JsonProblems};
+use super::problems::{ChangedClip, CommonProblems, JsonProblems};
 use super::reply::{Resource, is_expected};
 use super::types::{self, Clip};
 use axum::extract::State;

@@ -9,7 +9,7 @@ use super::extract::{
     ClipPath, HomePath, IdempotencyKey, Json, Member, Query, invalid_query, member, rfc3339, timestamp, wrong,
 };
 use super::names;
-use super::problems::{CommonProblems, FileProblems, JsonProblems};
+use super::problems::{ChangedClip, CommonProblems, FileProblems, JsonProblems};
 use super::reply::{Document, Resource, is_expected};
 use super::types::{Clip, ClipInfo, Estimate};
 use axum::extract::{Request, State};

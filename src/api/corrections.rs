@@ -5,7 +5,7 @@ use super::bodies::to_the_end;
 use super::error::Error;
 use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member, wrong};
 use super::names;
-use super::problems::{CommonProblems, JsonProblems};
+use super::problems::{CommonProblems, CorrectionProblems, JsonProblems};
 use super::reply::{Document, Resource, is_expected};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
 use axum::extract::State;

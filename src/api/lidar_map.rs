@@ -8,7 +8,7 @@ use super::error::{Defence, Error};
 use super::extract::{HomePath, Query};
 use super::list::{List, ListPage, ListQuery};
 use super::names::file_name;
-use super::problems::{CommonProblems, FileProblems};
+use super::problems::{CommonProblems, FileProblems, LidarMapProblems};
 use super::reply::{Document, may_change, may_repeat, tag_of, tag_of_document, tagged, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
 use axum::extract::{Request, State};

@@ -7,7 +7,7 @@ use super::error::Error;
 use super::extract::{HomePath, LevelPath, LevelRevisionPath, Query};
 use super::lidar_map::{self, CurrentLidarMap, PutAnswer, PutQuery};
 use super::list::{List, ListPage, ListQuery};
-use super::problems::{CommonProblems, FileProblems};
+use super::problems::{CommonProblems, FileProblems, LidarMapProblems};
 use super::reply::Document;
 use super::types::LidarMapRevision;
 use axum::extract::{Request, State};

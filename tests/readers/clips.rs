@@ -269,7 +269,7 @@ fn clips_that_cannot_be_used_are_refused_by_name() {
         check_refused(scannet, |f| set(f, depth_file, text), "bad_intrinsics", depth_file);
         check_refused(seven_scenes, |f| set(f, "camera-intrinsics.txt", text), "bad_intrinsics", naming);
     }
-    check_refused(scannet, |f| set(f, color_file, &[b'1'; 5000]), "file_too_large", color_file);
+    check_refused(scannet, |f| set(f, color_file, [b'1'; 5000]), "file_too_large", color_file);
     check_refused(scannet, |f| drop_ending(f, ".txt"), "missing_intrinsics", color_file);
     check_without_poses(scannet, |f| f.retain(|(n, _)| !n.starts_with("pose")));
     check_without_poses(tum, |f| drop_ending(f, "groundtruth.txt"));
@@ -310,7 +310,7 @@ fn clips_that_cannot_be_used_are_refused_by_name() {
         "bad_index",
         "groundtruth.txt, line 1",
     );
-    check_refused(tum, |f| set(f, "depth.txt", &[0xff; 9]), "bad_index", "depth.txt");
+    check_refused(tum, |f| set(f, "depth.txt", [0xff; 9]), "bad_index", "depth.txt");
 }
 
 #[test]

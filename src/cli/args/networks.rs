@@ -100,7 +100,7 @@ impl NetworkArguments {
     }
 
     /// Returns the surface network: that of the models folder, else the built-in one.
-    fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
+    pub fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
         let Some(installed) = self.installed(Task::Surface)? else { return Ok(None) };
         let network = self.open(&installed)?;
         // The sum of the file itself: another file may have replaced the one that the list tells.

@@ -75,7 +75,7 @@ fn opened<T, E>(
     entry: &ModelEntry,
     arguments: &CheckArguments,
     params: &RuntimeParams,
-    make: impl FnOnce(&ModelEntry, Arc<dyn Network>) -> Result<T, E>,
+    make: impl FnOnce(&ModelEntry, Arc<Network>) -> Result<T, E>,
 ) -> Result<T>
 where
     anyhow::Error: From<E>,

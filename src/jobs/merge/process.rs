@@ -98,7 +98,7 @@ pub fn serve_merge(
     let (told, files) = match make(order, &mut link, surface.as_deref(), &Silent) {
         Ok(Some(made)) => {
             let (head, files) = RevisionHead::split(made);
-            (Told::Made(Some(head)), files)
+            (Told::Made(Some(Box::new(head))), files)
         }
         Ok(None) => (Told::Made(None), Files::new()),
         Err(error) => (Told::Failed(Failure::from(&error)), Files::new()),

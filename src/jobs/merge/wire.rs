@@ -22,7 +22,7 @@ const MAX_FILES: u64 = 1 << 24;
 pub(super) enum Told {
     Request(Request),
     /// The last message: the new revision, `None` if the map stays as it was.
-    Made(Option<RevisionHead>),
+    Made(Option<Box<RevisionHead>>),
     /// The last message: the work failed.
     Failed(Failure),
 }
@@ -235,7 +235,7 @@ mod tests {
     fn message() -> Vec<u8> {
         let (head, files) = RevisionHead::split(made());
         let mut bytes = Vec::new();
-        write(&mut bytes, &Told::Made(Some(head)), &files).unwrap();
+        write(&mut bytes, &Told::Made(Some(Box::new(head))), &files).unwrap();
         bytes
     }
 

@@ -97,8 +97,7 @@ async fn a_damaged_mesh_is_replaced_once(storage: Storage) {
     assert!(!replace(12).await, "another request replaced it");
     assert_eq!(bytes_of(storage.read_map_file(&file().await).await.unwrap()).await, b"mesh of 15 byte");
     assert_eq!(bytes().await, before + 11);
-    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
-    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
+    storage.check_no_blob_is_left("a mesh").await;
 }
 
 async fn a_map_is_settled_when_no_work_is_ahead_that_may_replace_it(storage: Storage) {

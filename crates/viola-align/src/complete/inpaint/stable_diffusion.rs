@@ -78,10 +78,10 @@ impl StableDiffusion {
         let negative = tokenizer.encode(&diffusion.negative_prompt).map_err(misfit)?;
         // The prompts are fixed, so their encoder is needed only here.
         let encoder = parts::open(folder, "text_encoder.onnx", params)?;
-        parts::is_text_encoder(&*encoder, tokens.len()).map_err(misfit)?;
-        let prompt = parts::embed(&*encoder, tokens)?;
+        parts::is_text_encoder(&encoder, tokens.len()).map_err(misfit)?;
+        let prompt = parts::embed(&encoder, tokens)?;
         let negative = match diffusion.guidance > 1.0 {
-            true => Some(parts::embed(&*encoder, negative)?),
+            true => Some(parts::embed(&encoder, negative)?),
             false => None,
         };
         drop(encoder);

@@ -96,14 +96,14 @@ impl Parts {
         let prompt: Vec<Option<usize>> = prompt.iter().map(|n| Some(*n)).collect();
         let f32 = Element::F32;
         is(
-            &*encoder,
+            &encoder,
             "vae_encoder.onnx",
             &[("picture", f32, &picture)],
             &[("mean", f32, &of(channels)), ("std", f32, &of(channels))],
         )
         .map_err(&misfit)?;
         is(
-            &*unet,
+            &unet,
             "unet.onnx",
             &[
                 ("sample", f32, &of(2 * channels + 1)),
@@ -113,7 +113,7 @@ impl Parts {
             &[("prediction", f32, &of(channels))],
         )
         .map_err(&misfit)?;
-        is(&*decoder, "vae_decoder.onnx", &[("latents", f32, &of(channels))], &[("picture", f32, &picture)])
+        is(&decoder, "vae_decoder.onnx", &[("latents", f32, &of(channels))], &[("picture", f32, &picture)])
             .map_err(&misfit)?;
         Ok(Parts { encoder, unet, decoder, size: Raster { width, height }, channels, rows, columns })
     }
