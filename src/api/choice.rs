@@ -87,7 +87,7 @@ pub(super) async fn choose_alignment(
 ) -> Result<Resource<Clip>, Error> {
     let chosen = chosen(&body)?;
     to_the_end(async move {
-        let is_expected = is_expected::<Clip, _>(headers);
+        let is_expected = is_expected::<Clip, viola_storage::Clip>(headers);
         let clip = app.storage.choose(&home, clip, chosen, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))
@@ -109,7 +109,7 @@ pub(super) async fn withdraw_alignment(
     headers: HeaderMap,
 ) -> Result<Resource<Clip>, Error> {
     to_the_end(async move {
-        let is_expected = is_expected::<Clip, _>(headers);
+        let is_expected = is_expected::<Clip, viola_storage::Clip>(headers);
         let clip = app.storage.withdraw_choice(&home, clip, is_expected, app.storage.now()).await?;
         app.queue.wake();
         Ok(Resource(clip.into()))

@@ -276,7 +276,7 @@ pub(super) async fn patch_clip(
     headers: HeaderMap,
     Json(patch): Json<ClipPatch>,
 ) -> Result<Resource<Clip>, Error> {
-    let is_expected = is_expected::<Clip, _>(headers);
+    let is_expected = is_expected::<Clip, viola_storage::Clip>(headers);
     let clip = match edit(&app, &home, id, &patch).await? {
         edit if edit == ClipEdit::default() => app.storage.clip(&home, id).await?,
         edit => app.storage.edit_clip(&home, id, edit, is_expected, app.storage.now()).await?,
@@ -320,7 +320,9 @@ pub(super) async fn delete_clip(
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        app.storage.delete_clip(&home, clip, is_expected::<Clip, _>(headers), app.storage.now()).await?;
+        app.storage
+            .delete_clip(&home, clip, is_expected::<Clip, viola_storage::Clip>(headers), app.storage.now())
+            .await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -15,7 +15,7 @@ use serde_json::Value;
 use viola_formats::lidar::{MAX_DISTANCE_M, MAX_SIDE_M};
 use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, RoomCorrection};
-use viola_storage::{ObjectChange, RoomChange};
+use viola_storage::{CorrectionState, ObjectChange, RoomChange};
 
 /// Maximum coordinate of a place in the map's frame: that of a LiDAR map, and the side of one for what lies beside it.
 const MAX_PLACE_M: f64 = MAX_DISTANCE_M + MAX_SIDE_M;
@@ -124,7 +124,8 @@ pub(super) async fn correct_map_object(
 ) -> Result<Resource<CorrectedObject>, Error> {
     let change = object_change(&patch)?;
     to_the_end(async move {
-        let (is_expected, now) = (is_expected::<CorrectedObject, _>(headers), app.storage.now());
+        let (is_expected, now) =
+            (is_expected::<CorrectedObject, CorrectionState<ObjectCorrection>>(headers), app.storage.now());
         let state =
             app.storage.correct::<ObjectCorrection>(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
@@ -164,7 +165,8 @@ pub(super) async fn correct_map_room(
 ) -> Result<Resource<CorrectedRoom>, Error> {
     let change = room_change(&patch)?;
     to_the_end(async move {
-        let (is_expected, now) = (is_expected::<CorrectedRoom, _>(headers), app.storage.now());
+        let (is_expected, now) =
+            (is_expected::<CorrectedRoom, CorrectionState<RoomCorrection>>(headers), app.storage.now());
         let state = app.storage.correct::<RoomCorrection>(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
         Ok(Resource(CorrectedRoom::from(state)))

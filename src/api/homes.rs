@@ -164,7 +164,9 @@ pub(super) async fn delete_home(
     headers: HeaderMap,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        app.storage.delete_home(&home, is_expected::<Home, _>(headers), app.storage.now()).await?;
+        app.storage
+            .delete_home(&home, is_expected::<Home, viola_storage::Home>(headers), app.storage.now())
+            .await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -8,7 +8,7 @@ use utoipa::openapi::{RefOr, Response};
 type Responses = BTreeMap<String, RefOr<Response>>;
 
 fn responses(problems: &[(&str, &str)]) -> Responses {
-    let response = |description: &str| Response::new(description).into();
+    let response = |description: &str| RefOr::T(Response::new(description));
     problems.iter().map(|(status, description)| ((*status).to_owned(), response(description))).collect()
 }
 

@@ -60,12 +60,11 @@ impl Default for WorkerParams {
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
-    let (merged, merge_pace, meshes) = (String::new(), Pace::default(), Arc::default());
+    let (merged, merge_pace, meshes) = Default::default();
     let mut worker = Worker { queue, params, stop, merged, merge_pace, meshes };
     while !worker.stop.is_cancelled() {
         worker.queue_lost().await;
-        // Jobs and merges take turns, so that neither waits until the other queue is empty. A merge waits for the queued clips
-        // of its home for a time, so clips that were sent together are merged once.
+        // They take turns. A merge waits for the queued clips of its home for a time, so that they are merged together.
         let worked = worker.work().await;
         let pause = worker.merge_pace.pause(Instant::now());
         let merged = pause.is_none() && !worker.stop.is_cancelled() && worker.merge().await;
@@ -117,14 +116,13 @@ impl Worker {
         self.queue.wake();
         let job = &claim.job;
         let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
-        let home = job.home.clone();
-        let attempt = Attempt { queue: &self.queue, params: &self.params, claim };
+        let (home, attempt) = (job.home.clone(), Attempt { queue: &self.queue, params: &self.params, claim });
         let has_fault = attempt.run(&self.stop).instrument(span).await;
         self.queue.wake();
         // A job without a result makes no merge due, but the meshes may have waited for its end.
         self.begin_meshes(home);
         if has_fault {
-            // With a full disk it would take job after job, faster than the others do them, and each job would pause.
+            // With a full disk it would take job after job, faster than others do them, and each job would pause.
             let _ = tokio::time::timeout(self.params.retry.first_delay, self.stop.cancelled()).await;
         }
         true
@@ -146,7 +144,7 @@ impl Worker {
             }
         };
         claim.home.tenant().clone_into(merged);
-        let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
+        let span = info_span!("merge", home = %claim.home, tenant = &*merged);
         merge(queue, &claim, params, stop).instrument(span).await;
         self.begin_meshes(claim.home);
         true
@@ -179,8 +177,7 @@ struct Attempt<'a> {
 impl Attempt<'_> {
     /// Returns whether a fault of this machine ended the attempt.
     async fn run(&self, stop: &CancellationToken) -> bool {
-        let job = &self.claim.job;
-        let begun = Instant::now();
+        let (job, begun) = (&self.claim.job, Instant::now());
         // The due time of a further attempt is unknown.
         if self.claim.is_first() {
             metrics::started(self.queue.storage.now().duration_since(job.created_at).unsigned_abs());

@@ -104,8 +104,7 @@ pub fn room_at(rooms: &[Room], point: &Point2, reach_m: f64) -> Option<usize> {
     inside.or_else(|| {
         let near = (0..rooms.len()).filter(|room| rooms[*room].distance_m(point) <= reach_m);
         // A room may lie in a hole of another one.
-        let near = near.map(|room| (rooms[room].off_m(point), room));
-        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+        near.min_by(|a, b| rooms[*a].off_m(point).total_cmp(&rooms[*b].off_m(point)))
     })
 }
 

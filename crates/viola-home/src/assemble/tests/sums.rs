@@ -1,7 +1,9 @@
 //! A home of more clips than the first block has: sums of tiles are kept from merge to merge.
 
+use super::seen::{point, seen};
 use super::*;
 use std::collections::BTreeSet;
+use viola_geometry::Vector3;
 
 /// A corner of two walls with a pillar, seen by a clip at `map_from_clip`.
 fn corner(map_from_clip: &Pose2) -> ClipContribution {
