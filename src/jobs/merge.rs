@@ -63,7 +63,11 @@ pub(super) async fn merge(
             () = running.too_long(limit) => Err(MergeError::TookTooLong { limit }),
         }
     };
-    let merged = running.end(try_merge(&queue.storage, claim, &site, &running), early, *grace).await;
+    let merged = match running.end(try_merge(&queue.storage, claim, &site, &running), early, *grace).await {
+        // Its process was asked to stop before this one was, or it alone.
+        Err(MergeError::Cancelled) => Ok(Merged::Stopped),
+        merged => merged,
+    };
     let took = begun.elapsed();
     let outcome = match &merged {
         Ok(Merged::Revision { .. }) => "revision",

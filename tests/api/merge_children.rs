@@ -101,6 +101,22 @@ async fn a_merge_whose_process_dies_is_repeated() {
     assert_eq!(fs::read_to_string(folder.path().join("tries")).unwrap().lines().count(), 4);
 }
 
+/// A service manager, or Ctrl-C, may ask all processes of a service to stop.
+#[tokio::test]
+async fn a_merge_whose_process_is_asked_to_stop_is_repeated_at_once_and_has_not_failed() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = "case $tries in 1) kill -TERM $$;; 2) kill -INT $$;; esac\nexec tail -f /dev/null";
+    let server = server(script(&folder, lines), JobLimitParams::default()).await;
+    let home = home_of_a_clip(&server).await;
+    eventually("the third process", || async {
+        let tries = fs::read_to_string(folder.path().join("tries")).ok()?;
+        (tries.lines().count() == 3).then_some(())
+    })
+    .await;
+    assert_eq!(server.get(&home).await.ok(200)["map_state"], "due");
+    server.stop().await;
+}
+
 #[tokio::test]
 async fn a_merge_that_takes_too_long_or_is_given_up_ends_its_process() {
     let folder = tempfile::tempdir().unwrap();

@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
+use viola_formats::video::was_asked_to_stop;
 use viola_geometry::progress::Silent;
 
 /// Starts the process and answers it until it has ended. It is killed with `leash`, and ends with this thread. Its standard
@@ -31,7 +32,8 @@ pub(super) fn tend(
     let Some(Pipes { stdin: Some(stdin), stdout }) = started else { return Err(MergeError::Cancelled) };
     let ended = converse(order, limit_bytes, BufReader::new(stdout), BufWriter::new(stdin), link);
     let (status, is_killed) = leash.end().map_err(MergeError::NotStarted)?;
-    ended.unwrap_or_else(|error| match is_killed {
+    // A stop of the service may ask all of its processes to stop.
+    ended.unwrap_or_else(|error| match is_killed || was_asked_to_stop(status) {
         true => Err(MergeError::Cancelled),
         false => Err(without_a_word(status, &error, &last_words(&said), limit_bytes)),
     })
