@@ -26,6 +26,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tracing::{Span, error, info, warn};
+use viola_geometry::progress;
 use viola_home::Manifest;
 use viola_reconstruct::label::SurfaceNetwork;
 use viola_storage::{MergeClaim, Storage, StorageError};
@@ -228,6 +229,8 @@ async fn work(
     sources: &Sources<'_>,
     running: &Arc<Running>,
 ) -> Result<Option<Made>, MergeError> {
+    // The stop may have come to earlier work of this merge, which ended otherwise.
+    progress::check(running.as_ref())?;
     let (mut link, WorkerEnd { mut requests, answers }) = ThreadLink::new();
     let leash = Arc::new(Leash::default());
     let end = match site.child.clone() {
