@@ -6,6 +6,8 @@ use super::wire::{self, AnswerHead, Failure, RevisionHead, Told};
 use super::work::{Answer, Files, Link, Made, Order, Request, make};
 use crate::jobs::child::{ChildParams, Leash, NO_MEMORY, Pipes, last_words, limit_memory};
 use crate::jobs::priority::give_way;
+use serde::de::DeserializeOwned;
+use std::alloc::{Layout, handle_alloc_error};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -96,7 +98,7 @@ pub fn serve_merge(
     rayon::broadcast(|_| ());
     limit_memory(memory_bytes)?;
     let mut link = ProcessLink { input: BufReader::new(input), out: BufWriter::new(out) };
-    let (order, _) = wire::read(&mut link.input, u64::MAX)?;
+    let (order, _) = read(&mut link.input)?;
     let (told, files) = match make(order, &mut link, surface.as_deref(), &Silent) {
         Ok(Some(made)) => {
             let (head, files) = RevisionHead::split(made);
@@ -108,6 +110,15 @@ pub fn serve_merge(
     wire::write(&mut link.out, &told, &files)
 }
 
+/// Reads a message of the worker. If there is no memory for it, the process ends as after any other such allocation.
+fn read<T: DeserializeOwned>(input: &mut impl Read) -> io::Result<(T, Files)> {
+    let message = wire::read(input, u64::MAX);
+    if message.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::OutOfMemory) {
+        handle_alloc_error(Layout::new::<T>());
+    }
+    message
+}
+
 /// The link of a process. An error means that its worker is gone.
 struct ProcessLink<R: Read, W: Write> {
     input: BufReader<R>,
@@ -117,7 +128,7 @@ struct ProcessLink<R: Read, W: Write> {
 impl<R: Read, W: Write> Link for ProcessLink<R, W> {
     fn ask(&mut self, request: Request) -> Result<Answer, MergeError> {
         let answered = wire::write(&mut self.out, &Told::Request(request), &Files::new())
-            .and_then(|()| wire::read::<AnswerHead>(&mut self.input, u64::MAX));
+            .and_then(|()| read::<AnswerHead>(&mut self.input));
         let (head, files) = answered.map_err(|_| MergeError::Abandoned)?;
         head.join(files).ok_or(MergeError::Abandoned)
     }

@@ -175,7 +175,7 @@ pub(super) fn write(out: &mut impl Write, message: &impl Serialize, files: &File
     out.flush()
 }
 
-/// Reads a message of at most `max_bytes`.
+/// Reads a message of at most `max_bytes`. The error of one for which there is no memory is [`io::ErrorKind::OutOfMemory`].
 pub(super) fn read<T: DeserializeOwned>(input: &mut impl Read, max_bytes: u64) -> io::Result<(T, Files)> {
     let mut left = max_bytes;
     let json_length = number(input)?;
@@ -201,6 +201,8 @@ fn number(input: &mut impl Read) -> io::Result<u64> {
 fn bytes(input: &mut impl Read, length: u64, left: &mut u64) -> io::Result<Vec<u8>> {
     *left = left.checked_sub(length).ok_or_else(|| invalid("the message is too long"))?;
     let mut bytes = Vec::new();
+    // A buffer that grows takes up to twice the memory.
+    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
     // A message may tell more than it has.
     if input.by_ref().take(length).read_to_end(&mut bytes)? as u64 != length {
         return Err(io::ErrorKind::UnexpectedEof.into());
@@ -259,6 +261,13 @@ mod tests {
         let level = &levels[0];
         assert_eq!((&level.file.bytes[..], level.last.home_name.as_deref()), (&b"map"[..], Some("Home")));
         assert!(AnswerHead::Levels(Some(Vec::new())).join(vec![None]).is_none());
+    }
+
+    #[test]
+    fn a_message_without_memory_for_it_is_told_apart() {
+        let head = [1 << 60, 0].map(u64::to_le_bytes).concat();
+        let error = read::<Told>(&mut head.as_slice(), u64::MAX).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::OutOfMemory);
     }
 
     #[test]
