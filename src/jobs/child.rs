@@ -30,7 +30,11 @@ use viola_geometry::progress::Progress;
 /// A longer message ends the child.
 const MAX_MESSAGE_BYTES: u64 = 1 << 20;
 /// Most bytes of the child's standard error that go to the log.
-const MAX_SAID_BYTES: u64 = 2000;
+const MAX_SAID_BYTES: usize = 2000;
+/// Bytes at the end of it that have the cause: with `RUST_BACKTRACE` a backtrace follows.
+const MAX_END_BYTES: u64 = 1 << 18;
+/// The line before a backtrace.
+const BACKTRACE: &[u8] = b"stack backtrace:";
 /// Words of a Rust program whose allocation the system refused, before it aborts.
 pub(super) const NO_MEMORY: &str = "memory allocation of ";
 /// Exit status of a Rust program that panicked.
@@ -174,16 +178,48 @@ fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> AttemptE
     }
 }
 
-/// Returns the end of a process's standard error; empty if it cannot be read.
+/// Returns the end of a process's standard error; empty if it cannot be read. It has the cause and the first frames of a backtrace.
 pub(super) fn last_words(file: &Path) -> String {
     let read = || -> io::Result<Vec<u8>> {
         let mut file = File::open(file)?;
         let bytes = file.metadata()?.len();
-        file.seek(SeekFrom::Start(bytes.saturating_sub(MAX_SAID_BYTES)))?;
+        file.seek(SeekFrom::Start(bytes.saturating_sub(MAX_END_BYTES)))?;
         let mut tail = Vec::new();
-        file.take(MAX_SAID_BYTES).read_to_end(&mut tail)?;
+        file.take(MAX_END_BYTES).read_to_end(&mut tail)?;
         Ok(tail)
     };
     let tail = read().unwrap_or_default();
-    String::from_utf8_lossy(&tail).trim().replace(char::is_control, " ")
+    let backtrace = tail.windows(BACKTRACE.len()).rposition(|words| words == BACKTRACE);
+    let end = backtrace.map_or(tail.len(), |at| tail.len().min(at + MAX_SAID_BYTES / 2));
+    let said = &tail[end.saturating_sub(MAX_SAID_BYTES)..end];
+    String::from_utf8_lossy(said).trim().replace(char::is_control, " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_words_have_the_cause_of_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("stderr");
+        let said = |text: String| {
+            fs::write(&file, text).unwrap();
+            last_words(&file)
+        };
+        let (before, frame) = ("a line of a log\n".repeat(20_000), "  17: a frame of a backtrace\n");
+        assert_eq!(said(String::new()), "");
+        assert_eq!(said("died\n".to_owned()), "died");
+        let cause = format!("{NO_MEMORY}9 bytes failed");
+        for frames in [0, 1, 5000] {
+            let backtrace = format!("stack backtrace:\n{}note: that is all\n", frame.repeat(frames));
+            for text in [format!("{before}{cause}\n"), format!("{before}{cause}\n{backtrace}")] {
+                let words = said(text);
+                assert!(words.contains(&cause) && words.len() <= MAX_SAID_BYTES, "{frames} frames: {words}");
+            }
+        }
+        assert!(said(format!("{before}at the end")).ends_with("at the end"));
+        fs::remove_file(&file).unwrap();
+        assert_eq!(last_words(&file), "");
+    }
 }
