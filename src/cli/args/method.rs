@@ -1,7 +1,7 @@
 //! Arguments of the alignment.
 
 use super::completion::CompletionArguments;
-use super::networks::{NetworkArguments, loaded};
+use super::networks::NetworkArguments;
 use crate::cli::video_tools::video_tools;
 use crate::jobs::{JobParams, SurfaceLabels};
 use anyhow::Result;
@@ -25,9 +25,9 @@ impl MethodArguments {
         self.networks.folder().is_some()
     }
 
-    /// Returns the network for the surfaces of homes. One that cannot be used is left out, and the cause is logged.
-    pub fn surface(&self) -> SurfaceLabels {
-        loaded(self.networks.surface(), "surface", &mut Vec::new())
+    /// Returns the network for the surfaces of homes.
+    pub fn surface(&self) -> Result<SurfaceLabels> {
+        self.networks.surface()
     }
 
     /// Refuses values that exclude each other.

@@ -63,12 +63,15 @@ impl WorkerArguments {
     }
 
     pub fn params(&self) -> Result<WorkerParams> {
+        let align = self.method.params()?;
+        // A network that cannot be used now is left out until the next start; one that can be is in every merge.
+        let of_merges = align.align.label.surface.as_ref().map(|_| &self.method);
         Ok(WorkerParams {
             lease: self.lease_seconds,
             retry: RetryPolicy { first_delay: self.retry_seconds, ..RetryPolicy::default() },
-            align: Arc::new(self.method.params()?),
             child: Some(child_params(&self.method)?),
-            merge_child: Some(merge_child_params(&self.method)?),
+            merge_child: Some(merge_child_params(of_merges)?),
+            align: Arc::new(align),
             limits: self.limits(),
             ..WorkerParams::default()
         })

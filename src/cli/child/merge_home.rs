@@ -21,13 +21,17 @@ pub struct MergeHomeArguments {
 pub fn run(arguments: &MergeHomeArguments) -> Result<()> {
     let method: Option<MethodArguments> =
         arguments.method.as_deref().map(serde_json::from_str).transpose()?;
-    let surface = || method.as_ref().and_then(MethodArguments::surface);
+    let surface = || match &method {
+        Some(method) => method.surface().map_err(|error| format!("{error:#}")),
+        None => Ok(None),
+    };
     serve_merge(arguments.memory_bytes, surface, io::stdin().lock(), io::stdout().lock())
         .context("nobody listens")
 }
 
-/// Returns the command that starts this program as a child that merges with the same network.
-pub fn merge_child_params(method: &MethodArguments) -> Result<ChildParams> {
+/// Returns the command that starts this program as a child that merges with the network of `method`, or without one.
+pub fn merge_child_params(method: Option<&MethodArguments>) -> Result<ChildParams> {
+    let Some(method) = method else { return child(&["merge-home"]) };
     let method = serde_json::to_string(method).context("a path is not UTF-8")?;
     child(&["merge-home", "--method", &method])
 }

@@ -17,6 +17,11 @@ pub(in crate::jobs) enum MergeError {
     NotStarted(std::io::Error),
     #[error("the process of the merge ended early: {0}")]
     Died(String),
+    /// An error that the process of the merge told.
+    #[error("{0}")]
+    Told(String),
+    #[error("the surface network cannot be used any more: {0}")]
+    NoNetwork(String),
     #[error("a stored file of the last map is missing or damaged")]
     DamagedMap,
     #[error("the stored files of clip {clip} are missing or damaged; align the clip again")]

@@ -84,11 +84,11 @@ fn without_a_word(status: ExitStatus, error: &io::Error, said: &str, limit_bytes
     MergeError::Died(format!("{status}, {error}: {said}"))
 }
 
-/// Does the work of a merge whose order, and all that it asks for, comes from `input`; `surface` loads its network. Fails if
-/// nobody reads `out`.
+/// Does the work of a merge whose order, and all that it asks for, comes from `input`; `surface` loads its network, without which
+/// the merge fails. Fails if nobody reads `out`.
 pub fn serve_merge(
     memory_bytes: u64,
-    surface: impl FnOnce() -> SurfaceLabels,
+    surface: impl FnOnce() -> Result<SurfaceLabels, String>,
     input: impl Read,
     out: impl Write,
 ) -> io::Result<()> {
@@ -97,9 +97,17 @@ pub fn serve_merge(
     // The network is loaded, and all threads have begun, each with memory for itself: the limit is for the map alone.
     rayon::broadcast(|_| ());
     limit_memory(memory_bytes)?;
-    let mut link = ProcessLink { input: BufReader::new(input), out: BufWriter::new(out) };
+    serve(surface, ProcessLink { input: BufReader::new(input), out: BufWriter::new(out) })
+}
+
+fn serve(
+    surface: Result<SurfaceLabels, String>,
+    mut link: ProcessLink<impl Read, impl Write>,
+) -> io::Result<()> {
     let (order, _) = read(&mut link.input)?;
-    let (told, files) = match make(order, &mut link, surface.as_deref(), &Silent) {
+    let surface = surface.map_err(MergeError::NoNetwork);
+    let made = surface.and_then(|surface| make(order, &mut link, surface.as_deref(), &Silent));
+    let (told, files) = match made {
         Ok(Some(made)) => {
             let (head, files) = RevisionHead::split(made);
             (Told::Made(Some(Box::new(head))), files)
@@ -131,5 +139,24 @@ impl<R: Read, W: Write> Link for ProcessLink<R, W> {
             .and_then(|()| read::<AnswerHead>(&mut self.input));
         let (head, files) = answered.map_err(|_| MergeError::Abandoned)?;
         head.join(files).ok_or(MergeError::Abandoned)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_home::Manifest;
+
+    #[test]
+    fn a_network_that_is_gone_fails_the_merge() {
+        let (mut order, mut out): (Vec<u8>, Vec<u8>) = Default::default();
+        let nothing = Order { last: Manifest::default(), members: Vec::new() };
+        wire::write(&mut order, &nothing, &Files::new()).unwrap();
+        let link = ProcessLink { input: BufReader::new(order.as_slice()), out: BufWriter::new(&mut out) };
+        serve(Err("no such file".to_owned()), link).unwrap();
+        let (told, _) = wire::read(&mut out.as_slice(), 1 << 20).unwrap();
+        let Told::Failed(failure) = told else { panic!("{told:?}") };
+        let cause = MergeError::from(failure).to_string();
+        assert_eq!(cause, "the surface network cannot be used any more: no such file");
     }
 }

@@ -72,7 +72,7 @@ impl From<Failure> for MergeError {
         match failure {
             Failure::DamagedMap => MergeError::DamagedMap,
             Failure::DamagedClip(clip) => MergeError::DamagedClip { clip },
-            Failure::Other(cause) => MergeError::Died(cause),
+            Failure::Other(cause) => MergeError::Told(cause),
         }
     }
 }
