@@ -77,14 +77,21 @@ fn choose(weights: &Weights, params: &RuntimeParams) -> Result<Network, NetworkE
     }
 }
 
-/// Loads a network in `rten` because of an error of the ONNX Runtime that was found.
+/// Loads a network in `rten` because of an error of the ONNX Runtime that was found. If neither loads it, the error has
+/// both causes.
 fn fall_back(
     error: &NetworkError,
     weights: &Weights,
     params: &RuntimeParams,
 ) -> Result<Network, NetworkError> {
     let reason = format!("ONNX Runtime cannot be used: {error}");
-    let network = with_rten::open(weights, params.threads, reason)?;
+    let opened = with_rten::open(weights, params.threads, reason);
+    let network = opened.map_err(|of_rten| match (of_rten, error) {
+        (NetworkError::NotANetwork { file, reason }, NetworkError::NotANetwork { reason: first, .. }) => {
+            NetworkError::NotANetwork { file, reason: format!("{reason}; in ONNX Runtime: {first}") }
+        }
+        (of_rten, _) => of_rten,
+    })?;
     if let Some(warn) = params.warn {
         warn(&format!("{} runs in {}, because {}", weights.name(), network.runtime, network.reason));
     }

@@ -4,7 +4,8 @@ use super::depth::CompletedDepth;
 use image::RgbImage;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Pose3};
-use viola_reconstruct::CloudPoint;
+use viola_reconstruct::cloud::BLACK;
+use viola_reconstruct::{CloudPoint, NO_COLOR};
 
 /// Returns the filled cells of a completed depth as points in the clip frame. A cell on a jump of the depth
 /// belongs to neither side and is left out.
@@ -36,8 +37,12 @@ pub(super) fn points(
             let normal = if normal.dot(&at(x, y).coords) > 0.0 { -normal } else { normal };
             let (position, normal) = (clip_from_camera * at(x, y), clip_from_camera * normal);
             let [u, v] = [x, y].map(|at| (at * step + step / 2) as u32);
+            let color = match picture.get_pixel(u, v).0 {
+                NO_COLOR => BLACK,
+                color => color,
+            };
             points.push(CloudPoint {
-                color: picture.get_pixel(u, v).0,
+                color,
                 ..CloudPoint::new(position.map(|c| c as f32).into(), normal.map(|c| c as f32).into())
             });
         }
@@ -90,6 +95,16 @@ pub(super) fn without_outliers(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use viola_geometry::Pinhole;
+
+    /// Without a colour, the next view would paint them again.
+    #[test]
+    fn points_of_a_black_picture_have_a_colour() {
+        let camera = Pinhole { width: 8, height: 6, fx: 7.0, fy: 7.0, cx: 3.5, cy: 2.5 };
+        let depth = CompletedDepth { camera, depth_m: vec![2.0; 48], filled: vec![true; 48] };
+        let points = points(&depth, &RgbImage::new(32, 24), &Pose3::identity());
+        assert!(points.len() == 24 && points.iter().all(|point| point.color == BLACK), "{points:?}");
+    }
 
     fn point(x: f32, y: f32, z: f32) -> CloudPoint {
         CloudPoint::new([x, y, z], [0.0, 0.0, 1.0])

@@ -9,8 +9,8 @@ use viola_geometry::Pose3;
 
 /// Worlds whose z axis is up (REP 105).
 const WORLDS: [&str; 3] = ["map", "odom", "world"];
-/// Maximum number of poses that are looked for; sources beyond it are not examined. A recording of an hour may have ten, and
-/// a hostile bag has a thousand, each of them as long.
+/// Maximum number of poses that are looked for; sources beyond it are not examined, but for the root of the tree, which comes
+/// last. A recording of an hour may have ten, and a hostile bag has a thousand, each of them as long.
 const MAX_LOOKS: usize = 1_000_000;
 /// Maximum number of notes about sources that were not used.
 const MAX_NOTED: usize = 10;
@@ -44,9 +44,9 @@ pub(super) fn find(bag: &Bag, camera: &str, times_s: &[f64]) -> Path {
     let root = root.filter(|root| !is_robot(bag, root) || topics().next().is_none());
     let of_tree = |world: &str| of_frames(bag, world, camera, times_s);
     let of_topics = topics().map(|(topic, poses)| of_topic(bag, topic, poses, camera, times_s));
-    let sources = named.map(of_tree).chain(of_topics).chain(root.into_iter().map(of_tree));
+    let examined = named.map(of_tree).chain(of_topics).take(MAX_LOOKS / times_s.len().max(1) + 1);
     let mut paths: Vec<Path> = Vec::new();
-    for path in sources.take(MAX_LOOKS / times_s.len().max(1) + 1) {
+    for path in examined.chain(root.into_iter().map(of_tree)) {
         let is_enough = 2 * path.count() >= times_s.len();
         paths.push(path);
         if is_enough {
@@ -147,13 +147,14 @@ fn is_world(frame: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::message::Transform;
     use super::*;
     use crate::clip::layout::trajectory::Timed;
     use crate::container::{Scratch, Spool};
     use std::time::{Duration, Instant};
 
-    #[test]
-    fn a_bag_of_many_pictures_and_topics_ends() {
+    /// Returns a bag of a thousand topics; the last one has a pose, at the time 0.
+    fn with_topics() -> Bag {
         let mut bag = Bag::new(Spool::new(&Scratch::default(), 0).unwrap());
         for topic in 0..1000 {
             let pose = Timed { time_s: 0.0, value: Pose3::identity() };
@@ -161,11 +162,28 @@ mod tests {
             let poses = Poses { world: "odom".into(), child: "robot".into(), poses };
             bag.odometry.insert(format!("/odom/{topic}"), poses);
         }
+        bag
+    }
+
+    #[test]
+    fn a_bag_of_many_pictures_and_topics_ends() {
+        let bag = with_topics();
         assert_eq!(find(&bag, "camera", &[0.0; 2]).from, "/odom/999");
         let times_s = vec![0.0; 100_000];
         let start = Instant::now();
         let path = find(&bag, "camera", &times_s);
         assert_eq!((path.count(), path.poses.len()), (0, times_s.len()));
         assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    }
+
+    /// SLAM nodes without odometry name their world as they like: it is the last source of all.
+    #[test]
+    fn a_world_of_another_name_is_found_behind_many_topics() {
+        let mut bag = with_topics();
+        let pose = Some(Timed { time_s: 0.0, value: Pose3::identity() });
+        bag.frames.add(Transform { parent: "camera_init".into(), child: "camera".into(), pose }, false);
+        let times_s = vec![0.0; 100_000];
+        let path = find(&bag, "camera", &times_s);
+        assert_eq!((path.from.as_str(), path.count()), ("/tf (from camera_init to camera)", times_s.len()));
     }
 }
