@@ -104,7 +104,8 @@ pub fn room_at(rooms: &[Room], point: &Point2, reach_m: f64) -> Option<usize> {
     inside.or_else(|| {
         let near = (0..rooms.len()).filter(|room| rooms[*room].distance_m(point) <= reach_m);
         // A room may lie in a hole of another one.
-        near.min_by(|a, b| rooms[*a].off_m(point).total_cmp(&rooms[*b].off_m(point)))
+        let near = near.map(|room| (rooms[room].off_m(point), room));
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
     })
 }
 
@@ -112,10 +113,6 @@ pub fn room_at(rooms: &[Room], point: &Point2, reach_m: f64) -> Option<usize> {
 /// fused map, in the LiDAR map's frame; it may be empty.
 pub fn rooms(lidar: &LidarMap, points: &[MapPoint]) -> Vec<Room> {
     let space = Space::new(lidar, points);
-    rooms_in(lidar, &space)
-}
-
-fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
     // 0 is no room; room numbers start at 1.
     let mut owner: Grid<u32> = Grid::filled(space.frame, 0);
     let known = &lidar.rooms[..lidar.rooms.len().min(MAX_ROOMS)];
@@ -127,14 +124,14 @@ fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
         }
     }
     if !known.is_empty() {
-        let shapes = shapes(&owner, known.len(), space);
+        let shapes = shapes(&owner, known.len(), &space);
         let named = shapes.into_iter().zip(known).filter_map(|(shape, room)| {
             Some(shape?.into_room(room.id.clone(), room.name.clone(), RoomSource::LidarMap))
         });
         return named.collect();
     }
-    let count = partition::partition(space, &mut owner, MAX_ROOMS);
-    let mut shapes: Vec<Shape> = shapes(&owner, count, space).into_iter().flatten().collect();
+    let count = partition::partition(&space, &mut owner, MAX_ROOMS);
+    let mut shapes: Vec<Shape> = shapes(&owner, count, &space).into_iter().flatten().collect();
     shapes.retain(|shape| shape.outline.area_m2() >= MIN_AREA_M2);
     shapes.sort_by(|a, b| {
         let order = b.outline.area_m2().total_cmp(&a.outline.area_m2());
