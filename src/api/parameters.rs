@@ -2,7 +2,6 @@
 //! filter or `dry_run` would otherwise do something else than its sender means.
 
 use super::error::Error;
-use super::extract::invalid_query;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
@@ -73,11 +72,11 @@ pub(super) async fn refuse_unknown(
                 let name: String = name.chars().take(MAX_NAME_CHARACTERS).collect();
                 let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
                 let detail = format!("the operation has no query parameter `{name}`; it has {known}");
-                return Err(invalid_query(name, detail));
+                return Err(Error::InvalidQuery { field: Some(name.into()), detail });
             }
             if seen.contains(&name) {
                 let detail = format!("the query has the parameter `{name}` twice");
-                return Err(invalid_query(name.into_owned(), detail));
+                return Err(Error::InvalidQuery { field: Some(name.into_owned().into()), detail });
             }
             seen.push(name);
         }

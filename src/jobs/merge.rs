@@ -14,7 +14,7 @@ pub use process::serve_merge;
 
 use super::child::{ChildParams, KilledOnDrop, Leash};
 use super::limits::{JobLimits, merge_limits};
-use super::worker::WorkerParams;
+use super::params::WorkerParams;
 use super::{Queue, give_way, metrics};
 pub(super) use error::MergeError;
 use process::tend;

@@ -1,14 +1,15 @@
 //! A worker: claims and runs one job after the other.
 
-use super::align_clip::{Finished, JobParams, LevelFile, align_clip};
+use super::align_clip::{Finished, JobParams, LevelFile};
 use super::attempt_error::{AttemptError, MethodResult};
-use super::child::{ChildParams, run_in_child};
-use super::limits::{JobLimitParams, JobLimits};
+use super::child::run_in_child;
+use super::limits::JobLimits;
 use super::merge::merge;
 use super::mesh::{WaitingHomes, begin_meshes};
 use super::outcome::detail;
 use super::pace::Pace;
-use super::run::{Inputs, Method, Working, run_here};
+use super::params::WorkerParams;
+use super::run::{Inputs, Working, run_here};
 use super::shared_progress::SharedProgress;
 use super::{POLL, Queue, metrics};
 use std::pin::pin;
@@ -17,46 +18,12 @@ use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
-use viola_storage::{AttemptEnd, Claim, Fault, HomeId, JobProgress, JobState, RetryPolicy, StorageError};
+use viola_storage::{AttemptEnd, Claim, Fault, HomeId, JobProgress, JobState, StorageError};
 
 /// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);
 /// Interval at which progress within a stage is recorded.
 const PROGRESS_EVERY: Duration = Duration::from_secs(1);
-
-/// Options of a worker.
-#[derive(Debug, Clone)]
-pub struct WorkerParams {
-    /// Lease of a job without a heartbeat. A heartbeat is due after a third of it.
-    pub lease: Duration,
-    /// Time that the method may take to stop when the server stops.
-    pub grace: Duration,
-    pub retry: RetryPolicy,
-    /// The function that does a job.
-    pub method: Method,
-    /// The same for every job, with its seed, so that the same clip and map always give the same answer.
-    pub align: Arc<JobParams>,
-    /// Child process of each job. Without it jobs run in this process, without a limit of memory.
-    pub child: Option<ChildParams>,
-    /// Child process of each merge; without it merges run in this process, too.
-    pub merge_child: Option<ChildParams>,
-    pub limits: JobLimitParams,
-}
-
-impl Default for WorkerParams {
-    fn default() -> WorkerParams {
-        WorkerParams {
-            lease: Duration::from_secs(30),
-            grace: Duration::from_secs(10),
-            retry: RetryPolicy::default(),
-            method: align_clip,
-            align: Arc::default(),
-            child: None,
-            merge_child: None,
-            limits: JobLimitParams::default(),
-        }
-    }
-}
 
 /// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
