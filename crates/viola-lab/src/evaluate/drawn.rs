@@ -13,7 +13,7 @@ use std::sync::Arc;
 use viola_align::{AlignParams, FREE_CELL_M, HIT_SPACING_M, Hit, Observation, Target, VirtualScan};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Grid, LevelName, Point2, Pose2, Vector2};
+use viola_geometry::{Grid, LevelName, Point2, Pose2, Vector2, cell_of};
 use viola_reconstruct::{CloudPoint, FloorReport, Label, PointCloud};
 
 /// Parameters of drawn clips.
@@ -230,10 +230,6 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
         cameras: path.iter().map(|camera| clip_from_map.compose(camera)).collect(),
         landmarks: Vec::new(),
     }
-}
-
-fn cell_of(point: &Point2, side_m: f64) -> [i32; 2] {
-    [point.x, point.y].map(|c| (c / side_m).floor() as i32)
 }
 
 /// Returns a ray's free length, and the range to the middle of the first occupied cell, if any. The ray ends
