@@ -1,6 +1,6 @@
 //! Scores found objects against the truth.
 
-use super::instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
+use super::instances::{Instance, LabelledMesh, along_axes};
 use super::matching::{Matches, Thing, matches};
 use crate::evaluate::cells::Cells;
 use serde::Serialize;
@@ -76,15 +76,12 @@ pub fn score_objects(
         counted.push((found, world_box));
     }
     let thing = |class: Class, bounds: UprightBox| Thing { class, bounds };
-    let in_world = |of: &[(&Found, UprightBox)]| -> Vec<Thing> {
-        of.iter().map(|(found, bounds)| thing(found.object.class, *bounds)).collect()
-    };
-    let found_in_world = in_world(&counted);
-    let found_in_map: Vec<Thing> =
-        counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
+    let found_in_world: Vec<Thing> =
+        counted.iter().map(|(found, bounds)| thing(found.object.class, *bounds)).collect();
+    let found_in_map: Vec<Thing> = counted.iter().map(|(found, _)| Thing::of(&found.object)).collect();
     let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
     let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
-    let oriented = matches(&truth_in_map, &[], &found_in_map, MIN_EXTENT_M);
+    let oriented = matches(&truth_in_map, &[], &found_in_map);
     for (f, _) in oriented.of_truth.iter().flatten() {
         rows[*f].right = true;
     }
@@ -104,7 +101,7 @@ pub fn score_objects(
     });
     ObjectScore {
         truth: truth_rows.collect(),
-        along_axes: matches(&truth_in_world, &[], &found_in_world, MIN_EXTENT_M),
+        along_axes: matches(&truth_in_world, &[], &found_in_world),
         oriented,
         unjudged,
         found: rows,
