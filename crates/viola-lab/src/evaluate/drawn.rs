@@ -3,6 +3,7 @@
 //! They need no pictures and no mesh, so every map with free cells can be evaluated; the map itself is the
 //! ground truth.
 
+use super::suite::map_fingerprint;
 use super::survey::bell;
 use super::{Case, DrawnError, RunError, Sample, Suite};
 use rand::{RngExt, SeedableRng};
@@ -106,7 +107,7 @@ impl Suite for DrawnClips {
 
     fn fingerprint(&self) -> String {
         let DrawnParams { seed, noise_m, outliers, clips: _, frames: _ } = &self.params;
-        let maps: Vec<String> = self.maps.iter().map(|map| format!("{:?}", map.lidar.info)).collect();
+        let maps: Vec<String> = self.maps.iter().map(|map| map_fingerprint(&map.lidar)).collect();
         format!("{seed} {noise_m} {outliers} {}", maps.join(" "))
     }
 
@@ -290,7 +291,23 @@ fn observation(scan: VirtualScan, vacuum_height_m: f64) -> Observation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::{Home, HomeParams, Set};
     use viola_geometry::GridFrame;
+
+    #[test]
+    fn a_map_with_another_wall_has_another_fingerprint() {
+        let fingerprint = |lidar: &LidarMap| {
+            let target = Arc::new(Target::new(lidar).unwrap());
+            let lidar = Arc::new(lidar.clone());
+            let map = Map { path: String::new(), lidar, target, places_m: Vec::new() };
+            let params = DrawnParams::default();
+            DrawnClips { params, maps: vec![map], cases: Vec::new(), draws: Vec::new() }.fingerprint()
+        };
+        let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 6)).survey().lidar_map().unwrap();
+        let before = fingerprint(&lidar);
+        lidar.occupied_m[0].x += 0.5;
+        assert_ne!(fingerprint(&lidar), before);
+    }
 
     /// Cameras at 20 to 30 cm from a wall. A few of their rays end where outliers begin, but for rounding.
     #[test]
