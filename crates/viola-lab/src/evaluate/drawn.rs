@@ -4,8 +4,8 @@
 //! ground truth.
 
 use super::suite::map_fingerprint;
-use super::survey::bell;
 use super::{Case, DrawnError, RunError, Sample, Suite};
+use crate::simulate::gaussian;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashSet;
@@ -223,7 +223,7 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
             let [x, y] = cell_of(&hit.point_m, FREE_CELL_M);
             (-2..=2).for_each(|dx| (-2..=2).for_each(|dy| _ = free_cells.remove(&[x + dx, y + dy])));
         }
-        hit.point_m += Vector2::new(bell(rng), bell(rng)) * drawn.noise_m;
+        hit.point_m += Vector2::new(gaussian(rng), gaussian(rng)) * drawn.noise_m;
     }
     let mut free_cells: Vec<[i32; 2]> = free_cells.into_iter().collect();
     free_cells.sort_unstable();
