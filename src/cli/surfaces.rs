@@ -78,7 +78,7 @@ fn surfaces_of_home(
         let surface =
             labelled_surface(clip, &objects, &AlignParams { seed, ..AlignParams::default() }, &Silent)?;
         if let Some(surface) = surface {
-            output::write_bytes(&path, &surface.bytes)?;
+            output::write_bytes(&path, surface)?;
         }
     }
     Ok(())

@@ -5,6 +5,7 @@
 //! clips with every [`Method`], [`tabulate`] makes the table, and [`plot`] draws.
 
 mod calibration;
+mod cells;
 mod draw;
 mod drawn;
 mod error;

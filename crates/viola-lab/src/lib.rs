@@ -3,6 +3,7 @@
 
 pub mod evaluate;
 mod mesh;
+mod pairs;
 pub mod paper;
 pub mod simulate;
 pub mod surfaces;

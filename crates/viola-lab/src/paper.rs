@@ -120,15 +120,21 @@ pub fn register(
     decide(&mut alignment, &descended, &hits_m, &nearest);
     if let Some(best) = alignment.map_from_clip {
         let placed: Vec<Point2> = hits_m.iter().map(|hit| best.apply(hit)).collect();
-        let placed = Nearest::new(&placed);
-        let covered = target.points_m.iter().filter(|p| placed.distance_m(p) < INLIER_M).count();
-        alignment.coverage = Some(covered as f64 / target.points_m.len() as f64);
+        alignment.coverage = Some(covered(target, &placed));
     }
     Ok(alignment)
 }
 
 /// Maximum distance of an inlier, for the report only.
 const INLIER_M: f64 = 0.1;
+
+/// Returns the fraction of a map's points with a hit within [`INLIER_M`].
+pub(crate) fn covered(target: &Target, hits_m: &[Point2]) -> f64 {
+    let hits = Nearest::new(hits_m);
+    let count = target.points_m.iter().filter(|point| hits.distance_m(point) < INLIER_M).count();
+    count as f64 / target.points_m.len() as f64
+}
+
 /// Maximum number of alternatives.
 const ALTERNATIVES: usize = 8;
 

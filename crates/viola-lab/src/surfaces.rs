@@ -11,30 +11,25 @@ use viola_geometry::{Point3, Pose3, Vector3};
 pub const REACH_M: f64 = 0.08;
 
 /// Class byte of points without a true surface nearby.
-pub const UNKNOWN: u8 = 255;
+const UNKNOWN: u8 = 255;
 
-/// Bytes of a point in [`SurfaceFile`].
-pub const RECORD_BYTES: usize = 16;
+/// Bytes of a point.
+const RECORD_BYTES: usize = 16;
 
-/// A labelled surface in the clip frame: z up, the floor at z = 0.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SurfaceFile {
-    /// Little-endian. The number of points (u32), [`RECORD_BYTES`] for each point, then the objects.
-    ///
-    /// A point: x, y, z in millimetres (i16), the unit normal in 127ths (3 x i8), red, green, blue (u8), the
-    /// class's id or [`UNKNOWN`] (u8), 0 (u8), the number of the object that gave it its class (u16, 0 for none).
-    /// An object, the first is number 1: the centre of its box and its size in metres, its yaw in radians
-    /// (7 x f32).
-    pub bytes: Vec<u8>,
-}
-
-/// Fuses a recording and labels its points by the truth. None if the method found no floor.
+/// Fuses a recording and labels its points by the truth. Returns the file of the surface in the clip frame, z up and the
+/// floor at z = 0; none if the method found no floor.
+///
+/// Little-endian. The number of points (u32), 16 bytes for each point, then the objects.
+///
+/// A point: x, y, z in millimetres (i16), the unit normal in 127ths (3 x i8), red, green, blue (u8), the class's id or 255
+/// (u8), 0 (u8), the number of the object that gave it its class (u16, 0 for none). An object, the first is number 1: the
+/// centre of its box and its size in metres, its yaw in radians (7 x f32).
 pub fn labelled_surface(
     recorded: SimulatedClip,
     objects: &[HomeObject],
     params: &AlignParams,
     progress: &dyn Progress,
-) -> Result<Option<SurfaceFile>, AlignError> {
+) -> Result<Option<Vec<u8>>, AlignError> {
     let recorded = Arc::new(recorded);
     let clip = crate::simulate::clip_in_memory(recorded.clone());
     let observation = observe(&clip, None, params, progress)?;
@@ -70,7 +65,7 @@ pub fn labelled_surface(
             bytes.extend_from_slice(&(*value as f32).to_le_bytes());
         }
     }
-    Ok(Some(SurfaceFile { bytes }))
+    Ok(Some(bytes))
 }
 
 #[cfg(test)]
@@ -94,8 +89,8 @@ mod tests {
         let clip = home.clip(&home.survey(), 0, &ClipParams { frames: 8, ..ClipParams::default() });
         let objects = home.objects_alone();
         let surface = labelled_surface(clip, &objects, &AlignParams::default(), &Silent).unwrap().unwrap();
-        let points = u32::from_le_bytes(surface.bytes[..4].try_into().unwrap()) as usize;
-        let (records, boxes) = surface.bytes[4..].split_at(points * RECORD_BYTES);
+        let points = u32::from_le_bytes(surface[..4].try_into().unwrap()) as usize;
+        let (records, boxes) = surface[4..].split_at(points * RECORD_BYTES);
         assert_eq!(boxes.len(), objects.len() * 28);
         let record = |bytes: &[u8]| Record {
             position_m: [0, 2, 4].map(|k| f32::from(i16::from_le_bytes([bytes[k], bytes[k + 1]])) / 1000.0),

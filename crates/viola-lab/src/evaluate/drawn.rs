@@ -3,8 +3,9 @@
 //! They need no pictures and no mesh, so every map with free cells can be evaluated; the map itself is the
 //! ground truth.
 
-use super::survey::bell;
+use super::suite::map_fingerprint;
 use super::{Case, DrawnError, RunError, Sample, Suite};
+use crate::simulate::gaussian;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashSet;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 use viola_align::{AlignParams, FREE_CELL_M, HIT_SPACING_M, Hit, Observation, Target, VirtualScan};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Grid, LevelName, Point2, Pose2, Vector2};
+use viola_geometry::{Grid, LevelName, Point2, Pose2, Vector2, cell_of};
 use viola_reconstruct::{CloudPoint, FloorReport, Label, PointCloud};
 
 /// Parameters of drawn clips.
@@ -106,7 +107,7 @@ impl Suite for DrawnClips {
 
     fn fingerprint(&self) -> String {
         let DrawnParams { seed, noise_m, outliers, clips: _, frames: _ } = &self.params;
-        let maps: Vec<String> = self.maps.iter().map(|map| format!("{:?}", map.lidar.info)).collect();
+        let maps: Vec<String> = self.maps.iter().map(|map| map_fingerprint(&map.lidar)).collect();
         format!("{seed} {noise_m} {outliers} {}", maps.join(" "))
     }
 
@@ -214,12 +215,15 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
     for hit in &mut hits {
         if rng.random_bool(drawn.outliers) {
             let way = hit.point_m - hit.from_m;
-            hit.point_m = hit.from_m + way * rng.random_range(NEAR_M / way.norm()..1.0);
+            let nearest = NEAR_M / way.norm();
+            // The length of the nearest hits may be rounded down to `NEAR_M` or less: they have no place before them.
+            let part = if nearest < 1.0 { rng.random_range(nearest..1.0) } else { 1.0 };
+            hit.point_m = hit.from_m + way * part;
             // Cells around an outlier are not seen as free.
             let [x, y] = cell_of(&hit.point_m, FREE_CELL_M);
             (-2..=2).for_each(|dx| (-2..=2).for_each(|dy| _ = free_cells.remove(&[x + dx, y + dy])));
         }
-        hit.point_m += Vector2::new(bell(rng), bell(rng)) * drawn.noise_m;
+        hit.point_m += Vector2::new(gaussian(rng), gaussian(rng)) * drawn.noise_m;
     }
     let mut free_cells: Vec<[i32; 2]> = free_cells.into_iter().collect();
     free_cells.sort_unstable();
@@ -230,10 +234,6 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
         cameras: path.iter().map(|camera| clip_from_map.compose(camera)).collect(),
         landmarks: Vec::new(),
     }
-}
-
-fn cell_of(point: &Point2, side_m: f64) -> [i32; 2] {
-    [point.x, point.y].map(|c| (c / side_m).floor() as i32)
 }
 
 /// Returns a ray's free length, and the range to the middle of the first occupied cell, if any. The ray ends
@@ -285,5 +285,41 @@ fn observation(scan: VirtualScan, vacuum_height_m: f64) -> Observation {
         }),
         scan,
         ..Observation::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Home, HomeParams, Set};
+    use viola_geometry::GridFrame;
+
+    #[test]
+    fn a_map_with_another_wall_has_another_fingerprint() {
+        let fingerprint = |lidar: &LidarMap| {
+            let target = Arc::new(Target::new(lidar).unwrap());
+            let lidar = Arc::new(lidar.clone());
+            let map = Map { path: String::new(), lidar, target, places_m: Vec::new() };
+            let params = DrawnParams::default();
+            DrawnClips { params, maps: vec![map], cases: Vec::new(), draws: Vec::new() }.fingerprint()
+        };
+        let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 6)).survey().lidar_map().unwrap();
+        let before = fingerprint(&lidar);
+        lidar.occupied_m[0].x += 0.5;
+        assert_ne!(fingerprint(&lidar), before);
+    }
+
+    /// Cameras at 20 to 30 cm from a wall. A few of their rays end where outliers begin, but for rounding.
+    #[test]
+    fn every_hit_may_be_an_outlier() {
+        let frame = GridFrame { origin_m: [0.0, 0.0], cell_m: 0.05, width: 40, height: 820 };
+        let mut cells = Grid::filled(frame, Cell::Free);
+        (0..frame.height).for_each(|y| cells.set(30, y, Cell::Occupied));
+        let at = |i: i32| Pose2::new(1.2 + 0.005 * f64::from(i % 20), 0.5 + 0.2 * f64::from(i), 0.0);
+        let path: Vec<Pose2> = (0..200).map(at).collect();
+        let drawn = DrawnParams { outliers: 1.0, noise_m: 0.0, ..DrawnParams::default() };
+        let scan = look(&cells, &path, &drawn, &mut ChaCha8Rng::seed_from_u64(0));
+        assert!(scan.hits.len() > 500, "{}", scan.hits.len());
+        assert!(scan.hits.iter().all(|hit| (hit.point_m - hit.from_m).norm() > 0.3 - 1e-9));
     }
 }

@@ -221,6 +221,11 @@ mod tests {
             .collect()
     }
 
+    fn listed(right: bool, distance_m: f64, blocked_rays: f64) -> Listed {
+        let evidence = Evidence { distance_m, blocked_rays, ..Evidence::default() };
+        Listed { right, evidence: Some(evidence), ..Listed::example() }
+    }
+
     fn model((intercept, coefficients): (f64, Vec<Coefficient>)) -> Model {
         Model { intercept, coefficients, ..MODEL.clone() }
     }
@@ -259,10 +264,6 @@ mod tests {
     /// In half of the clips of three homes, the true pose has more distance and fewer blocked rays than the wrong one.
     #[test]
     fn a_loss_is_learned_only_if_it_ranks_other_homes_better() {
-        let listed = |right: bool, distance_m: f64, blocked_rays: f64| {
-            let evidence = Evidence { distance_m, blocked_rays, ..Evidence::default() };
-            Listed { right, evidence: Some(evidence), ..Listed::example() }
-        };
         let clips = |blocked_rays: f64| -> Vec<ClipResult> {
             let example = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)));
             let clip = |i: usize| {
@@ -289,10 +290,6 @@ mod tests {
     /// The learned loss may turn the ranks; the probability is that of the new first.
     #[test]
     fn answers_are_ranked_by_the_learned_loss() {
-        let listed = |right: bool, distance_m: f64, blocked_rays: f64| {
-            let evidence = Evidence { distance_m, blocked_rays, ..Evidence::default() };
-            Listed { right, evidence: Some(evidence), ..Listed::example() }
-        };
         let result = ClipResult {
             alternatives: vec![listed(false, 0.02, 1.0), listed(true, 0.03, 0.0)],
             ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)))

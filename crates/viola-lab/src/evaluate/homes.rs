@@ -2,15 +2,15 @@
 
 use super::oracle::Oracle;
 use super::{Case, RunError, Sample, Suite, Unit};
-use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, clip_in_memory};
+use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, clip_in_memory};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use viola_align as align;
 use viola_align::{AlignParams, Target};
+use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_geometry::progress::Progress;
-use viola_reconstruct::LabelParams;
 
 /// Suffix of sets whose clips get the map of another home.
 const FOREIGN: &str = "-foreign";
@@ -49,6 +49,22 @@ impl Default for HomesParams {
             drift: ClipParams::default().drift,
             unit: Unit::Metres,
         }
+    }
+}
+
+impl HomesParams {
+    /// Returns a recording as a clip, and the parameters to align it.
+    pub(super) fn clip_of(
+        &self,
+        recorded: &Arc<SimulatedClip>,
+        seed: u64,
+        params: &AlignParams,
+    ) -> (Clip, AlignParams) {
+        let mut params = params.clone();
+        let Some(accuracy) = self.picture_labels else { return (clip_in_memory(recorded.clone()), params) };
+        let (clip, oracle) = Oracle::with_clip(recorded.clone(), accuracy, seed);
+        params.label.segmenter = Some(oracle);
+        (clip, params)
     }
 }
 
@@ -184,18 +200,11 @@ impl Suite for HomeClips {
         let unknowable = (set == Set::Repeated && !foreign).then_some(recorded.truth.unknowable);
         let recorded = if self.params.withhold_poses { recorded.without_poses() } else { recorded };
         let recorded = Arc::new(recorded);
-        let (clip, label) = match self.params.picture_labels {
-            Some(accuracy) => {
-                let (clip, oracle) = Oracle::with_clip(recorded.clone(), accuracy, seed);
-                (clip, LabelParams { segmenter: Some(oracle), ..params.label.clone() })
-            }
-            None => (clip_in_memory(recorded.clone()), params.label.clone()),
-        };
-        let params = &AlignParams { label, ..params.clone() };
+        let (clip, params) = self.params.clip_of(&recorded, seed, params);
         let targets: Vec<&Target> =
             map.target.iter().chain(others.iter().flatten()).map(Arc::as_ref).collect();
         let (clip, scale) = self.params.unit.applied(clip, seed * 1000 + number);
-        let observation = align::observe_any_scale(&targets, &clip, None, params, progress)
+        let observation = align::observe_any_scale(&targets, &clip, None, &params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         let first = observation.first_camera.as_ref().map_or(0, |camera| camera.index);
         let map_from_clip = (!foreign).then(|| recorded.map_from_frame(&mapped.survey, first));

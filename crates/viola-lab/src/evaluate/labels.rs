@@ -17,6 +17,7 @@ pub use together::together;
 pub use truth::{Folding, Truth, TruthError};
 
 use super::calibration::Calibration;
+use super::cells::Cells;
 use confusion::Confusion;
 use image::RgbImage;
 use rustc_hash::{FxHashMap, FxHasher};
@@ -34,7 +35,7 @@ use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_geometry::taxonomy::CLASSES;
 use viola_reconstruct::label::{self, ClassMap, SegmentError, Segmenter};
-use viola_reconstruct::{Label, LabelParams, PointCloud};
+use viola_reconstruct::{LabelParams, PointCloud};
 
 /// Accuracy of one labelling variant.
 #[derive(Debug, Clone, Serialize)]
@@ -259,26 +260,13 @@ struct Said {
 
 impl Said {
     fn of(cloud: &PointCloud, truth: &Truth, place: impl Fn(&Point3) -> Point3) -> Said {
-        let cell = |p: &Point3| [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32);
-        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, Label)>> = FxHashMap::default();
-        for point in &cloud.points {
-            let at = point.position();
-            cells.entry(cell(&at)).or_default().push((at, point.label));
-        }
+        let cells = Cells::new(NEAR_M, cloud.points.iter().map(|point| (point.position(), point)));
         let nearest = |vertex: &Point3| {
             let at = place(vertex);
-            let [x, y, z] = cell(&at);
-            let mut best = (NEAR_M, None);
-            for step in 0..27 {
-                let key = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
-                for (p, label) in cells.get(&key).into_iter().flatten() {
-                    let distance_m = (p - at).norm();
-                    if distance_m < best.0 {
-                        best = (distance_m, Some((coarse(label.class), label.probability())));
-                    }
-                }
-            }
-            best.1
+            let around = cells.around(&at).map(|point| ((point.position() - at).norm(), point.label));
+            let near = around.filter(|(distance_m, _)| *distance_m < NEAR_M);
+            let (_, label) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            Some((coarse(label.class), label.probability()))
         };
         Said { classes: truth.vertices_m.iter().map(nearest).collect() }
     }
@@ -346,7 +334,7 @@ pub fn markdown(rows: &[LabelRow]) -> String {
 mod tests {
     use super::*;
     use viola_geometry::Pose3;
-    use viola_reconstruct::CloudPoint;
+    use viola_reconstruct::{CloudPoint, Label};
 
     /// Four labelled vertices, one metre apart. Points are near the first two, pictures see the first three.
     #[test]

@@ -1,7 +1,7 @@
 //! Record of one clip and one method.
 
 use super::{Case, SUCCESS_DEG, SUCCESS_M, Sample};
-use crate::paper::Nearest;
+use crate::paper::covered;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use viola_align::{Alignment, AlignmentState, Alternative, Evidence, MODEL};
@@ -223,7 +223,6 @@ pub(super) struct Seconds {
 /// Returns the fraction of the map's points with a hit within 0.1 m when the clip is at its true pose; none without a
 /// true pose.
 pub(super) fn coverage(sample: &Sample) -> Option<f64> {
-    const NEAR_M: f64 = 0.1;
     let map_from_clip = sample.map_from_clip?;
     let place = |hit: &viola_align::Hit| map_from_clip.apply(&hit.point_m);
     let hits: Vec<Point2> = sample.observation.scan.hits.iter().map(place).collect();
@@ -231,7 +230,5 @@ pub(super) fn coverage(sample: &Sample) -> Option<f64> {
     if hits.is_empty() {
         return Some(0.0);
     }
-    let hits = Nearest::new(&hits);
-    let covered = target.points_m.iter().filter(|point| hits.distance_m(point) < NEAR_M).count();
-    Some(covered as f64 / target.points_m.len().max(1) as f64)
+    Some(covered(target, &hits))
 }

@@ -1,5 +1,6 @@
 //! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
+use super::suite::map_fingerprint;
 use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams, Unit, labels};
 use nalgebra::UnitQuaternion;
 use serde::Deserialize;
@@ -114,9 +115,8 @@ impl Suite for SceneClips {
 
     fn fingerprint(&self) -> String {
         let Scene { name, clip, lidar, map_from_world, .. } = &self.scene;
-        let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
-        let unit = self.unit.fingerprint();
-        format!("{name} {:?} {:?} {sum} {map_from_world:?}{unit}", clip.info(), lidar.info)
+        let (map, unit) = (map_fingerprint(lidar), self.unit.fingerprint());
+        format!("{name} {:?} {map} {map_from_world:?}{unit}", clip.info())
     }
 
     fn sample(

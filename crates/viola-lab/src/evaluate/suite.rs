@@ -103,6 +103,12 @@ impl Unit {
     }
 }
 
+/// Returns the part of a fingerprint for a map. Maps with the same counts and bounds differ by the order of their points.
+pub(super) fn map_fingerprint(lidar: &LidarMap) -> String {
+    let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
+    format!("{:?} {sum}", lidar.info)
+}
+
 /// Clips with their truth, made one at a time by several threads.
 pub trait Suite: Sync {
     fn cases(&self) -> &[Case];

@@ -2,11 +2,11 @@
 //! mesh, rays in all directions, noise, and lost hits.
 
 use super::{Mesh, Section};
+use crate::simulate::{csv, gaussian};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashSet;
 use std::f64::consts::TAU;
-use std::fmt::Write;
 use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Pose3, Vector2};
 
@@ -89,7 +89,7 @@ impl Survey {
                 let angle = TAU * ray as f64 / RAYS as f64;
                 let toward = Vector2::new(angle.cos(), angle.sin());
                 // Random numbers for every ray, so that a sensor's hits do not depend on another's misses.
-                let noise = Vector2::new(bell(&mut rng), bell(&mut rng)) * params.noise_m;
+                let noise = Vector2::new(gaussian(&mut rng), gaussian(&mut rng)) * params.noise_m;
                 let is_lost = rng.random_bool(params.drop_out);
                 let Some(range_m) = section.range_m(sensor, &toward, RANGE_M) else { continue };
                 let point = map_from_world.apply(&(sensor + toward * range_m + noise));
@@ -105,19 +105,8 @@ impl Survey {
 
     /// Returns the points as CSV that the map readers accept.
     pub fn points_csv(&self) -> String {
-        let mut out = String::from("x_m,y_m\n");
-        for point in &self.points_m {
-            // Writing to a string cannot fail.
-            let _ = writeln!(out, "{:.4},{:.4}", point.x, point.y);
-        }
-        out
+        csv(&self.points_m)
     }
-}
-
-/// Returns a normally distributed number (Box and Muller, 1958).
-pub(super) fn bell(rng: &mut ChaCha8Rng) -> f64 {
-    let u: f64 = 1.0 - rng.random::<f64>();
-    (-2.0 * u.ln()).sqrt() * (TAU * rng.random::<f64>()).cos()
 }
 
 /// Returns the height with the most level surface below all cameras.

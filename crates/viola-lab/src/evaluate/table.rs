@@ -6,6 +6,7 @@ pub use markdown::markdown;
 
 use super::{Calibration, ClipResult};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::fmt::Write;
 use viola_align::AlignmentState;
 
@@ -196,7 +197,7 @@ pub fn clips_csv(results: &[ClipResult]) -> String {
             out,
             "{},{},{},{},{},{},{state},{},{},{},{},{},{},{},{},{},{},{:.4},{:.4},{},{}",
             r.method,
-            r.set,
+            field(&r.set),
             r.frames,
             r.clip,
             r.first_frame,
@@ -220,9 +221,29 @@ pub fn clips_csv(results: &[ClipResult]) -> String {
     out
 }
 
+/// Returns text as a CSV field (RFC 4180): a set may have the name of a folder.
+fn field(text: &str) -> Cow<'_, str> {
+    let is_plain = !text.contains([',', '"', '\n', '\r']);
+    if is_plain { Cow::Borrowed(text) } else { Cow::Owned(format!("\"{}\"", text.replace('"', "\"\""))) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_name_of_a_set_is_one_field() {
+        let example = ClipResult::example(AlignmentState::Failed, None);
+        for (set, wanted) in [
+            ("scene_0", "viola,scene_0,60,"),
+            ("flat, north", "viola,\"flat, north\",60,"),
+            ("the \"attic\"", "viola,\"the \"\"attic\"\"\",60,"),
+        ] {
+            let csv = clips_csv(&[ClipResult { set: set.to_owned(), ..example.clone() }]);
+            let row = csv.lines().nth(1).unwrap();
+            assert!(row.starts_with(wanted), "{row}");
+        }
+    }
 
     #[test]
     fn a_clip_without_a_pose_is_a_failure_and_no_error() {

@@ -4,7 +4,7 @@ use super::survey::{CELL_M, Survey};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use viola_formats::lidar::{Cell, LidarError, LidarMap};
-use viola_geometry::{Grid, GridFrame, Pose2};
+use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
 /// Empty cells around the Valetudo map: left and below; right and above.
 const MARGIN: [usize; 2] = [12, 7];
@@ -155,8 +155,13 @@ pub fn ros_yaml(survey: &Survey, image: &str) -> String {
 
 /// Returns the wall points as CSV, in the frame `robot`, in metres.
 pub fn points_csv(survey: &Survey) -> String {
+    csv(&survey.points_m)
+}
+
+/// Returns points as CSV that the map readers accept.
+pub(crate) fn csv(points_m: &[Point2]) -> String {
     let mut out = String::from("x_m,y_m\n");
-    for point in &survey.points_m {
+    for point in points_m {
         // Writing to a string cannot fail.
         let _ = writeln!(out, "{:.4},{:.4}", point.x, point.y);
     }

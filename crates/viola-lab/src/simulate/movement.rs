@@ -2,7 +2,7 @@
 
 use super::home::Home;
 use super::piece::Piece;
-use std::sync::Arc;
+use crate::pairs::greedy;
 use viola_geometry::Pose2;
 
 /// Rotation that counts as this distance, in radians per metre, when pieces that look the same are told apart.
@@ -23,22 +23,15 @@ impl Home {
     /// Returns the pieces that are there on both days, as their numbers on the vacuum's day and on the clips' day.
     /// Pieces that look the same are told apart by their places: each is the nearest one.
     pub fn same_pieces(&self) -> Vec<(u16, u16)> {
-        let (then, now) = (Arc::clone(&self.vacuum_day.pieces), Arc::clone(&self.clip_day.pieces));
-        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        let (then, now) = (&self.vacuum_day.pieces, &self.clip_day.pieces);
+        let mut pairs = Vec::new();
         for (i, a) in then.iter().enumerate() {
             for (j, b) in now.iter().enumerate().filter(|(_, b)| looks_like(a, b)) {
-                pairs.push((apart_m(&a.home_from_piece, &b.home_from_piece), i, j));
+                pairs.push((-apart_m(&a.home_from_piece, &b.home_from_piece), i, j));
             }
         }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let (mut of_then, mut of_now) = (vec![false; then.len()], vec![false; now.len()]);
-        let mut same = Vec::new();
-        for (_, i, j) in pairs {
-            if !of_then[i] && !of_now[j] {
-                (of_then[i], of_now[j]) = (true, true);
-                same.push((i as u16 + 1, j as u16 + 1));
-            }
-        }
+        let numbers = |(_, i, j): (f64, usize, usize)| (i as u16 + 1, j as u16 + 1);
+        let mut same: Vec<(u16, u16)> = greedy(pairs).into_iter().map(numbers).collect();
         same.sort_unstable();
         same
     }

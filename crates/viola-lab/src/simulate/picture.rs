@@ -30,7 +30,8 @@ pub fn plan_png(home: &Home, survey: &Survey, clips: &[&SimulatedClip]) -> Vec<u
         Canvas { pixmap, low: bounds.min.map(|v| v - MARGIN_M), high: bounds.max.map(|v| v + MARGIN_M) };
     canvas.pixmap.fill(Color::WHITE);
     for room in &home.plan.rooms {
-        canvas.fill(&Footprint::of_rect(&room.outline).corners(), tint(room.kind), 255);
+        let floor = canvas.path(&Footprint::of_rect(&room.outline).corners(), true);
+        canvas.fill(floor, tint(room.kind), 255);
     }
     let scene = &home.clip_day.scene;
     let mut order: Vec<&Primitive> = scene
@@ -78,6 +79,12 @@ fn tint(kind: RoomKind) -> [u8; 3] {
     }
 }
 
+fn paint([r, g, b]: [u8; 3], alpha: u8) -> Paint<'static> {
+    let mut paint = Paint { anti_alias: true, ..Paint::default() };
+    paint.set_color_rgba8(r, g, b, alpha);
+    paint
+}
+
 /// Returns a solid's outline from above.
 fn outline_of(primitive: &Primitive) -> Vec<Point2> {
     let corner = |x: f64, y: f64| {
@@ -116,19 +123,15 @@ impl Canvas {
         builder.finish()
     }
 
-    fn fill(&mut self, points: &[Point2], [r, g, b]: [u8; 3], alpha: u8) {
-        let Some(path) = self.path(points, true) else { return };
-        let mut paint = Paint { anti_alias: true, ..Paint::default() };
-        paint.set_color_rgba8(r, g, b, alpha);
-        self.pixmap.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
+    fn fill(&mut self, path: Option<Path>, rgb: [u8; 3], alpha: u8) {
+        let Some(path) = path else { return };
+        self.pixmap.fill_path(&path, &paint(rgb, alpha), FillRule::Winding, Transform::identity(), None);
     }
 
-    fn line(&mut self, points: &[Point2], close: bool, [r, g, b]: [u8; 3], width: f32) {
+    fn line(&mut self, points: &[Point2], close: bool, rgb: [u8; 3], width: f32) {
         let Some(path) = self.path(points, close) else { return };
-        let mut paint = Paint { anti_alias: true, ..Paint::default() };
-        paint.set_color_rgba8(r, g, b, 255);
         let stroke = Stroke { width, ..Stroke::default() };
-        self.pixmap.stroke_path(&path, &paint, &stroke, Transform::identity(), None);
+        self.pixmap.stroke_path(&path, &paint(rgb, 255), &stroke, Transform::identity(), None);
     }
 
     fn outline(&mut self, points: &[Point2], rgb: [u8; 3], width: f32) {
@@ -137,16 +140,13 @@ impl Canvas {
 
     fn solid(&mut self, primitive: &Primitive, rgb: [u8; 3], alpha: u8) {
         let outline = outline_of(primitive);
-        self.fill(&outline, rgb, alpha);
+        self.fill(self.path(&outline, true), rgb, alpha);
         self.outline(&outline, rgb.map(|c| c / 2), 0.6);
     }
 
-    fn dot(&mut self, at: &Point2, radius_m: f64, [r, g, b]: [u8; 3]) {
+    fn dot(&mut self, at: &Point2, radius_m: f64, rgb: [u8; 3]) {
         let (x, y) = self.pixel(at);
-        let Some(path) = PathBuilder::from_circle(x, y, (radius_m * PIXELS_PER_M) as f32) else { return };
-        let mut paint = Paint { anti_alias: true, ..Paint::default() };
-        paint.set_color_rgba8(r, g, b, 255);
-        self.pixmap.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
+        self.fill(PathBuilder::from_circle(x, y, (radius_m * PIXELS_PER_M) as f32), rgb, 255);
     }
 
     fn walk(&mut self, clip: &SimulatedClip, rgb: [u8; 3]) {

@@ -4,7 +4,7 @@ use super::finish::Finish;
 use super::plan::Rect;
 use super::solid::{Shape, Solid};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Point3, Pose2, Vector3};
+use viola_geometry::{Point2, Point3, Pose2};
 
 /// A rotated rectangle on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,18 +181,8 @@ impl Piece {
     }
 
     fn solid(&mut self, shape: Shape, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> &mut Solid {
-        let solid = Solid {
-            shape,
-            centre: Point3::new(bottom[0], bottom[1], bottom[2] + size[2] / 2.0),
-            half: Vector3::new(size[0], size[1], size[2]) / 2.0,
-            yaw_rad: 0.0,
-            tilt_rad: 0.0,
-            roll_rad: 0.0,
-            class: self.class,
-            finish,
-        };
         let index = self.solids.len();
-        self.solids.push(solid);
+        self.solids.push(Solid { shape, ..Solid::block(self.class, bottom, size, finish) });
         &mut self.solids[index]
     }
 

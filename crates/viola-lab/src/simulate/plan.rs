@@ -61,6 +61,15 @@ pub struct Rect {
 }
 
 impl Rect {
+    /// Returns the bounding box of points.
+    pub(super) fn around(points: impl IntoIterator<Item = Point2>) -> Rect {
+        let empty = Rect { min: [f64::INFINITY; 2], max: [f64::NEG_INFINITY; 2] };
+        points.into_iter().fold(empty, |Rect { min, max }, p| Rect {
+            min: [min[0].min(p.x), min[1].min(p.y)],
+            max: [max[0].max(p.x), max[1].max(p.y)],
+        })
+    }
+
     pub fn size(&self, axis: usize) -> f64 {
         self.max[axis] - self.min[axis]
     }
@@ -275,14 +284,8 @@ impl Plan {
 
     /// Returns the bounding box of all rooms.
     pub fn bounds(&self) -> Rect {
-        let fold = |pick: fn(&Rect) -> [f64; 2], start: f64, better: fn(f64, f64) -> f64| {
-            let each = |axis: usize| self.rooms.iter().map(|r| pick(&r.outline)[axis]).fold(start, better);
-            [each(0), each(1)]
-        };
-        Rect {
-            min: fold(|r| r.min, f64::INFINITY, f64::min),
-            max: fold(|r| r.max, f64::NEG_INFINITY, f64::max),
-        }
+        let corners = |room: &Room| [room.outline.min, room.outline.max].map(Point2::from);
+        Rect::around(self.rooms.iter().flat_map(corners))
     }
 
     /// Returns the sum of the rooms' inner areas.

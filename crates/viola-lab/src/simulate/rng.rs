@@ -68,12 +68,16 @@ impl Rng {
         items.shuffle(&mut self.rng);
     }
 
-    /// Returns a standard normal number (Box and Muller, 1958).
     pub fn gaussian(&mut self) -> f64 {
-        let u: f64 = 1.0 - self.rng.random::<f64>();
-        let v: f64 = self.rng.random();
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+        gaussian(&mut self.rng)
     }
+}
+
+/// Returns a standard normal number (Box and Muller, 1958).
+pub(crate) fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
+    let u: f64 = 1.0 - rng.random::<f64>();
+    let v: f64 = rng.random();
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
 /// Mixes all bits (SplitMix64 finaliser, Steele et al. 2014).

@@ -3,7 +3,7 @@
 use super::clearance::{clearance, largest_region};
 use super::home::{Home, Set};
 use super::piece::Footprint;
-use super::plan::{OpeningKind, Room};
+use super::plan::{OpeningKind, Rect, Room};
 use super::rng::{Rng, bell, hash, unit};
 use super::scene::{Hit, Scene};
 use super::warp::Warp;
@@ -186,11 +186,10 @@ impl Raster {
         let bounds = home.plan.bounds();
         let reach = 1.5;
         let corners = Footprint::of_rect(&bounds).grown(reach).corners().map(|p| robot_from_home.apply(&p));
-        let low = corners.iter().fold([f64::MAX; 2], |low, p| [low[0].min(p.x), low[1].min(p.y)]);
-        let high = corners.iter().fold([f64::MIN; 2], |high, p| [high[0].max(p.x), high[1].max(p.y)]);
+        let around = Rect::around(corners);
         // Align cells with multiples of their side.
-        let low = low.map(|v| (v / CELL_M).floor() * CELL_M);
-        let frame = GridFrame::covering(low, high, 0.0, CELL_M);
+        let low = around.min.map(|v| (v / CELL_M).floor() * CELL_M);
+        let frame = GridFrame::covering(low, around.max, 0.0, CELL_M);
         let n = frame.len();
         Raster {
             frame,

@@ -37,11 +37,11 @@ pub(super) fn look_alikes(
         }
     }
     let step = home_from_camera.len().div_ceil(FRAMES).max(1);
-    let sights: Vec<Sight> =
-        home_from_camera.iter().step_by(step).flat_map(|pose| sights(pose, camera)).collect();
+    let rays: Vec<Pose2> =
+        home_from_camera.iter().step_by(step).flat_map(|pose| level_rays(pose, camera)).collect();
     let profile = |motion: &Pose2| -> Vec<f64> {
-        let ranges = sights.iter().flat_map(|sight| {
-            let moved = motion.compose(&sight.from);
+        let ranges = rays.iter().flat_map(|ray| {
+            let moved = motion.compose(ray);
             [vacuum_height_m, STRUCTURE_M].map(|height| level_range(home, &moved, height, range_m))
         });
         ranges.collect()
@@ -52,25 +52,19 @@ pub(super) fn look_alikes(
         let differ = truth.iter().zip(&other).filter(|(a, b)| (**a - **b).abs() > SAME_M).count();
         differ as f64 <= DIFFERENT * truth.len() as f64
     };
-    let first = motions[0];
-    let rest: Vec<Pose2> = motions.into_iter().skip(1).filter(same).collect();
-    std::iter::once(first).chain(rest).collect()
+    motions.retain(same);
+    motions
 }
 
-/// Origin of a horizontal ray of the clip, along x.
-struct Sight {
-    from: Pose2,
-}
-
-fn sights(home_from_camera: &Pose3, camera: &Pinhole) -> Vec<Sight> {
+/// Returns horizontal rays in a frame's view: origins, with x along the ray.
+fn level_rays(home_from_camera: &Pose3, camera: &Pinhole) -> Vec<Pose2> {
     let at = home_from_camera.translation.vector;
     let columns = (0..RAYS).map(|k| k as f64 / (RAYS - 1) as f64 * f64::from(camera.width - 1));
     columns
         .filter_map(|u| {
             let ray = home_from_camera.rotation * camera.ray(u, camera.cy);
             // Skip columns that look straight down: they have no heading.
-            (ray.xy().norm() > 0.2 * ray.norm())
-                .then(|| Sight { from: Pose2::new(at.x, at.y, ray.y.atan2(ray.x)) })
+            (ray.xy().norm() > 0.2 * ray.norm()).then(|| Pose2::new(at.x, at.y, ray.y.atan2(ray.x)))
         })
         .collect()
 }

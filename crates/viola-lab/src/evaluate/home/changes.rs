@@ -172,8 +172,7 @@ impl Revision {
     }
 
     fn thing(&self, index: usize) -> Thing {
-        let object = &self.objects[index];
-        Thing { class: object.class, bounds: object.bounds() }
+        Thing::of(&self.objects[index])
     }
 }
 

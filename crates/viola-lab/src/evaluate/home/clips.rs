@@ -1,8 +1,8 @@
 //! The aligned clips of a simulated home, kept in a folder: they take most of the time.
 
 use super::member::ClipFiles;
-use crate::evaluate::{HomesParams, Oracle, SUCCESS_DEG, SUCCESS_M};
-use crate::simulate::{ClipParams, Home, Sensor, Survey, clip_in_memory};
+use crate::evaluate::{HomesParams, SUCCESS_DEG, SUCCESS_M};
+use crate::simulate::{ClipParams, Home, Sensor, Survey};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -13,7 +13,6 @@ use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::Pose2;
 use viola_geometry::progress::{Cancelled, Progress};
 use viola_home::{ClipContribution, cloud_ply, features_bytes, read_features, views_bytes};
-use viola_reconstruct::LabelParams;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ClipsError {
@@ -97,14 +96,7 @@ impl Recorder<'_> {
         number: u64,
     ) -> Result<AlignedClip, ClipsError> {
         let recorded = Arc::new(home.clip(survey, number, &self.recording()));
-        let (clip, label) = match self.homes.picture_labels {
-            Some(accuracy) => {
-                let (clip, oracle) = Oracle::with_clip(recorded.clone(), accuracy, home.params.seed);
-                (clip, LabelParams { segmenter: Some(oracle), ..self.params.label.clone() })
-            }
-            None => (clip_in_memory(recorded.clone()), self.params.label.clone()),
-        };
-        let params = AlignParams { label, ..self.params.clone() };
+        let (clip, params) = self.homes.clip_of(&recorded, home.params.seed, self.params);
         let aligned = align(&clip, None, lidar, &params, self.progress)?;
         // The frames of a simulated clip are numbered from 0.
         let first = aligned.alignment.reference_camera.as_ref().map_or(0, |camera| camera.frame as usize);

@@ -37,7 +37,8 @@ pub fn film(
     lidar.rooms.clear();
     let recorder = Recorder { homes, params, folder, progress };
     let numbers = 0..homes.clips_per_home;
-    let name = format!("{}_{seed}", set.name());
+    // Other evaluations align the same clips to the map with its rooms.
+    let name = format!("{}_{seed}_without_rooms", set.name());
     let clips = recorder.clips(&home, &survey, &lidar, &name, numbers.clone())?;
     let members = clips.iter().enumerate();
     let members: Vec<Member> = members
@@ -61,4 +62,22 @@ fn places(opening: &TrueOpening) -> Vec<Point3> {
     let at = |step: usize| from + (to - from) * ((step as f64 + 0.5) / ALONG as f64);
     let along = (0..ALONG).map(at);
     along.flat_map(|p| OPENING_M.map(|z| Point3::new(p.x, p.y, z))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::progress::Silent;
+
+    #[test]
+    fn clips_that_were_aligned_to_a_map_with_rooms_are_not_taken() {
+        let folder = std::env::temp_dir().join(format!("viola-lab-filmed-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        // Its name in `--joint`, which would be refused.
+        std::fs::write(folder.join("normal_6_0.json"), "{}").unwrap();
+        let homes = HomesParams { frames: vec![4], ..HomesParams::default() };
+        let map = film(Set::Normal, 6, &homes, &AlignParams::default(), &folder, &Silent);
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(map.is_ok_and(|map| !map.rooms.is_empty()));
+    }
 }

@@ -1,10 +1,12 @@
 //! Matches found objects with true ones.
 
+use super::instances::MIN_EXTENT_M;
+use crate::pairs::greedy;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use viola_geometry::taxonomy::Class;
-use viola_home::UprightBox;
+use viola_home::{Object, UprightBox};
 
 /// Minimum IoU of a match (the usual threshold for detection in scans).
 pub const MIN_IOU: f64 = 0.25;
@@ -14,6 +16,17 @@ pub const MIN_IOU: f64 = 0.25;
 pub struct Thing {
     pub class: Class,
     pub bounds: UprightBox,
+}
+
+impl Thing {
+    pub fn of(object: &Object) -> Thing {
+        Thing { class: object.class, bounds: object.bounds() }
+    }
+
+    /// Returns whether it is longer than [`MIN_EXTENT_M`] along some axis.
+    pub fn is_large(&self) -> bool {
+        self.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M)
+    }
 }
 
 /// Counts of one class.
@@ -44,8 +57,8 @@ impl ClassRow {
 }
 
 /// Matches objects of the same class greedily by IoU, each at most once. Found objects that match `small` true objects do
-/// not count, nor do unmatched objects not longer than `least_m` along any axis.
-pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) -> Matches {
+/// not count, nor do unmatched objects that are not large.
+pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing]) -> Matches {
     let mut pairs = Vec::new();
     for (t, thing) in truth.iter().chain(small).enumerate() {
         for (f, other) in found.iter().enumerate().filter(|(_, other)| other.class == thing.class) {
@@ -55,15 +68,12 @@ pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) 
             }
         }
     }
-    pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let mut of_true: Vec<Option<(usize, f64)>> = vec![None; truth.len() + small.len()];
     // True if the true object that a found one matches counts.
     let mut counts: Vec<Option<bool>> = vec![None; found.len()];
-    for (iou, t, f) in pairs {
-        if of_true[t].is_none() && counts[f].is_none() {
-            of_true[t] = Some((f, iou));
-            counts[f] = Some(t < truth.len());
-        }
+    for (iou, t, f) in greedy(pairs) {
+        of_true[t] = Some((f, iou));
+        counts[f] = Some(t < truth.len());
     }
     of_true.truncate(truth.len());
     let mut matches = Matches { of_truth: of_true, ..Matches::default() };
@@ -72,9 +82,8 @@ pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) 
         add(&mut matches.total);
     };
     truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
-    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
     let counted =
-        found.iter().zip(counts).filter(|(thing, counts)| counts.unwrap_or_else(|| is_large(thing)));
+        found.iter().zip(counts).filter(|(thing, counts)| counts.unwrap_or_else(|| thing.is_large()));
     counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
     let matched: Vec<Class> =
         truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
@@ -149,7 +158,7 @@ mod tests {
             low(Class::Lamp, 2.0, 0.3),
             low(Class::Cabinet, 20.0, 0.52),
         ];
-        let m = matches(&truth, &small, &found, 0.5);
+        let m = matches(&truth, &small, &found);
         assert_eq!(m.total, ClassRow { truth: 3, found: 3, matched: 1 });
         assert_eq!(m.of_truth[0].map(|(f, _)| f), Some(0));
         assert_eq!(m.classes["chair"], ClassRow { truth: 2, found: 2, matched: 1 });

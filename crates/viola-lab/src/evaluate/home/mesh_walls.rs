@@ -4,7 +4,7 @@ use super::instances::LabelledMesh;
 use rustc_hash::FxHashMap;
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{Point2, Pose2, cell_of};
 use viola_home::Plan;
 
 /// A drawn face is right this near a wall of the mesh, and a wall is drawn this near a face.
@@ -44,7 +44,7 @@ pub fn score_walls(plan: &Plan, mesh: &LabelledMesh, seen: &[bool], map_from_wor
     let mut score = WallScore::default();
     let mut drawn: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
     for p in drawn_points(plan) {
-        drawn.entry(cell(&p)).or_default().push(p);
+        drawn.entry(cell_of(&p, STEP_M)).or_default().push(p);
         score.drawn_m += STEP_M;
         if is_near(&cells.walls, &p) {
             score.on_wall_m += STEP_M;
@@ -98,9 +98,9 @@ impl Cells {
             let p = plan_from_world.apply(&vertex.xy());
             let is_wall = class.is_some_and(is_wall_or_opening);
             let of_kind = if is_wall { &mut cells.walls } else { &mut cells.others };
-            of_kind.entry(cell(&p)).or_default().push(p);
+            of_kind.entry(cell_of(&p, STEP_M)).or_default().push(p);
             if is_wall && *seen {
-                cells.seen.entry(cell(&p)).or_default().push(p);
+                cells.seen.entry(cell_of(&p, STEP_M)).or_default().push(p);
             }
         }
         cells
@@ -130,12 +130,8 @@ fn is_wall_or_opening(class: Class) -> bool {
     )
 }
 
-fn cell(p: &Point2) -> [i32; 2] {
-    [p.x, p.y].map(|c| (c / STEP_M).floor() as i32)
-}
-
 fn is_near(points: &FxHashMap<[i32; 2], Vec<Point2>>, p: &Point2) -> bool {
-    let [x, y] = cell(p);
+    let [x, y] = cell_of(p, STEP_M);
     let reach = (NEAR_M / STEP_M).ceil() as i32;
     (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| [x + i, y + j])).any(|key| {
         points.get(&key).is_some_and(|points| points.iter().any(|other| (other - p).norm() <= NEAR_M))

@@ -1,8 +1,8 @@
 //! Scores found objects against the truth.
 
-use super::instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
+use super::instances::{Instance, LabelledMesh, along_axes};
 use super::matching::{Matches, Thing, matches};
-use rustc_hash::FxHashMap;
+use crate::evaluate::cells::Cells;
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose2};
@@ -76,15 +76,12 @@ pub fn score_objects(
         counted.push((found, world_box));
     }
     let thing = |class: Class, bounds: UprightBox| Thing { class, bounds };
-    let in_world = |of: &[(&Found, UprightBox)]| -> Vec<Thing> {
-        of.iter().map(|(found, bounds)| thing(found.object.class, *bounds)).collect()
-    };
-    let found_in_world = in_world(&counted);
-    let found_in_map: Vec<Thing> =
-        counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
+    let found_in_world: Vec<Thing> =
+        counted.iter().map(|(found, bounds)| thing(found.object.class, *bounds)).collect();
+    let found_in_map: Vec<Thing> = counted.iter().map(|(found, _)| Thing::of(&found.object)).collect();
     let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
     let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
-    let oriented = matches(&truth_in_map, &[], &found_in_map, MIN_EXTENT_M);
+    let oriented = matches(&truth_in_map, &[], &found_in_map);
     for (f, _) in oriented.of_truth.iter().flatten() {
         rows[*f].right = true;
     }
@@ -104,7 +101,7 @@ pub fn score_objects(
     });
     ObjectScore {
         truth: truth_rows.collect(),
-        along_axes: matches(&truth_in_world, &[], &found_in_world, MIN_EXTENT_M),
+        along_axes: matches(&truth_in_world, &[], &found_in_world),
         oriented,
         unjudged,
         found: rows,
@@ -130,17 +127,16 @@ const UNLABELLED: &str = "-";
 /// Cell grid of the mesh's vertices.
 struct Named<'a> {
     mesh: &'a LabelledMesh,
-    cells: FxHashMap<[i32; 3], Vec<(Point3, u32)>>,
+    cells: Cells<(Point3, u32)>,
 }
 
 impl Named<'_> {
     fn new<'a>(mesh: &'a LabelledMesh, map_from_world: &Pose2) -> Named<'a> {
-        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, u32)>> = FxHashMap::default();
-        for (i, vertex) in (0u32..).zip(&mesh.mesh.vertices_m) {
+        let placed = (0u32..).zip(&mesh.mesh.vertices_m).map(|(i, vertex)| {
             let at = Point3::from(mesh.in_map(vertex, map_from_world));
-            cells.entry(cell(&at)).or_default().push((at, i));
-        }
-        Named { mesh, cells }
+            (at, (at, i))
+        });
+        Named { mesh, cells: Cells::new(NEAR_M, placed) }
     }
 
     /// Returns the fractions of the object's points by class of the nearest vertex, if one is near.
@@ -148,10 +144,8 @@ impl Named<'_> {
         let mut counts: std::collections::BTreeMap<String, usize> = Default::default();
         for i in &found.members {
             let at = map[*i as usize].point.position();
-            let [x, y, z] = cell(&at);
-            let keys = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
-            let around = keys.filter_map(|key| self.cells.get(&key)).flatten();
-            let near = around.map(|(p, i)| ((p - at).norm(), *i)).filter(|(m, _)| *m <= NEAR_M);
+            let near =
+                self.cells.around(&at).map(|(p, i)| ((p - at).norm(), *i)).filter(|(m, _)| *m <= NEAR_M);
             let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let class = nearest.and_then(|(_, i)| self.mesh.classes[i as usize]);
             *counts.entry(class.map_or(UNLABELLED, Class::name).to_owned()).or_default() += 1;
@@ -162,8 +156,4 @@ impl Named<'_> {
         said.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         said
     }
-}
-
-fn cell(p: &Point3) -> [i32; 3] {
-    [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32)
 }

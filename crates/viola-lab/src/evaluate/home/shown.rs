@@ -1,7 +1,7 @@
 //! Furniture of a simulated home as boxes of the surface that clips or eyes saw.
 
+use super::along_axes;
 use super::matching::Thing;
-use super::{MIN_EXTENT_M, along_axes};
 use crate::simulate::Home;
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
@@ -42,8 +42,7 @@ pub(super) fn things(home: &Home, shown: Shown, map_from_home: &Pose2) -> [Vec<T
         }
         Some(Thing { class, bounds })
     });
-    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-    let (large, small) = things.partition(is_large);
+    let (large, small) = things.partition(Thing::is_large);
     [large, small]
 }
 

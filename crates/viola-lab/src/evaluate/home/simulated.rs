@@ -1,7 +1,6 @@
 //! Simulated homes as fused maps with noisy labels, without simulated clips: tests rooms and objects against
 //! exact truth.
 
-use super::MIN_EXTENT_M;
 use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use super::matching::{Matches, Thing, matches};
 use super::shown::{self, Shown};
@@ -216,9 +215,8 @@ impl Noise<'_> {
 /// Matches objects of a simulated home with its truth, by oriented boxes.
 fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
-    let found: Vec<Thing> =
-        furniture.map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
-    matches(&map.truth, &map.small, &found, MIN_EXTENT_M)
+    let found: Vec<Thing> = furniture.map(Thing::of).collect();
+    matches(&map.truth, &map.small, &found)
 }
 
 /// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.

@@ -1,7 +1,7 @@
 //! Compares the fused map with the true surface.
 
 use super::instances::LabelledMesh;
-use rustc_hash::FxHashMap;
+use crate::evaluate::cells::Cells;
 use serde::Serialize;
 use std::ops::Range;
 use viola_formats::clip::{Clip, ClipError, Frame};
@@ -24,42 +24,19 @@ pub struct SurfaceScore {
     pub completeness: f64,
 }
 
-/// Points in cells of [`NEAR_M`].
-struct Near {
-    cells: FxHashMap<[i32; 3], Vec<u32>>,
-}
-
-impl Near {
-    fn new(points: impl Iterator<Item = Point3>) -> Near {
-        let mut cells: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
-        (0u32..).zip(points).for_each(|(i, p)| cells.entry(cell(&p)).or_default().push(i));
-        Near { cells }
-    }
-
-    fn around(&self, at: &Point3) -> impl Iterator<Item = u32> + '_ {
-        let [x, y, z] = cell(at);
-        let keys = (0..27).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
-        keys.filter_map(|key| self.cells.get(&key)).flatten().copied()
-    }
-}
-
-fn cell(p: &Point3) -> [i32; 3] {
-    [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32)
-}
-
 /// Compares a fused map with the mesh. `seen` marks the vertices that the clips' frames see.
 pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_world: &Pose2) -> SurfaceScore {
     let vertices: Vec<Point3> =
         mesh.mesh.vertices_m.iter().map(|v| Point3::from(mesh.in_map(v, map_from_world))).collect();
     // Vertices are a few centimetres apart: each one indexes its adjacent faces.
-    let by_vertex = Near::new(vertices.iter().copied());
+    let by_vertex = Cells::new(NEAR_M, vertices.iter().copied().zip(0u32..));
     let mut faces_of: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
     for (number, face) in (0u32..).zip(&mesh.mesh.triangles) {
         face.iter().for_each(|corner| faces_of[*corner as usize].push(number));
     }
     let on_mesh = |p: &Point3| {
         let mut around: Vec<u32> =
-            by_vertex.around(p).flat_map(|vertex| faces_of[vertex as usize].iter().copied()).collect();
+            by_vertex.around(p).flat_map(|vertex| faces_of[*vertex as usize].iter().copied()).collect();
         around.sort_unstable();
         around.dedup();
         around.into_iter().any(|face| {
@@ -68,11 +45,11 @@ pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_wo
         })
     };
     let true_points = map.iter().filter(|p| on_mesh(&p.point.position())).count();
-    let by_point = Near::new(map.iter().map(|p| p.point.position()));
+    let by_point = Cells::new(NEAR_M, map.iter().map(|p| (p.point.position(), p.point.position())));
     let (mut there, mut found) = (0, 0);
     for (vertex, _) in vertices.iter().zip(seen).filter(|(_, seen)| **seen) {
         there += 1;
-        let near = |i: u32| (map[i as usize].point.position() - vertex).norm() <= NEAR_M;
+        let near = |point: &Point3| (point - vertex).norm() <= NEAR_M;
         found += usize::from(by_point.around(vertex).any(near));
     }
     SurfaceScore {

@@ -1,8 +1,8 @@
 //! Accuracy of the floor in excerpts of a labelled scene.
 
 use super::{Truth, coarse};
+use crate::evaluate::cells::Cells;
 use crate::evaluate::excerpts;
-use rustc_hash::FxHashSet;
 use serde::Serialize;
 use std::fmt::Write;
 use viola_align as align;
@@ -155,9 +155,9 @@ impl Compared {
             .map(|(vertex, _)| clip_from_world * vertex)
             .collect();
         let cloud = &seen.cloud_in_clip.points;
-        let points = Cells::of(cloud.iter().map(|p| p.position()), CELL_M);
-        let plane = plane_without_feet(floor.iter().filter(|v| points.are_near(v)), &up)?;
-        let on_plane = |v: &&Point3| points.are_near(v) && plane.height_m(v).abs() < FOOT_M;
+        let points = Cells::new(CELL_M, cloud.iter().map(|p| (p.position(), ())));
+        let plane = plane_without_feet(floor.iter().filter(|v| is_near(&points, v)), &up)?;
+        let on_plane = |v: &&Point3| is_near(&points, v) && plane.height_m(v).abs() < FOOT_M;
         let vertices: Vec<&Point3> = floor.iter().filter(on_plane).collect();
         if vertices.len() < MIN_VERTICES {
             return None;
@@ -169,14 +169,14 @@ impl Compared {
         if narrowest < MIN_SPREAD_M {
             return None;
         }
-        let next = Cells::of(vertices.iter().map(|v| **v), NEXT_M);
-        let wider = plane_without_feet(floor.iter().filter(|v| next.are_near(v)), &up)?;
-        let of_floor = Cells::of(vertices.iter().map(|v| **v), CELL_M);
+        let next = Cells::new(NEXT_M, vertices.iter().map(|v| (**v, ())));
+        let wider = plane_without_feet(floor.iter().filter(|v| is_near(&next, v)), &up)?;
+        let of_floor = Cells::new(CELL_M, vertices.iter().map(|v| (**v, ())));
         let own: Vec<Point3> = cloud
             .iter()
             .filter(|p| p.normal().dot(&up) > 0.9)
             .map(|p| p.position())
-            .filter(|p| of_floor.are_near(p))
+            .filter(|p| is_near(&of_floor, p))
             .collect();
         let found = Plane::through(&Point3::origin(), Vector3::z());
         let own = plane_without_feet(own.iter(), &up);
@@ -188,26 +188,9 @@ impl Compared {
     }
 }
 
-/// Set of cells that contain points.
-struct Cells {
-    side_m: f64,
-    filled: FxHashSet<[i32; 3]>,
-}
-
-impl Cells {
-    fn of(points: impl Iterator<Item = Point3>, side_m: f64) -> Cells {
-        Cells { side_m, filled: points.map(|p| Self::cell(&p, side_m)).collect() }
-    }
-
-    fn cell(p: &Point3, side_m: f64) -> [i32; 3] {
-        [p.x, p.y, p.z].map(|c| (c / side_m).floor() as i32)
-    }
-
-    /// Returns whether a point is in the same cell or an adjacent one.
-    fn are_near(&self, at: &Point3) -> bool {
-        let [x, y, z] = Self::cell(at, self.side_m);
-        (0..27).any(|i| self.filled.contains(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]))
-    }
+/// Returns whether a point is in the same cell as one of these points, or in an adjacent one.
+fn is_near(points: &Cells<()>, at: &Point3) -> bool {
+    points.around(at).next().is_some()
 }
 
 /// Fits a roughly level plane to most of these points. Starts level at their median height, and refits to the

@@ -1,6 +1,6 @@
 //! Furniture of simulated clips against the furniture that they show.
 
-use crate::evaluate::home::{MIN_EXTENT_M, MIN_POINTS, Matches, Thing, along, matches};
+use crate::evaluate::home::{MIN_POINTS, Matches, Thing, along, matches};
 use crate::simulate::{HomeObject, SimulatedClip};
 use crate::surfaces::REACH_M;
 use serde::Serialize;
@@ -57,16 +57,14 @@ impl ObjectsRow {
                 bounds.size_m[2] = (top - low).max(0.01);
                 Thing { class: object.class, bounds }
             });
-        let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-        let (truth, small): (Vec<Thing>, Vec<Thing>) = truth.partition(is_large);
+        let (truth, small): (Vec<Thing>, Vec<Thing>) = truth.partition(Thing::is_large);
         let points: Vec<MapPoint> =
             cloud.points.iter().map(|point| MapPoint { point: *point, clip: 0 }).collect();
         let found = find_objects(&points, &[], cloud.voxel_m);
         let found: Vec<_> =
             found.into_iter().map(|found| found.object).filter(|o| is_furniture(o.class)).collect();
-        let things: Vec<Thing> =
-            found.iter().map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
-        let matched = matches(&truth, &small, &things, MIN_EXTENT_M);
+        let things: Vec<Thing> = found.iter().map(Thing::of).collect();
+        let matched = matches(&truth, &small, &things);
         let is_right = |index: usize| matched.of_truth.iter().flatten().any(|(found, _)| *found == index);
         let row = |(index, object): (usize, &viola_home::Object)| FoundFurniture {
             class: object.class.name().to_owned(),
@@ -74,7 +72,7 @@ impl ObjectsRow {
             right: is_right(index),
         };
         let counted =
-            found.iter().enumerate().filter(|(index, _)| is_right(*index) || is_large(&things[*index]));
+            found.iter().enumerate().filter(|(index, _)| is_right(*index) || things[*index].is_large());
         self.found.extend(counted.map(row));
         self.matches.add(&matched);
     }

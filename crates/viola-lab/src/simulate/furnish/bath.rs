@@ -1,17 +1,10 @@
 //! Toilets, bathtubs, and what hangs and lies in bathrooms.
 
+use super::colours::{ceramic, steel};
 use crate::simulate::finish::{Finish, METAL, Pattern, WHITE, cloth};
 use crate::simulate::piece::{Mount, Piece, TopKind};
 use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
-
-fn ceramic() -> Finish {
-    Finish::plain([0.94, 0.94, 0.93]).glossy(0.5)
-}
-
-fn steel() -> Finish {
-    Finish::plain(METAL).glossy(0.8)
-}
 
 /// Returns a toilet: on a foot with a tank, or hung at the wall; the lid is up or down.
 pub fn toilet(rng: &mut Rng) -> Piece {

@@ -2,6 +2,7 @@
 
 use super::colours::painted;
 use super::crockery;
+use super::lamps::table_lamp;
 use super::sizes::{BOOK, BOX, LAPTOP, PILLOW};
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, cloth, wood};
 use crate::simulate::piece::{Piece, TopKind};
@@ -35,7 +36,7 @@ pub fn thing_for(kind: TopKind, rng: &mut Rng) -> Piece {
             papers,
             papers,
             laptop,
-            lamp,
+            table_lamp,
             pens,
             carton,
             speaker,
@@ -64,7 +65,7 @@ pub fn thing_for(kind: TopKind, rng: &mut Rng) -> Piece {
         TopKind::Bath => rng.pick([flask as Make, flask, folded, crockery::roll, pens, candles, carton]),
         TopKind::Store => rng.pick([
             books as Make,
-            lamp,
+            table_lamp,
             pot_plant,
             frame,
             frame,
@@ -83,14 +84,10 @@ pub fn thing_for(kind: TopKind, rng: &mut Rng) -> Piece {
     make(rng)
 }
 
-fn thing(class: Class, size: [f64; 3]) -> Piece {
-    Piece::new(class, size)
-}
-
 /// Returns a bottle of soap or shampoo.
 fn flask(rng: &mut Rng) -> Piece {
     let size = [rng.between(0.05, 0.09), rng.between(0.04, 0.06), rng.between(0.12, 0.26)];
-    let mut flask = thing(Class::Other, size);
+    let mut flask = Piece::new(Class::Other, size);
     let finish = painted(rng);
     flask.cushion([0.0; 3], [size[0], size[1], size[2] * 0.85], finish);
     flask.post([0.0, 0.0, size[2] * 0.8], 0.012, size[2] * 0.2, finish.darker(0.6));
@@ -100,7 +97,7 @@ fn flask(rng: &mut Rng) -> Piece {
 /// Returns a pile of books or magazines.
 fn books(rng: &mut Rng) -> Piece {
     let [width, depth, _] = BOOK.draw(rng);
-    let mut pile = thing(Class::Other, [depth, width, 0.0]);
+    let mut pile = Piece::new(Class::Other, [depth, width, 0.0]);
     let mut z = 0.0;
     for _ in 0..rng.count(1, 5) {
         let thick = rng.within(BOOK.height_m);
@@ -113,7 +110,7 @@ fn books(rng: &mut Rng) -> Piece {
 }
 
 fn papers(rng: &mut Rng) -> Piece {
-    let mut papers = thing(Class::Other, [0.34, 0.32, 0.02]);
+    let mut papers = Piece::new(Class::Other, [0.34, 0.32, 0.02]);
     for _ in 0..rng.count(1, 3) {
         let at = [rng.between(-0.05, 0.05), rng.between(-0.04, 0.04), 0.0];
         let white = Finish::plain(WHITE).with(Pattern::Picture, 0.04);
@@ -126,7 +123,7 @@ fn laptop(rng: &mut Rng) -> Piece {
     let [width, depth, height] = LAPTOP.draw(rng);
     let finish = Finish::plain(rng.pick([METAL, DARK])).glossy(0.4);
     let open = rng.chance(0.75);
-    let mut laptop = thing(Class::Television, [width, depth + 0.06, if open { height } else { 0.03 }]);
+    let mut laptop = Piece::new(Class::Television, [width, depth + 0.06, if open { height } else { 0.03 }]);
     laptop.block([0.0, -0.03, 0.0], [width, depth, 0.018], finish);
     if open {
         let lean = -rng.between(0.1, 0.4);
@@ -138,7 +135,7 @@ fn laptop(rng: &mut Rng) -> Piece {
 
 fn flowers(rng: &mut Rng) -> Piece {
     let (radius, tall) = (rng.between(0.04, 0.08), rng.between(0.12, 0.26));
-    let mut vase = thing(Class::Plant, [0.24, 0.24, tall + 0.25]);
+    let mut vase = Piece::new(Class::Plant, [0.24, 0.24, tall + 0.25]);
     vase.post([0.0; 3], radius, tall, painted(rng));
     for _ in 0..rng.count(3, 5) {
         let (x, y) = (rng.between(-0.1, 0.1), rng.between(-0.1, 0.1));
@@ -151,7 +148,7 @@ fn flowers(rng: &mut Rng) -> Piece {
 
 fn pot_plant(rng: &mut Rng) -> Piece {
     let (radius, tall) = (rng.between(0.05, 0.09), rng.between(0.08, 0.15));
-    let mut plant = thing(Class::Plant, [0.26, 0.26, tall + 0.22]);
+    let mut plant = Piece::new(Class::Plant, [0.26, 0.26, tall + 0.22]);
     plant.post([0.0; 3], radius, tall, painted(rng));
     let leaves = Finish::plain([0.20, 0.42, 0.20]).with(Pattern::Grain, 0.02);
     for _ in 0..rng.count(1, 4) {
@@ -164,7 +161,7 @@ fn pot_plant(rng: &mut Rng) -> Piece {
 }
 
 fn candles(rng: &mut Rng) -> Piece {
-    let mut candles = thing(Class::Other, [0.2, 0.1, 0.2]);
+    let mut candles = Piece::new(Class::Other, [0.2, 0.1, 0.2]);
     for k in 0..rng.count(1, 3) {
         let at = [k as f64 * 0.07 - 0.07, rng.between(-0.02, 0.02), 0.0];
         candles.post(at, rng.between(0.012, 0.04), rng.between(0.06, 0.22), Finish::plain([0.9, 0.86, 0.75]));
@@ -176,7 +173,7 @@ fn carton(rng: &mut Rng) -> Piece {
     let [width, depth, height] = BOX.draw(rng);
     let scale = rng.between(0.35, 0.8);
     let size = [width * scale, depth * scale, height * scale];
-    let mut carton = thing(Class::Box, size);
+    let mut carton = Piece::new(Class::Box, size);
     let finish = if rng.chance(0.5) { Finish::plain([0.70, 0.55, 0.38]) } else { painted(rng) };
     carton.block([0.0; 3], size, finish);
     carton
@@ -184,7 +181,7 @@ fn carton(rng: &mut Rng) -> Piece {
 
 fn keepsake(rng: &mut Rng) -> Piece {
     let (wide, tall) = (rng.between(0.1, 0.2), rng.between(0.15, 0.45));
-    let mut figure = thing(Class::Other, [wide, wide, tall]);
+    let mut figure = Piece::new(Class::Other, [wide, wide, tall]);
     let finish = painted(rng);
     figure.post([0.0; 3], wide * 0.4, tall * 0.1, finish.darker(0.7));
     figure.cushion([0.0, 0.0, tall * 0.1], [wide * 0.7, wide * 0.5, tall * 0.65], finish);
@@ -192,12 +189,8 @@ fn keepsake(rng: &mut Rng) -> Piece {
     figure
 }
 
-fn lamp(rng: &mut Rng) -> Piece {
-    super::lamps::table_lamp(rng)
-}
-
 fn pens(rng: &mut Rng) -> Piece {
-    let mut pens = thing(Class::Other, [0.09, 0.09, 0.2]);
+    let mut pens = Piece::new(Class::Other, [0.09, 0.09, 0.2]);
     pens.post([0.0; 3], 0.04, 0.1, painted(rng));
     for _ in 0..3 {
         let lean = [rng.between(-0.04, 0.04), rng.between(-0.04, 0.04), 0.19];
@@ -208,14 +201,14 @@ fn pens(rng: &mut Rng) -> Piece {
 
 fn speaker(rng: &mut Rng) -> Piece {
     let size = [rng.between(0.1, 0.2), rng.between(0.1, 0.2), rng.between(0.15, 0.34)];
-    let mut speaker = thing(Class::Other, size);
+    let mut speaker = Piece::new(Class::Other, size);
     speaker.block([0.0; 3], size, Finish::plain(DARK));
     speaker
 }
 
 fn printer(rng: &mut Rng) -> Piece {
     let size = [rng.between(0.38, 0.46), rng.between(0.3, 0.36), rng.between(0.14, 0.28)];
-    let mut printer = thing(Class::Other, size);
+    let mut printer = Piece::new(Class::Other, size);
     let finish = Finish::plain(rng.pick([WHITE, DARK]));
     printer.block([0.0; 3], size, finish);
     printer.block([0.0, -0.1, size[2]], [0.3, 0.1, 0.02], finish.darker(0.8));
@@ -225,7 +218,7 @@ fn printer(rng: &mut Rng) -> Piece {
 /// Returns a photograph in a frame that leans.
 fn frame(rng: &mut Rng) -> Piece {
     let (wide, tall) = (rng.between(0.12, 0.4), rng.between(0.15, 0.4));
-    let mut frame = thing(Class::Picture, [wide, 0.1, tall]);
+    let mut frame = Piece::new(Class::Picture, [wide, 0.1, tall]);
     let print = Finish::plain(cloth(rng).rgb).with(Pattern::Picture, 0.05);
     for (y, inset, finish) in [(0.0, 0.0, wood(rng)), (-0.008, 0.03, print)] {
         let solid = frame.block([0.0, y, inset / 2.0], [wide - inset, 0.014, tall - inset], finish);
@@ -236,7 +229,7 @@ fn frame(rng: &mut Rng) -> Piece {
 
 fn clock(rng: &mut Rng) -> Piece {
     let side = rng.between(0.1, 0.2);
-    let mut clock = thing(Class::Other, [side, 0.08, side]);
+    let mut clock = Piece::new(Class::Other, [side, 0.08, side]);
     clock.block([0.0; 3], [side, 0.07, side], painted(rng));
     clock
 }
@@ -244,7 +237,7 @@ fn clock(rng: &mut Rng) -> Piece {
 /// Returns a pile of folded laundry or towels.
 fn folded(rng: &mut Rng) -> Piece {
     let (wide, deep) = (rng.between(0.26, 0.4), rng.between(0.22, 0.32));
-    let mut pile = thing(Class::Clothes, [wide, deep, 0.0]);
+    let mut pile = Piece::new(Class::Clothes, [wide, deep, 0.0]);
     let mut z = 0.0;
     for _ in 0..rng.count(1, 5) {
         let thick = rng.between(0.03, 0.07);
@@ -259,7 +252,7 @@ fn folded(rng: &mut Rng) -> Piece {
 /// Returns clothes as somebody dropped them.
 pub fn worn(rng: &mut Rng) -> Piece {
     let spread = rng.between(0.3, 0.5);
-    let mut pile = thing(Class::Clothes, [spread, spread, 0.2]);
+    let mut pile = Piece::new(Class::Clothes, [spread, spread, 0.2]);
     for _ in 0..rng.count(2, 5) {
         let size = [spread * rng.between(0.4, 0.8), spread * rng.between(0.3, 0.6), rng.between(0.05, 0.15)];
         let reach = 0.22 * spread;
@@ -274,7 +267,7 @@ pub fn worn(rng: &mut Rng) -> Piece {
 
 pub fn pillow(rng: &mut Rng) -> Piece {
     let [wide, deep, thick] = PILLOW.draw(rng);
-    let mut pillow = thing(Class::Pillow, [wide, deep, thick]);
+    let mut pillow = Piece::new(Class::Pillow, [wide, deep, thick]);
     let solid = pillow.cushion([0.0; 3], [wide, deep, thick], cloth(rng));
     solid.roll_rad = rng.between(-0.1, 0.1);
     pillow
@@ -282,7 +275,7 @@ pub fn pillow(rng: &mut Rng) -> Piece {
 
 pub fn bag(rng: &mut Rng) -> Piece {
     let size = [rng.between(0.28, 0.42), rng.between(0.14, 0.24), rng.between(0.25, 0.42)];
-    let mut bag = thing(Class::Box, size);
+    let mut bag = Piece::new(Class::Box, size);
     let finish = cloth(rng).darker(0.8);
     bag.cushion([0.0; 3], size, finish).tilt_rad = rng.between(-0.2, 0.2);
     let strap = size[2] + 0.1;
@@ -295,7 +288,7 @@ pub fn bag(rng: &mut Rng) -> Piece {
 pub fn toy(rng: &mut Rng) -> Piece {
     let finish = cloth(rng);
     let big = rng.between(0.7, 1.4);
-    let mut toy = thing(Class::Other, [0.26 * big, 0.2 * big, 0.3 * big]);
+    let mut toy = Piece::new(Class::Other, [0.26 * big, 0.2 * big, 0.3 * big]);
     if rng.chance(0.3) {
         toy.ball([0.0; 3], [0.2 * big, 0.2 * big, 0.2 * big], painted(rng));
         return toy;

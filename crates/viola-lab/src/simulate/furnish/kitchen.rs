@@ -1,5 +1,6 @@
 //! Kitchen units and appliances.
 
+use super::colours::{ceramic, steel};
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, front, wood};
 use crate::simulate::piece::{Mount, Piece, TopKind};
 use crate::simulate::rng::Rng;
@@ -13,10 +14,6 @@ const LEVEL_M: f64 = 0.9;
 const UNIT_M: f64 = 0.6;
 /// Bottom of the wall cabinets, in metres.
 const UPPER_M: f64 = 1.42;
-
-fn steel() -> Finish {
-    Finish::plain(METAL).glossy(0.8)
-}
 
 fn black() -> Finish {
     Finish::plain([0.05; 3]).glossy(0.8)
@@ -273,7 +270,7 @@ pub fn stove(rng: &mut Rng) -> Piece {
 /// Returns a washing machine, sometimes with a dryer on it.
 pub fn washing_machine(rng: &mut Rng) -> Piece {
     let mut piece = Piece::new(Class::WashingMachine, [0.6, 0.6, 0.85]);
-    let white = Finish::plain([0.94, 0.94, 0.93]).glossy(0.5);
+    let white = ceramic();
     let stack = rng.chance(0.25);
     piece.block([0.0, 0.02, 0.0], [0.58, 0.54, 0.03], Finish::plain(DARK));
     for base in if stack { vec![0.03, 0.87] } else { vec![0.03] } {

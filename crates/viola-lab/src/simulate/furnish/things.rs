@@ -47,22 +47,18 @@ pub fn standing_thing(kind: RoomKind, rng: &mut Rng) -> Piece {
 /// Returns a thing that somebody dropped on the floor.
 pub fn dropped(kind: RoomKind, rng: &mut Rng) -> Piece {
     let make: Make = match kind {
-        RoomKind::Child => rng.pick([toys as Make, toys, clothes, goods::pillow]),
-        RoomKind::Bathroom => clothes,
+        RoomKind::Child => rng.pick([toys as Make, toys, goods::worn, goods::pillow]),
+        RoomKind::Bathroom => goods::worn,
         RoomKind::Kitchen | RoomKind::Dining | RoomKind::Corridor => {
             rng.pick([shoes as Make, bag, goods::toy])
         }
-        _ => rng.pick([clothes as Make, clothes, shoes, bag, goods::toy, goods::pillow, boxes]),
+        _ => rng.pick([goods::worn as Make, goods::worn, shoes, bag, goods::toy, goods::pillow, boxes]),
     };
     make(rng).movable()
 }
 
 fn thing(class: Class, size: [f64; 3]) -> Piece {
     Piece::new(class, size).movable()
-}
-
-fn clothes(rng: &mut Rng) -> Piece {
-    goods::worn(rng)
 }
 
 fn bag(rng: &mut Rng) -> Piece {

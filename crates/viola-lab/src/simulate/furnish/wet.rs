@@ -1,13 +1,10 @@
 //! Washbasins and showers.
 
-use crate::simulate::finish::{Finish, METAL, Pattern, cloth, front};
+use super::colours::{ceramic, steel};
+use crate::simulate::finish::{Finish, Pattern, cloth, front};
 use crate::simulate::piece::Piece;
 use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
-
-fn ceramic() -> Finish {
-    Finish::plain([0.94, 0.94, 0.93]).glossy(0.5)
-}
 
 /// Returns a washbasin on a cabinet, on a pedestal, or on the wall, with a mirror above.
 pub fn washbasin(rng: &mut Rng) -> Piece {
@@ -27,7 +24,7 @@ pub fn washbasin(rng: &mut Rng) -> Piece {
         }
     }
     piece.block([0.0, 0.0, 0.76], [width, depth, 0.1], ceramic());
-    piece.post([0.0, depth / 2.0 - 0.06, 0.86], 0.015, 0.14, Finish::plain(METAL).glossy(0.8));
+    piece.post([0.0, depth / 2.0 - 0.06, 0.86], 0.015, 0.14, steel());
     piece.block([0.0, depth / 2.0 - 0.012, 1.15], [width * 0.9, 0.02, 0.7], Finish::mirror()).class =
         Class::Mirror;
     piece
@@ -39,10 +36,9 @@ pub fn shower(rng: &mut Rng) -> Piece {
     let mut piece = Piece::new(Class::Shower, [side, side, 2.0]);
     let tray = rng.between(0.03, 0.14);
     piece.block([0.0, 0.0, 0.0], [side, side, tray], ceramic());
-    let steel = Finish::plain(METAL).glossy(0.8);
-    piece.post([0.0, side / 2.0 - 0.03, 0.9], 0.015, 1.1, steel);
-    piece.post([0.0, side / 2.0 - 0.12, 1.98], 0.1, 0.02, steel);
-    piece.block([0.0, 0.02 - side / 2.0, 1.97], [side, 0.02, 0.02], steel);
+    piece.post([0.0, side / 2.0 - 0.03, 0.9], 0.015, 1.1, steel());
+    piece.post([0.0, side / 2.0 - 0.12, 1.98], 0.1, 0.02, steel());
+    piece.block([0.0, 0.02 - side / 2.0, 1.97], [side, 0.02, 0.02], steel());
     if rng.chance(0.6) {
         glass_panels(&mut piece, side, tray, rng);
         return piece;
@@ -56,12 +52,11 @@ pub fn shower(rng: &mut Rng) -> Piece {
 
 /// Adds a panel of glass at the front of a shower, and sometimes one at its side.
 fn glass_panels(piece: &mut Piece, side: f64, tray: f64, rng: &mut Rng) {
-    let steel = Finish::plain(METAL).glossy(0.8);
     let (height, open) = (1.97 - tray, rng.between(0.0, 0.5));
     let width = side - open;
     let front = 0.02 - side / 2.0;
     piece.block([-open / 2.0, front, tray], [width, 0.008, height], Finish::glass());
-    piece.block([(width - open) / 2.0 - 0.01, front, tray], [0.02, 0.025, height], steel);
+    piece.block([(width - open) / 2.0 - 0.01, front, tray], [0.02, 0.025, height], steel());
     if rng.chance(0.6) {
         let x = rng.sign() * (side / 2.0 - 0.01);
         piece.block([x, 0.0, tray], [0.008, side - 0.03, height], Finish::glass());

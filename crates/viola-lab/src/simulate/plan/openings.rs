@@ -103,19 +103,33 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
     let sliding = pocket(plan, wall, at, width_m).filter(|_| kind == OpeningKind::Door && rng.chance(0.2));
     let leaf = if sliding.is_some() { Leaf::Sliding } else { Leaf::Hinged };
     let hinge = sliding.unwrap_or(if offset < slack / 2.0 { -1.0 } else { 1.0 });
+    let detail = rng.fork("detail", plan.openings.len() as u64).seed();
+    let open_rad = f64::to_radians(open_deg);
+    Opening { hinge, swing, open_rad, leaf, ..closed(kind, wall, at, width_m, [0.0, head_m], detail) }
+}
+
+/// Returns an opening whose middle is at a place along a wall. Its leaf, if it has one, is closed.
+fn closed(
+    kind: OpeningKind,
+    wall: &Wall,
+    at: f64,
+    width_m: f64,
+    [sill_m, head_m]: [f64; 2],
+    detail: u64,
+) -> Opening {
     Opening {
         kind,
         centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
         along_x: wall.along_x,
         width_m,
-        sill_m: 0.0,
+        sill_m,
         head_m,
         rooms: wall.rooms,
-        hinge,
-        swing,
-        open_rad: f64::to_radians(open_deg),
-        leaf,
-        detail: rng.fork("detail", plan.openings.len() as u64).seed(),
+        hinge: 1.0,
+        swing: 1.0,
+        open_rad: 0.0,
+        leaf: Leaf::Hinged,
+        detail,
     }
 }
 
@@ -148,19 +162,11 @@ fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
     let Some(&(_, wall)) = candidates.first() else { return };
     let half = 0.45 + MARGIN_M / 2.0;
     let at = rng.between(wall.from + half, wall.to - half);
+    let (up, detail) = ([0.0, plan.head_limit_m().min(2.05)], rng.fork("entrance", 0).seed());
     let opening = Opening {
-        kind: OpeningKind::Entrance,
-        centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
-        along_x: wall.along_x,
-        width_m: 0.9,
-        sill_m: 0.0,
-        head_m: plan.head_limit_m().min(2.05),
-        rooms: wall.rooms,
         hinge: rng.sign(),
         swing: if wall.rooms[0].is_some() { -1.0 } else { 1.0 },
-        open_rad: 0.0,
-        leaf: Leaf::Hinged,
-        detail: rng.fork("entrance", 0).seed(),
+        ..closed(OpeningKind::Entrance, wall, at, 0.9, up, detail)
     };
     plan.openings.push(opening);
 }
@@ -207,20 +213,9 @@ pub(super) fn open_windows(plan: &mut Plan, glazed: bool, rng: &mut Rng) {
                 _ if rng.chance(0.15) => rng.between(0.4, 0.7),
                 _ => rng.between(0.75, 1.0),
             };
-            let window = Opening {
-                kind: OpeningKind::Window,
-                centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
-                along_x: wall.along_x,
-                width_m,
-                sill_m,
-                head_m: rng.between(2.05, 2.4).min(plan.head_limit_m()),
-                rooms: wall.rooms,
-                hinge: 1.0,
-                swing: 1.0,
-                open_rad: 0.0,
-                leaf: Leaf::Hinged,
-                detail: rng.fork("detail", windows.len() as u64).seed(),
-            };
+            let head_m = rng.between(2.05, 2.4).min(plan.head_limit_m());
+            let detail = rng.fork("detail", windows.len() as u64).seed();
+            let window = closed(OpeningKind::Window, wall, at, width_m, [sill_m, head_m], detail);
             let clear = plan.openings.iter().all(|other| {
                 other.along_x != window.along_x
                     || other.line() != window.line()

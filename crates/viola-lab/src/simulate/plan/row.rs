@@ -88,9 +88,8 @@ fn placed(point: &Point2, place: &UnitPlace) -> Point2 {
 }
 
 fn moved(rect: &Rect, place: &UnitPlace) -> Rect {
-    let a = placed(&Point2::from(rect.min), place);
-    let b = placed(&Point2::from(rect.max), place);
-    snapped(&Rect { min: [a.x.min(b.x), a.y.min(b.y)], max: [a.x.max(b.x), a.y.max(b.y)] })
+    let corners = [rect.min, rect.max].map(|corner| placed(&Point2::from(corner), place));
+    snapped(&Rect::around(corners))
 }
 
 /// Adds the same openings to every unit.

@@ -95,7 +95,7 @@ struct Block {
 
 impl Block {
     fn new(feature: &Feature) -> Block {
-        let bounds = bounds(feature);
+        let bounds = Rect::around(feature.footprint.corners());
         let mut ring = corners(&bounds).to_vec();
         // An oblique wall fills the half of its footprint behind it: its own centre is behind its face.
         if let Some(wall) = feature.solids.iter().find(|solid| is_oblique(solid.yaw_rad)) {
@@ -114,18 +114,6 @@ impl Block {
 
 fn is_oblique(yaw_rad: f64) -> bool {
     (2.0 * yaw_rad).sin().abs() > 0.02
-}
-
-/// Returns the box of a feature's footprint.
-fn bounds(feature: &Feature) -> Rect {
-    let corners = feature.footprint.corners();
-    let fold = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        corners.iter().map(|corner| corner[axis]).fold(start, pick)
-    };
-    Rect {
-        min: [0, 1].map(|axis| fold(axis, f64::min, f64::INFINITY)),
-        max: [0, 1].map(|axis| fold(axis, f64::max, f64::NEG_INFINITY)),
-    }
 }
 
 /// Returns points at equal distances on the sides of a ring.

@@ -1,6 +1,7 @@
 //! Ids of objects that stay where they are, over the revisions of a growing map.
 
 use super::super::matching::{MIN_IOU, Thing};
+use crate::pairs::greedy;
 use serde::Serialize;
 use viola_home::Object;
 
@@ -35,18 +36,13 @@ impl Ids {
     /// Adds the ids of a revision. Boxes match greedily by IoU, whatever their classes: a table that becomes a desk is
     /// the same piece.
     pub fn add(&mut self, objects: &[Object]) {
-        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        let mut pairs = Vec::new();
         for (t, thing) in self.truth.iter().enumerate() {
             let found = (0..objects.len()).map(|f| (thing.bounds.iou(&objects[f].bounds()), t, f));
             pairs.extend(found.filter(|(iou, ..)| *iou >= MIN_IOU));
         }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let (mut of_truth, mut of_found) = (vec![false; self.truth.len()], vec![false; objects.len()]);
-        for (_, t, f) in pairs {
-            if !of_truth[t] && !of_found[f] {
-                (of_truth[t], of_found[f]) = (true, true);
-                self.of_truth[t].push(objects[f].id.clone());
-            }
+        for (_, t, f) in greedy(pairs) {
+            self.of_truth[t].push(objects[f].id.clone());
         }
     }
 

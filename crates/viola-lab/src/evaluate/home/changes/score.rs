@@ -1,9 +1,9 @@
 //! Scores of the changes that a map tells.
 
-use super::super::MIN_EXTENT_M;
 use super::super::matching::{MIN_IOU, Thing};
 use super::Told;
 use super::truth::TrueChanges;
+use crate::pairs::greedy;
 use serde::Serialize;
 use viola_home::is_furniture;
 
@@ -74,25 +74,21 @@ impl Scores {
             let each: Option<Vec<f64>> = a.iter().zip(b).map(|(a, b)| same_place(a, b)).collect();
             each.map(|each| each.into_iter().fold(1.0, f64::min))
         };
-        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        let mut pairs = Vec::new();
         for (t, thing) in truth.iter().enumerate() {
             let all = told.iter().enumerate();
             pairs.extend(all.filter_map(|(f, found)| Some((likeness(thing, found)?, t, f))));
         }
-        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let (mut of_truth, mut of_told) = (vec![false; truth.len()], vec![false; told.len()]);
         let mut score = Score { truth: truth.len(), ..Score::default() };
-        for (_, t, f) in pairs {
-            if !of_truth[t] && !of_told[f] {
-                (of_truth[t], of_told[f]) = (true, true);
-                score.right += 1;
-                score.right_class += usize::from(truth[t][0].class == told[f][0].class);
-            }
+        for (_, t, f) in greedy(pairs) {
+            (of_truth[t], of_told[f]) = (true, true);
+            score.right += 1;
+            score.right_class += usize::from(truth[t][0].class == told[f][0].class);
         }
         let counts = |places: &[Thing]| {
-            let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
             let is_open = |thing: &Thing| open.iter().any(|open| same_place(open, thing).is_some());
-            places.iter().all(|thing| is_furniture(thing.class) && is_large(thing))
+            places.iter().all(|thing| is_furniture(thing.class) && thing.is_large())
                 && !places.iter().any(is_open)
         };
         for (places, _) in

@@ -1,6 +1,5 @@
 //! True changes between two visits, as far as the clips of both visits can tell them.
 
-use super::super::MIN_EXTENT_M;
 use super::super::matching::Thing;
 use super::super::shown::along;
 use super::super::visit::Visit;
@@ -83,7 +82,7 @@ fn on_piece(visit: &Visit, piece: &HomeObject, map_from_home: &Pose2) -> Vec<Thi
 }
 
 fn is_large(thing: &Thing) -> bool {
-    is_furniture(thing.class) && thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M)
+    is_furniture(thing.class) && thing.is_large()
 }
 
 /// The part of a piece that a visit shows.
