@@ -10,15 +10,9 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{
-    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
-    serve,
-};
-use viola::jobs::WorkerParams;
+use viola::api::{ServeParams, serve};
 use viola::webhooks::WebhookParams;
-use viola_storage::{
-    ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant, UnpackParams,
-};
+use viola_storage::{ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant};
 use viola_testing::client::Client;
 use viola_testing::postgres::{Schema, Schemas};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
@@ -139,27 +133,12 @@ impl Server {
             }
         };
         let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
+        let storage =
+            StorageParams { postgres, s3: s3_of_this_run(), ..StorageParams::in_folder(folder.path()) };
         let mut params = ServeParams {
             webhooks: WebhookParams { private_addresses: true },
-            listen: "127.0.0.1:0".parse().unwrap(),
-            admin_listen: None,
-            storage: StorageParams {
-                data: folder.path().to_owned(),
-                postgres,
-                s3: s3_of_this_run(),
-                secrets_key: None,
-                unpack: UnpackParams::default(),
-            },
-            workers: 1,
             max_upload_bytes: 64 << 20,
-            uploads: UploadParams::default(),
-            limits: LimitParams::default(),
-            failed_keys: FailedKeyParams::default(),
-            readers: ReaderParams::default(),
-            bodies: BodyParams::default(),
-            connections: ConnectionParams::default(),
-            worker: WorkerParams::default(),
-            cors_origins: Vec::new(),
+            ..ServeParams::new("127.0.0.1:0".parse().unwrap(), storage)
         };
         change(&mut params);
         let storage = params.storage.clone();
