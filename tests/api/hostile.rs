@@ -34,9 +34,7 @@ async fn check_told(files: &Files, lidar_map: String, code: &str) {
     let server = Server::start().await;
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), lidar_map).await.ok(201);
-    let answer = server.post(&format!("{home}/clips"), zips::zip(files)).await;
-    let path = answer.header("location").to_owned();
-    answer.ok(201);
+    let path = server.add_clip(&home, zips::zip(files)).await;
     let clip = server.settled(&path).await;
     let codes: Vec<_> =
         clip["reasons"].as_array().unwrap().iter().map(|reason| reason["code"].clone()).collect();

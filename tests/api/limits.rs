@@ -40,10 +40,12 @@ async fn deferred_lengths_and_announced_bytes_count() {
     acme.send(acme.patch(&uploads[2], 0, &piece)).await.problem(507, "tenant-full");
     let late = acme.patch(&uploads[2], 0, b"").header("upload-length", 2 * MIB);
     acme.send(late).await.problem(507, "tenant-full");
-    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", 2 * MIB);
-    acme.send(announced.header("upload-concat", "partial")).await.problem(507, "tenant-full");
-    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", MIB);
-    acme.send(announced.header("upload-concat", "partial")).await.ok(201);
+    let announce = |length: usize| {
+        let request = acme.tus(Method::POST, "/v1/uploads").header("upload-length", length);
+        acme.send(request.header("upload-concat", "partial"))
+    };
+    announce(2 * MIB).await.problem(507, "tenant-full");
+    announce(MIB).await.ok(201);
     assert_eq!(usage(&acme).await, (5 * MIB as u64, Some(5 * MIB as u64)));
     // Another tenant has its own room.
     let bolt = server.client("bolt", Role::Admin, None).await;

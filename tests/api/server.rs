@@ -179,49 +179,42 @@ impl Server {
         Storage::administer(&self.storage).await.unwrap()
     }
 
-    /// Runs a statement on the service's own database.
-    pub async fn execute(&self, statement: &str) {
-        let statement = sqlx::AssertSqlSafe(statement.to_owned());
+    /// Runs statements on the service's own database; returns the connection.
+    async fn connection_after(&self, statements: &str) -> Box<dyn Any> {
+        let statements = sqlx::raw_sql(sqlx::AssertSqlSafe(statements.to_owned()));
         match &self.storage.postgres {
             Some(postgres) => {
                 let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-                sqlx::query(statement).execute(&mut connection).await.unwrap();
+                statements.execute(&mut connection).await.unwrap();
+                Box::new(connection)
             }
             None => {
                 let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
                 let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
-                sqlx::query(statement).execute(&mut connection).await.unwrap();
+                statements.execute(&mut connection).await.unwrap();
+                Box::new(connection)
             }
         }
+    }
+
+    /// Runs a statement on the service's own database.
+    pub async fn execute(&self, statement: &str) {
+        self.connection_after(statement).await;
     }
 
     /// Keeps everybody from changing jobs until the returned connection is dropped.
     pub async fn lock_jobs(&self) -> Box<dyn Any> {
-        match &self.storage.postgres {
-            Some(postgres) => {
-                let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-                for statement in ["BEGIN", "LOCK TABLE jobs IN EXCLUSIVE MODE"] {
-                    sqlx::query(statement).execute(&mut connection).await.unwrap();
-                }
-                Box::new(connection)
-            }
-            None => {
-                let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
-                let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
-                sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await.unwrap();
-                Box::new(connection)
-            }
-        }
+        self.connection_after(match &self.storage.postgres {
+            Some(_) => "BEGIN; LOCK TABLE jobs IN EXCLUSIVE MODE",
+            None => "BEGIN IMMEDIATE",
+        })
+        .await
     }
 
     /// Keeps everybody from reading a table until the returned connection is dropped; `None` for SQLite, which has no such lock.
     pub async fn lock_reads(&self, table: &str) -> Option<Box<dyn Any>> {
-        let postgres = self.storage.postgres.as_ref()?;
-        let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-        for statement in ["BEGIN".to_owned(), format!("LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE")] {
-            sqlx::query(sqlx::AssertSqlSafe(statement)).execute(&mut connection).await.unwrap();
-        }
-        Some(Box::new(connection))
+        self.storage.postgres.as_ref()?;
+        Some(self.connection_after(&format!("BEGIN; LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE")).await)
     }
 
     /// Returns every file of the blob store, including arriving ones, without the one with the store's id.

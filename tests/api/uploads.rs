@@ -30,8 +30,7 @@ async fn check_refused(request: reqwest::RequestBuilder, status: u16, code: &str
 #[tokio::test]
 async fn a_clip_arrives_in_two_parts() {
     let server = Server::without_workers().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     let clip = small_clip();
     let (first, rest) = clip.split_at(clip.len() / 3);
     let upload = server.begin("h", clip.len()).await;
@@ -312,8 +311,7 @@ async fn bytes_come_with_the_creation() {
     server.make_home("h").await;
     let clip = small_clip();
     let create = |bytes: &[u8]| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        let request = request.header("Upload-Metadata", metadata(&[("home", "h")]));
+        let request = server.announce(clip.len(), &[("home", "h")]);
         request.header("Content-Type", BYTES).body(bytes.to_vec())
     };
     let begun = server.send(create(&clip[..100])).await;
@@ -328,22 +326,11 @@ async fn bytes_come_with_the_creation() {
 
     let kept = server.blobs().len();
     let sum = |bytes: &[u8]| format!("sha1 {}", encoded(Sha1::digest(bytes)));
-    check_refused(
-        create(b"x").header("Upload-Checksum", sum(b"y")),
-        460,
-        "checksum-mismatch",
-        "Upload-Checksum",
-    )
-    .await;
+    let damaged = create(b"x").header("Upload-Checksum", sum(b"y"));
+    check_refused(damaged, 460, "checksum-mismatch", "Upload-Checksum").await;
     check_refused(create(&[clip.clone(), vec![0]].concat()), 413, "body-too-large", "Upload-Length").await;
-    let form = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5).body("x");
-    check_refused(
-        form.header("Upload-Metadata", metadata(&[("home", "h")])),
-        415,
-        "unsupported-media-type",
-        "Content-Type",
-    )
-    .await;
+    let form = server.announce(5, &[("home", "h")]).body("x");
+    check_refused(form, 415, "unsupported-media-type", "Content-Type").await;
     assert_eq!(server.blobs().len(), kept);
 }
 
@@ -539,10 +526,7 @@ async fn only_so_many_may_be_unfinished() {
     for home in ["a", "b"] {
         server.make_home(home).await;
     }
-    let begin = |home| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
-        request.header("Upload-Metadata", metadata(&[("home", home)]))
-    };
+    let begin = |home| server.announce(10, &[("home", home)]);
     let partial = || {
         let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
         request.header("Upload-Concat", "partial")
@@ -578,9 +562,7 @@ async fn metadata_tells_of_the_clip() {
     server.make_home("h").await;
     let upload = |bytes: Vec<u8>| {
         let told = [("home", "h"), ("recorded_at", "2026-03-14T17:09:26+02:00"), ("idempotency_key", "k")];
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", bytes.len());
-        let request = request.header("Upload-Metadata", metadata(&told));
-        server.send(request.header("Content-Type", BYTES).body(bytes))
+        server.send(server.announce(bytes.len(), &told).header("Content-Type", BYTES).body(bytes))
     };
     let first = upload(small_clip()).await;
     let clip = check_clip(&server, first.header("viola-clip"), &small_clip()).await;
@@ -600,8 +582,7 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
     server.make_home("h").await;
     server.make_home("other").await;
     let begin = async |told: &[(&str, &str)], length: usize| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", length);
-        let begun = server.send(request.header("Upload-Metadata", metadata(told))).await;
+        let begun = server.send(server.announce(length, told)).await;
         assert_eq!(begun.status, 201);
         begun.header("location").to_owned()
     };
@@ -628,13 +609,10 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
 async fn equal_beginnings_at_once_have_one_upload() {
     let server = Server::without_workers().await;
     server.make_home("h").await;
-    let sum = sha256(&small_clip());
+    let clip = small_clip();
+    let sum = sha256(&clip);
     for named in [("sha256", sum.as_str()), ("idempotency_key", "k")] {
-        let told = metadata(&[("home", "h"), named]);
-        let begin = || {
-            let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", small_clip().len());
-            server.send(request.header("Upload-Metadata", &told))
-        };
+        let begin = || server.send(server.announce(clip.len(), &[("home", "h"), named]));
         let answers = futures::future::join_all((0..16).map(|_| begin())).await;
         let paths: Vec<&str> = answers.iter().map(|answer| answer.header("location")).collect();
         assert!(paths.iter().all(|path| !path.is_empty() && *path == paths[0]), "{named:?}: {paths:?}");
@@ -651,10 +629,7 @@ async fn the_same_file_has_one_upload_by_its_sha256() {
     server.make_home("other").await;
     let clip = small_clip();
     let sum = sha256(&clip);
-    let request = |told: &[(&str, &str)]| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        request.header("Upload-Metadata", metadata(told))
-    };
+    let request = |told: &[(&str, &str)]| server.announce(clip.len(), told);
     let begin = async |told: &[(&str, &str)]| {
         let begun = server.send(request(told)).await;
         assert_eq!(begun.status, 201);
@@ -706,10 +681,7 @@ async fn a_file_without_its_sha256_is_refused() {
     server.make_home("h").await;
     let clip = small_clip();
     let sum = sha256(&viola_testing::zips::zip(&room::clip(3)));
-    let request = |sum: &str| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        request.header("Upload-Metadata", metadata(&[("home", "h"), ("sha256", sum)]))
-    };
+    let request = |sum: &str| server.announce(clip.len(), &[("home", "h"), ("sha256", sum)]);
     let upload = server.send(request(&sum)).await.header("location").to_owned();
     let refused = server.send(server.patch(&upload, 0, &clip)).await.problem(422, "checksum-mismatch");
     assert_eq!(refused["field"], "Upload-Metadata");

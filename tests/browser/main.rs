@@ -72,9 +72,7 @@ fn a_person_uses_the_page() {
     }
     std::fs::create_dir_all(&pictures).unwrap();
     let server = Process::serve(&folder.path().join("data"), &[]);
-    run(script("browser.mjs", &server)
-        .env("VIOLA_RECORDINGS", &recordings)
-        .env("VIOLA_PICTURES", &pictures));
+    run(script("browser.mjs", &server).env("VIOLA_RECORDINGS", &recordings).env("VIOLA_PICTURES", &pictures));
     look_at(&pictures);
 }
 
