@@ -171,7 +171,7 @@ impl Server {
     pub fn client_with(&self, secret: &Secret) -> Client {
         let mut headers = HeaderMap::new();
         headers.insert("authorization", format!("Bearer {}", secret.show()).parse().unwrap());
-        let http = reqwest::Client::builder().default_headers(headers).build().unwrap();
+        let http = reqwest::Client::builder().no_proxy().default_headers(headers).build().unwrap();
         Client { base: self.client.base.clone(), http }
     }
 

@@ -61,7 +61,8 @@ async fn an_address_with_too_many_connections_displaces_its_own() {
         params.connections = ConnectionParams { most_of_network, ..ConnectionParams::default() };
     })
     .await;
-    let neighbour = reqwest::Client::builder().local_address("127.0.0.2".parse().ok()).build().unwrap();
+    let neighbour = reqwest::Client::builder().no_proxy().local_address("127.0.0.2".parse().ok());
+    let neighbour = neighbour.build().unwrap();
     let health = format!("{}/healthz", server.base);
     assert_eq!(neighbour.get(&health).send().await.unwrap().status(), 200);
     let held: Vec<TcpStream> = (0..3 * most_of_network).map(|_| stalled(&server)).collect();
