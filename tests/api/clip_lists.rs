@@ -118,7 +118,9 @@ async fn the_time_of_a_recording_is_corrected() {
         let problem = patch(json!({"recorded_at": wrong})).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], "recorded_at");
     }
-    for wrong in [json!(""), json!(" \u{2003}"), json!("a\tb"), json!("t".repeat(201)), json!(7)] {
+    for wrong in
+        [json!(""), json!(" \u{2003}"), json!("a\tb"), json!("a\nb"), json!("t".repeat(201)), json!(7)]
+    {
         let problem = patch(json!({"title": wrong})).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], "title");
     }

@@ -38,9 +38,6 @@ async fn a_recording_comes_back_with_its_name() {
     assert_eq!(patch(json!({"title": "Hall"})).await.ok(200)["title"], "Hall");
     assert_eq!(patch(json!({})).await.ok(200)["title"], "Hall");
     assert_eq!(patch(json!({"title": null})).await.ok(200)["title"], Value::Null);
-    for wrong in [json!(""), json!(7), json!("a\nb"), json!("x".repeat(201))] {
-        assert_eq!(patch(json!({"title": wrong})).await.problem(422, "invalid-body")["field"], "title");
-    }
     patch(json!({"name": "Hall"})).await.problem(422, "invalid-body");
     for (query, field) in [("filename=", "filename"), ("filename=a%0Ab", "filename"), ("title=", "title")] {
         let refused = server.post(&format!("{clips}?{query}"), small_clip()).await;
