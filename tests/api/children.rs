@@ -10,7 +10,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 use viola::jobs::{AlignJobError, ChildParams, JobLimitParams, Method};
 use viola_storage::RetryPolicy;
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until, zips};
 
 pub const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 
@@ -215,8 +215,8 @@ async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
 
 pub async fn is_gone(process: i32) {
     let process = rustix::process::Pid::from_raw(process).unwrap();
-    eventually("the child is gone", || async {
-        (rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)).then_some(())
+    until("the child is gone", async || {
+        rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)
     })
     .await;
 }

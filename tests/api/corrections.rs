@@ -10,7 +10,7 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::label::{ClassMap, LabelParams, SegmentError, Segmenter};
 use viola_storage::Role;
 use viola_testing::client::{Answer, Client};
-use viola_testing::{eventually, room};
+use viola_testing::{eventually, room, until};
 
 /// Knows the furniture of the test room by its paint.
 struct Painted;
@@ -176,10 +176,7 @@ async fn a_new_name_leaves_the_points_and_the_mesh_as_they_are() {
     assert_eq!(ask(&server, &home, files[2], &tags[2]).await.0, 200);
     add(&server, &home, 20).await;
     let known = &tags[0];
-    eventually("the points change", || async {
-        (ask(&server, &home, files[0], known).await.0 == 200).then_some(())
-    })
-    .await;
+    until("the points change", async || ask(&server, &home, files[0], known).await.0 == 200).await;
 }
 
 #[tokio::test]

@@ -10,7 +10,7 @@ use tokio::net::{TcpSocket, TcpStream};
 use viola::api::ConnectionParams;
 use viola_storage::SweepLimit;
 use viola_testing::client::id_of;
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until, zips};
 
 /// Timeout for a client that reads slowly.
 const LIMIT: Duration = Duration::from_secs(1);
@@ -72,9 +72,9 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     server.get(&home).await.ok(200);
 
     // The same number finds a place at once: none of the first still has one.
-    eventually("all places are free again", || async {
+    until("all places are free again", async || {
         let asked = futures::future::join_all(silent.iter().map(|_| ask(&server, &home))).await;
-        asked.iter().all(|(status, _)| *status == 200).then_some(())
+        asked.iter().all(|(status, _)| *status == 200)
     })
     .await;
     let whole = eventually("clients that hang up free their places", || async {
@@ -168,10 +168,7 @@ fn everything_works_with_one_blocking_thread() {
         let home = server.make_room("h").await;
         let clip = server.film(&home, 24).await;
         assert_eq!(server.settled(&clip).await["state"], "aligned");
-        eventually("the map is merged", || async {
-            (server.get(&format!("{home}/map")).await.status == 200).then_some(())
-        })
-        .await;
+        until("the map is merged", async || server.get(&format!("{home}/map")).await.status == 200).await;
         let path = format!("{home}/export");
         let exports = (0..8).map(|_| server.get(&path));
         for export in futures::future::join_all(exports).await {

@@ -2,7 +2,7 @@ use crate::server::Server;
 use futures::StreamExt;
 use serde_json::{Value, json};
 use viola_testing::client::Client;
-use viola_testing::eventually;
+use viola_testing::until;
 
 /// Creates a home with a map and a clip; returns the paths of the clip and of its job.
 async fn one_job(server: &Server, frames: u32) -> (String, String) {
@@ -85,16 +85,13 @@ async fn a_waiting_job_is_cancelled_and_queued_again() {
 async fn a_running_job_is_cancelled() {
     let server = Server::start().await;
     let (clip, job) = one_job(&server, 300).await;
-    eventually("the job runs", || async {
-        (server.get(&job).await.ok(200)["state"] == "running").then_some(())
-    })
-    .await;
+    until("the job runs", async || server.get(&job).await.ok(200)["state"] == "running").await;
     assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200)["state"], "cancelled");
     assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
     assert_eq!(server.get("/v1/jobs?state=failed").await.ok(200)["items"], json!([]), "it is no failure");
-    eventually("the end of the attempt is counted", || async {
+    until("the end of the attempt is counted", async || {
         let counted = String::from_utf8(server.get("/metrics").await.bytes).unwrap();
-        counted.contains("viola_job_attempts_total{outcome=\"cancelled\"}").then_some(())
+        counted.contains("viola_job_attempts_total{outcome=\"cancelled\"}")
     })
     .await;
     // The worker is free again: the next job runs to its end.

@@ -4,7 +4,7 @@ use crate::corrections;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
-use viola_testing::{eventually, room};
+use viola_testing::{eventually, room, until};
 
 /// Returns points along the walls of a room of 3 x 2 m, which is not that of the clips.
 pub fn small_room_csv() -> String {
@@ -189,14 +189,13 @@ async fn a_plan_tells_its_level_and_its_home() {
     let rename =
         async |name: Value| server.send_json(Method::PUT, &home, &json!({"name": name})).await.ok(200);
     rename(json!("Elm & Co")).await;
-    eventually("the plans have the name of the home", || async {
-        (title("upper").await == "Floor plan, upper: Elm &amp; Co").then_some(())
+    until("the plans have the name of the home", async || {
+        title("upper").await == "Floor plan, upper: Elm &amp; Co"
     })
     .await;
     assert_eq!(title("main").await, "Floor plan: Elm &amp; Co");
     rename(Value::Null).await;
-    eventually("the plans have no name", || async { (title("main").await == "Floor plan").then_some(()) })
-        .await;
+    until("the plans have no name", async || title("main").await == "Floor plan").await;
 }
 
 #[tokio::test]

@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use viola_geometry::LevelName;
 use viola_storage::{HomeId, map_file};
 use viola_testing::client::id_of;
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until, zips};
 
 /// Returns the home's map once it contains the clips with these paths.
 pub async fn merged(server: &Server, home: &str, clips: &[&str]) -> Value {
@@ -98,7 +98,7 @@ async fn what_a_reader_has_is_not_sent_again() {
 /// A change that waits for its merge is told, and so are merges that fail, by the map and by its home.
 async fn the_state_of_the_map_is_told(server: &Server, home: &str) {
     let state = || async { server.get(&format!("{home}/map")).await.ok(200)["state"].clone() };
-    eventually("the last merge ends", || async { (state().await == "current").then_some(()) }).await;
+    until("the last merge ends", async || state().await == "current").await;
     let due_ms =
         (SystemTime::now() + Duration::from_secs(600)).duration_since(UNIX_EPOCH).unwrap().as_millis();
     for (ahead, faults, expected) in [(0, 0, "current"), (1, 0, "due"), (1, 1, "due"), (1, 2, "failing")] {

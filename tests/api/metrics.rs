@@ -3,7 +3,7 @@
 use crate::server::Server;
 use std::collections::BTreeSet;
 use viola_testing::client::id_of;
-use viola_testing::eventually;
+use viola_testing::{eventually, until};
 
 /// Returns the names of our metrics in a text.
 fn names(text: &str) -> BTreeSet<String> {
@@ -79,8 +79,5 @@ async fn a_process_is_ready_while_the_queue_is_counted() {
     let ready = server.get("/readyz").await.ok(200);
     assert_eq!((&ready["status"], &ready["queued"]), (&"ok".into(), &serde_json::Value::Null), "{ready}");
     drop(locked);
-    eventually("the queue is counted", || async {
-        (server.get("/readyz").await.ok(200)["queued"] == 0).then_some(())
-    })
-    .await;
+    until("the queue is counted", async || server.get("/readyz").await.ok(200)["queued"] == 0).await;
 }

@@ -10,7 +10,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 use tokio::io::AsyncReadExt;
 use viola::api::ConnectionParams;
-use viola_testing::eventually;
+use viola_testing::until;
 
 /// A request whose body never comes, without a key.
 const STALLED: &[u8] = b"PUT /v1/session HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n\
@@ -51,7 +51,7 @@ async fn a_file_that_drips_is_refused() {
     });
     let request = server.request(Method::POST, &format!("{home}/clips")).body(Body::wrap_stream(drip));
     server.send(request).await.problem(408, "body-stalled");
-    eventually("what came is removed", || async { server.blobs().is_empty().then_some(()) }).await;
+    until("what came is removed", async || server.blobs().is_empty()).await;
 }
 
 #[tokio::test]

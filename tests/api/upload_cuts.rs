@@ -9,13 +9,13 @@ use serde_json::json;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
-use viola_testing::eventually;
 use viola_testing::tus::{metadata, sha256};
+use viola_testing::{eventually, until};
 
 async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
     assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));
     // A request that was cut off or overtaken may still be cleaning up.
-    eventually("nothing is left but the clip", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("nothing is left but the clip", async || server.blobs().len() == 1).await;
 }
 
 /// Begins an upload of a clip; returns the clip and the upload's path.
@@ -80,7 +80,7 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
     let server = Server::without_workers().await;
     let (clip, upload) = begun(&server).await;
     drop(server.patch_partly(&upload, 0, &clip, 1234));
-    eventually("the bytes are kept", || async { (server.offset(&upload).await == 1234).then_some(()) }).await;
+    until("the bytes are kept", async || server.offset(&upload).await == 1234).await;
     // A checksum covers the whole body or nothing.
     let mut connection = connect(&server);
     write!(
@@ -90,9 +90,9 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
          content-length: 11\r\n\r\nhello"
     )
     .unwrap();
-    eventually("half of the body has arrived", || async { (server.blobs().len() == 2).then_some(()) }).await;
+    until("half of the body has arrived", async || server.blobs().len() == 2).await;
     drop(connection);
-    eventually("it is gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("it is gone", async || server.blobs().len() == 1).await;
     assert_eq!(server.offset(&upload).await, 1234);
 }
 
@@ -125,12 +125,9 @@ async fn a_slow_client_is_acknowledged_on_its_way() {
     .await;
     let (clip, upload) = begun(&server).await;
     let mut connection = server.patch_partly(&upload, 0, &clip, 100);
-    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    until("it is acknowledged", async || server.offset(&upload).await == 100).await;
     connection.write_all(&clip[100..]).unwrap();
-    eventually("the clip is made", || async {
-        (!server.head(&upload).await.header("viola-clip").is_empty()).then_some(())
-    })
-    .await;
+    until("the clip is made", async || !server.head(&upload).await.header("viola-clip").is_empty()).await;
     check_made(&server, server.head(&upload).await.header("viola-clip"), &clip).await;
 }
 
@@ -144,7 +141,7 @@ async fn a_paused_client_is_acknowledged_in_its_pause() {
     .await;
     let (clip, upload) = begun(&server).await;
     let connection = server.patch_partly(&upload, 0, &clip, 100);
-    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    until("it is acknowledged", async || server.offset(&upload).await == 100).await;
     drop(connection);
 }
 
@@ -154,7 +151,7 @@ async fn the_newer_of_two_writers_goes_on() {
     let (clip, upload) = begun(&server).await;
     // Other bytes from an old connection that is still open.
     let mut old = server.patch_partly(&upload, 0, &vec![7; clip.len()], 2000);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     let half = clip.len() / 2;
     server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
     old.write_all(&vec![7; clip.len() - 2000]).unwrap();
@@ -171,7 +168,7 @@ async fn a_refused_request_stops_no_other() {
     let server = Server::without_workers().await;
     let (clip, upload) = begun(&server).await;
     let mut running = server.patch_partly(&upload, 0, &clip, 1000);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     let larger = server.send(server.patch(&upload, 0, &vec![7; clip.len() + 1])).await;
     larger.problem(413, "body-too-large");
     running.write_all(&clip[1000..]).unwrap();
@@ -199,7 +196,7 @@ async fn a_post_that_was_overtaken_deletes_nothing() {
         )
         .unwrap();
         first.write_all(&clip[..1000]).unwrap();
-        eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+        until("its bytes have arrived", async || server.blobs().len() == 1).await;
         let again = server.send(server.announce(clip.len(), &[("home", "h"), named])).await;
         assert_eq!((again.status, again.header("upload-offset")), (201, "0"), "{named:?}");
         let (upload, half) = (again.header("location").to_owned(), clip.len() / 2);
@@ -236,7 +233,7 @@ async fn a_server_that_stops_keeps_what_arrived() {
     let server = Server::without_workers().await;
     let (clip, upload) = begun(&server).await;
     let mut connection = server.patch_partly(&upload, 0, &clip, 500);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     server.stop().await;
     let mut answer = String::new();
     connection.read_to_string(&mut answer).unwrap();

@@ -8,7 +8,7 @@ use sha1::{Digest, Sha1};
 use std::time::Duration;
 use viola_storage::Role;
 use viola_testing::tus::{BYTES, encoded, metadata, sha256};
-use viola_testing::{eventually, room};
+use viola_testing::{room, until};
 
 const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
 const UPLOADS: &str = "/v1/uploads";
@@ -459,14 +459,14 @@ async fn abandoned_uploads_expire() {
     let upload = server.begin("h", 100).await;
     server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
     server.execute("UPDATE uploads SET expires_at = 0 WHERE state = 'arriving'").await;
-    eventually("the upload is gone", || async {
+    until("the upload is gone", async || {
         let status = server.head(&upload).await.status;
         assert!([200, 410, 404].contains(&status));
-        (status == 404).then_some(())
+        status == 404
     })
     .await;
     server.send(server.patch(&upload, 10, b"x")).await.problem(404, "upload-not-found");
-    eventually("its bytes are gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes are gone", async || server.blobs().len() == 1).await;
     // The record of a finished upload is kept for longer.
     assert_eq!(server.head(&finished).await.header("viola-clip"), last.header("viola-clip"));
 }

@@ -12,7 +12,7 @@ use viola_formats::container::ContainerError;
 use viola_geometry::progress::{EarlyPose, Stage, check};
 use viola_geometry::{LevelName, Pose2};
 use viola_storage::RetryPolicy;
-use viola_testing::{eventually, room};
+use viola_testing::{eventually, room, until};
 
 async fn server(method: Method) -> Server {
     Server::with(|params| {
@@ -132,7 +132,7 @@ async fn a_worker_does_not_rest_after_a_removed_clip() {
     })
     .await;
     let removed = upload(&server).await;
-    eventually("its job has begun", || async { (CALLS.load(Ordering::SeqCst) > 0).then_some(()) }).await;
+    until("its job has begun", async || CALLS.load(Ordering::SeqCst) > 0).await;
     server.delete(&removed).await.ok(204);
     IS_REMOVED.store(true, Ordering::SeqCst);
     let clip = upload(&server).await;
@@ -194,7 +194,7 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     };
     let server = server(deaf).await;
     upload(&server).await;
-    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method runs", async || RUNS.load(Ordering::SeqCst)).await;
     let begun = Instant::now();
     server.stop().await;
     // Less than the lease, and more than a busy machine needs.
@@ -221,13 +221,13 @@ async fn a_heartbeat_that_waits_for_the_database_does_not_hold_up_the_job() {
     };
     let server = server(hears).await;
     upload(&server).await;
-    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method runs", async || RUNS.load(Ordering::SeqCst)).await;
     let lock = server.lock_jobs().await;
     IS_LOCKED.store(true, Ordering::SeqCst);
     tokio::time::sleep(Duration::from_secs(1)).await;
     let begun = Instant::now();
     let stopped = tokio::spawn(server.stop());
-    eventually("the method is asked to stop", || async { HEARD.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method is asked to stop", async || HEARD.load(Ordering::SeqCst)).await;
     assert!(begun.elapsed() < Duration::from_secs(5));
     drop(lock);
     stopped.await.unwrap();
@@ -277,10 +277,10 @@ async fn a_map_whose_merges_take_too_long_is_failing() {
     let clip = upload(&server).await;
     assert_eq!(server.settled(&clip).await["state"], "aligned");
     let home = clip.split("/clips/").next().unwrap();
-    eventually("two merges have failed", || async {
+    until("two merges have failed", async || {
         // The pauses between them are short here.
         server.execute("UPDATE homes SET map_due_at = 0").await;
-        (server.get(home).await.ok(200)["map_state"] == "failing").then_some(())
+        server.get(home).await.ok(200)["map_state"] == "failing"
     })
     .await;
     server.get(&format!("{home}/map")).await.problem(404, "map-not-found");

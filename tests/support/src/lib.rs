@@ -20,4 +20,4 @@ pub mod zips;
 pub use node::has_node;
 pub use receiver::receiver;
 pub use skip::skipped;
-pub use wait::eventually;
+pub use wait::{eventually, until};
