@@ -128,6 +128,10 @@ fn modules_of_the_service_import_downwards() {
             continue;
         };
         for (number, line) in source.code() {
+            if line.contains("use crate::{") {
+                let place = source.path.display();
+                broken.push(format!("{place}:{number}: import each module of the crate by itself"));
+            }
             for (module, _) in MODULES.iter().filter(|(_, floor)| *floor >= own) {
                 let is_imported = names_path(line, &format!("crate::{module}"));
                 if *module != source.first_module() && is_imported {
