@@ -54,6 +54,28 @@ pub struct ServeParams {
     pub cors_origins: Vec<Origin>,
 }
 
+impl ServeParams {
+    /// Returns the defaults: one job at a time, and clips of at most 2 GiB.
+    pub fn new(listen: SocketAddr, storage: StorageParams) -> ServeParams {
+        ServeParams {
+            listen,
+            admin_listen: None,
+            storage,
+            workers: 1,
+            max_upload_bytes: 2 << 30,
+            uploads: UploadParams::default(),
+            readers: ReaderParams::default(),
+            limits: LimitParams::default(),
+            failed_keys: FailedKeyParams::default(),
+            bodies: BodyParams::default(),
+            connections: ConnectionParams::default(),
+            worker: WorkerParams::default(),
+            webhooks: WebhookParams::default(),
+            cors_origins: Vec::new(),
+        }
+    }
+}
+
 /// Parameters of [`work`].
 #[derive(Debug, Clone)]
 pub struct WorkParams {

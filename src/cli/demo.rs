@@ -6,12 +6,8 @@ mod recordings;
 use super::args::{NetworkArguments, numbers};
 use super::output;
 use super::progress::has_bars;
-use crate::api::{
-    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
-    serve,
-};
+use crate::api::{ServeParams, serve};
 use crate::jobs::{JobParams, WorkerParams};
-use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use client::{Client, ClipAnswer};
@@ -72,22 +68,8 @@ pub fn run(arguments: &DemoArguments) -> Result<()> {
 async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Recordings) -> Result<()> {
     let stop = CancellationToken::new();
     let (listening, address) = oneshot::channel();
-    let params = ServeParams {
-        listen: arguments.listen,
-        admin_listen: None,
-        storage: StorageParams::in_folder(&arguments.data.join("service")),
-        workers: 1,
-        max_upload_bytes: 2 << 30,
-        uploads: UploadParams::default(),
-        limits: LimitParams::default(),
-        failed_keys: FailedKeyParams::default(),
-        readers: ReaderParams::default(),
-        bodies: BodyParams::default(),
-        connections: ConnectionParams::default(),
-        webhooks: WebhookParams::default(),
-        worker,
-        cors_origins: Vec::new(),
-    };
+    let storage = StorageParams::in_folder(&arguments.data.join("service"));
+    let params = ServeParams { worker, ..ServeParams::new(arguments.listen, storage) };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {
         // The receiver is dropped only after the demo has ended.
         let _ = listening.send(address);

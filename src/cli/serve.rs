@@ -3,10 +3,7 @@
 use super::args::{StoreArguments, WorkerArguments, patience_seconds};
 use super::child::child;
 use super::service::{self, print_address};
-use crate::api::{
-    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, Origin, ReaderParams, ServeParams,
-    UploadParams, serve,
-};
+use crate::api::{ConnectionParams, LimitParams, Origin, ServeParams, UploadParams, serve};
 use anyhow::Result;
 use clap::Args;
 use std::net::SocketAddr;
@@ -63,9 +60,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
 
 fn params(arguments: &ServeArguments) -> Result<ServeParams> {
     Ok(ServeParams {
-        listen: arguments.listen,
         admin_listen: arguments.admin_listen,
-        storage: arguments.store.params(),
         workers: if arguments.no_worker { 0 } else { arguments.worker.workers },
         max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),
         uploads: UploadParams {
@@ -77,13 +72,11 @@ fn params(arguments: &ServeArguments) -> Result<ServeParams> {
             requests_per_s: arguments.tenant_requests_per_second,
             storage_bytes: arguments.tenant_storage_mb.map(|mib| mib.saturating_mul(1 << 20)),
         },
-        failed_keys: FailedKeyParams::default(),
-        readers: ReaderParams::default(),
-        bodies: BodyParams::default(),
         connections: connections(),
         worker: arguments.worker.params()?,
         webhooks: arguments.worker.webhooks(),
         cors_origins: arguments.cors_origins.clone(),
+        ..ServeParams::new(arguments.listen, arguments.store.params())
     })
 }
 

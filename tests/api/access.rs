@@ -1,15 +1,16 @@
 //! Keys, roles and tenants: none can change, see or guess the resources of another.
 
-use crate::clips::small_clip;
+use crate::clips::{TOO_FEW_FRAMES, small_clip};
+use crate::document::{document, operations};
 use crate::server::Server;
 use jiff::{SignedDuration, Timestamp};
 use reqwest::Method;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::num::NonZeroU32;
 use viola::api::LimitParams;
 use viola_storage::{NewKey, Role, TenantLimits};
-use viola_testing::client::{Answer, Client};
-use viola_testing::{room, tus};
+use viola_testing::client::{Answer, Client, id_of};
+use viola_testing::room;
 
 #[tokio::test]
 async fn without_keys_everybody_on_this_machine_may_do_everything() {
@@ -84,44 +85,37 @@ struct Belongings {
 }
 
 async fn belongings(client: &Client, home: &str) -> Belongings {
-    let home = client.make_home(home).await;
-    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = client.post(&format!("{home}/clips"), small_clip()).await.ok(201);
-    let upload = client.begin(home.rsplit('/').next().unwrap(), 100).await;
-    let webhook =
-        client.request(Method::POST, "/v1/webhooks").json(&json!({"url": "https://fleet.example/"}));
-    let webhook = client.send(webhook).await.ok(201);
+    let home = client.make_room(home).await;
+    let clip = client.film(&home, 2).await;
+    let job = client.job_of(&clip).await;
+    let upload = client.begin(id_of(&home), 100).await;
+    let address = json!({"url": "https://fleet.example/"});
+    let webhook = client.send_json(Method::POST, "/v1/webhooks", &address).await.ok(201);
     let webhook = format!("/v1/webhooks/{}", webhook["id"].as_str().unwrap());
     let delivery = client.post(&format!("{webhook}/test"), "").await.ok(201);
-    Belongings {
-        clip: format!("{home}/clips/{}", clip["id"].as_str().unwrap()),
-        job: format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()),
-        home,
-        upload,
-        webhook,
-        delivery: delivery["id"].as_str().unwrap().to_owned(),
-    }
+    let delivery = delivery["id"].as_str().unwrap().to_owned();
+    Belongings { home, clip, job, upload, webhook, delivery }
 }
 
 /// Returns every route of the document with these belongings in it, for every method.
 fn every_route(of: &Belongings) -> Vec<(Method, String)> {
-    let document: Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    let clip = of.clip.rsplit('/').next().unwrap();
-    let job = of.job.rsplit('/').next().unwrap();
-    let upload = of.upload.rsplit('/').next().unwrap();
-    let home = of.home.rsplit('/').next().unwrap();
+    let values = [
+        ("{home}", id_of(&of.home)),
+        ("{clip}", id_of(&of.clip)),
+        ("{job}", id_of(&of.job)),
+        ("{upload}", id_of(&of.upload)),
+        ("{webhook}", id_of(&of.webhook)),
+        ("{delivery}", of.delivery.as_str()),
+        ("{object}", "chair-1"),
+        ("{room}", "1"),
+        ("{level}", "main"),
+        ("{revision}", "1"),
+    ];
     let mut routes = Vec::new();
-    for (path, operations) in document["paths"].as_object().unwrap() {
-        let filled = path.replace("{home}", home).replace("{clip}", clip).replace("{job}", job);
-        let webhook = of.webhook.rsplit('/').next().unwrap();
-        let filled = filled.replace("{upload}", upload).replace("{webhook}", webhook);
-        let filled = filled.replace("{delivery}", &of.delivery);
-        let filled = filled.replace("{object}", "chair-1").replace("{room}", "1");
-        let filled = filled.replace("{level}", "main").replace("{revision}", "1");
+    for (method, path, _) in operations(&document()) {
+        let filled = values.iter().fold(path.to_owned(), |path, (name, value)| path.replace(name, value));
         assert!(!filled.contains('{'), "{path} names something that this test does not know");
-        for method in operations.as_object().unwrap().keys() {
-            routes.push((method.to_uppercase().parse().unwrap(), filled.clone()));
-        }
+        routes.push((method.to_uppercase().parse().unwrap(), filled));
     }
     routes
 }
@@ -192,7 +186,7 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
         "/v1/jobs",
     ] {
         let text = String::from_utf8(bolt.get(path).await.bytes).unwrap();
-        assert!(!text.contains("secret") && !text.contains(own.clip.rsplit('/').next().unwrap()), "{path}");
+        assert!(!text.contains("secret") && !text.contains(id_of(&own.clip)), "{path}");
     }
 }
 
@@ -265,11 +259,9 @@ async fn a_refusal_names_the_role_that_is_needed_and_the_one_that_the_key_has() 
 async fn an_uploader_sees_the_pictures_of_its_recording_and_no_others() {
     let server = Server::start().await;
     let admin = server.client("acme", Role::Admin, None).await;
-    let home = admin.make_home("h").await;
-    admin.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = admin.make_room("h").await;
     let own = server.client("acme", Role::Uploader, Some("h")).await;
-    let clip = own.post(&format!("{home}/clips"), crate::clips::doubtful_clip()).await;
-    let clip = clip.header("location").to_owned();
+    let clip = own.film(&home, TOO_FEW_FRAMES).await;
     assert_ne!(own.settled(&clip).await["state"], "aligned");
     let other = server.client("acme", Role::Uploader, Some("other")).await;
     for (file, is_open) in [
@@ -337,8 +329,9 @@ async fn a_tenant_has_its_share_of_requests() {
     assert!(refused > 0, "40 requests at once, and 5 a second are allowed");
     // A sign-in counts as well.
     let (_, secret) = server.key("acme", Role::Uploader, None).await;
-    let sign_in = || server.request(Method::PUT, "/v1/session").json(&json!({"key": secret.show()}));
-    let begun = futures::future::join_all((0..40).map(|_| server.send(sign_in()))).await;
+    let key = json!({"key": secret.show()});
+    let sign_in = || server.send_json(Method::PUT, "/v1/session", &key);
+    let begun = futures::future::join_all((0..40).map(|_| sign_in())).await;
     let refused = begun.into_iter().find(|answer| answer.status != 204);
     refused.expect("5 sessions a second are allowed").problem(429, "too-many-requests");
     // So does a request that the role of its key does not allow.
@@ -353,8 +346,8 @@ async fn a_tenant_has_its_share_of_requests() {
 #[tokio::test]
 async fn a_tenant_has_its_share_of_room() {
     let clip = small_clip();
-    let limit = clip.len() as u64 * 3 / 2;
-    let limits = LimitParams { storage_bytes: Some(limit), ..LimitParams::default() };
+    let limit = clip.len() * 3 / 2;
+    let limits = LimitParams { storage_bytes: Some(limit as u64), ..LimitParams::default() };
     let server = Server::with(|params| params.limits = limits).await;
     let acme = server.client("acme", Role::Admin, None).await;
     let bolt = server.client("bolt", Role::Admin, None).await;
@@ -363,11 +356,7 @@ async fn a_tenant_has_its_share_of_room() {
         client.post("/v1/homes/h/clips", clip.clone()).await.ok(201);
         client.post("/v1/homes/h/clips", clip.clone()).await.problem(507, "tenant-full");
     }
-    let begin = acme
-        .tus(Method::POST, "/v1/uploads")
-        .header("upload-length", limit)
-        .header("upload-metadata", tus::metadata(&[("home", "h")]));
-    acme.send(begin).await.problem(507, "tenant-full");
+    acme.send(acme.announce(limit, &[("home", "h")])).await.problem(507, "tenant-full");
 }
 
 /// A retry of a stored clip was once refused for its room, and the app told its user that the clip was lost.

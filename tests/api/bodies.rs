@@ -6,7 +6,7 @@ use reqwest::Method;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use viola_testing::room;
-use viola_testing::tus::{BYTES, encoded, metadata};
+use viola_testing::tus::{BYTES, encoded};
 
 fn digest_of(bytes: &[u8]) -> String {
     format!("sha-256=:{}:", encoded(Sha256::digest(bytes)))
@@ -17,11 +17,7 @@ async fn requests(server: &Server) -> Vec<(&'static str, reqwest::RequestBuilder
     let home = server.make_home("h").await;
     let upload = server.begin("h", small_clip().len()).await;
     let name = json!({"name": "Elm"}).to_string();
-    let create = server
-        .tus(Method::POST, "/v1/uploads")
-        .header("upload-length", small_clip().len())
-        .header("upload-metadata", metadata(&[("home", "h")]))
-        .header("content-type", BYTES);
+    let create = server.announce(small_clip().len(), &[("home", "h")]).header("content-type", BYTES);
     vec![
         ("a clip", server.request(Method::POST, &format!("{home}/clips")).body(small_clip())),
         ("a map", server.request(Method::PUT, &format!("{home}/lidar-map")).body(room::lidar_csv())),
@@ -50,7 +46,7 @@ async fn encoded_bodies_are_refused_in_words() {
     // The name of no encoding, and an encoding of no body.
     let plain = server.request(Method::POST, "/v1/homes/h/clips").header("content-encoding", "identity");
     server.send(plain.body(small_clip())).await.ok(201);
-    server.send(server.request(Method::GET, "/v1/homes").header("content-encoding", "gzip")).await.ok(200);
+    server.get_with("/v1/homes", "content-encoding", "gzip").await.ok(200);
 }
 
 #[tokio::test]
@@ -87,7 +83,7 @@ async fn the_digest_of_a_file_is_verified() {
 async fn a_wrong_media_type_is_told_the_right_one() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.header("location").to_owned();
+    let clip = server.film(&home, 2).await;
     let upload = server.begin("h", 100).await;
     let form = "multipart/form-data; boundary=x";
     let octets = "application/octet-stream";

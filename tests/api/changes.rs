@@ -1,12 +1,12 @@
 //! The changes feed, as the mirror of a fleet's operator reads it.
 
-use crate::clips::small_clip;
 use crate::server::Server;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use viola_testing::room;
+use viola_testing::client::id_of;
+use viola_testing::{eventually, room};
 
 /// Returns home, kind, and revision, state or `deleted` of each item.
 fn told(page: &Value) -> Vec<(String, String, Value)> {
@@ -43,19 +43,13 @@ async fn watched(response: reqwest::Response) -> Vec<Value> {
 async fn a_home_is_watched_until_it_is_removed() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let watch = |seen: Option<i64>| {
-        let mut request = server.request(reqwest::Method::GET, &format!("{home}/events"));
-        if let Some(seen) = seen {
-            request = request.header("Last-Event-ID", seen.to_string());
-        }
-        request.send()
-    };
-    let first = watch(None).await.unwrap();
+    let events = format!("{home}/events");
+    let first = server.watch(&events, None).await;
     server.make_home("other").await;
-    server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    server.film(&home, 2).await;
     // A client that comes back has missed the clip; one with a number that this feed never had is told everything.
-    let back = watch(Some(1)).await.unwrap();
-    let ahead = watch(Some(1_000_000)).await.unwrap();
+    let back = server.watch(&events, Some("1")).await;
+    let ahead = server.watch(&events, Some("1000000")).await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     server.delete(&home).await.ok(204);
     let feed = server.get("/v1/changes?limit=9").await.ok(200)["items"].clone();
@@ -76,26 +70,20 @@ async fn a_home_is_watched_until_it_is_removed() {
 async fn a_quiet_stream_resumes_where_it_began() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let watch = |seen: Option<&str>| {
-        let mut request = server.request(reqwest::Method::GET, &format!("{home}/events"));
-        if let Some(seen) = seen {
-            request = request.header("Last-Event-ID", seen);
-        }
-        request.send()
-    };
-    let mut quiet = watch(None).await.unwrap();
+    let events = format!("{home}/events");
+    let mut quiet = server.watch(&events, None).await;
     let begin = quiet.chunk().await.unwrap().unwrap();
     let begin = std::str::from_utf8(&begin).unwrap();
     let id = begin.strip_prefix("id: ").and_then(|id| id.strip_suffix("\n\n"));
     let id = id.unwrap_or_else(|| panic!("{begin}"));
     drop(quiet);
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
-    let mut back = watch(Some(id)).await.unwrap();
+    let clip = server.film(&home, 2).await;
+    let mut back = server.watch(&events, Some(id)).await;
     let mut text = String::new();
     while !text.contains("\"kind\":\"clip\"") {
         text.push_str(std::str::from_utf8(&back.chunk().await.unwrap().unwrap()).unwrap());
     }
-    assert!(text.contains(clip["id"].as_str().unwrap()), "{text}");
+    assert!(text.contains(id_of(&clip)), "{text}");
 }
 
 #[tokio::test]
@@ -104,12 +92,12 @@ async fn a_mirror_follows_the_feed() {
     let empty = server.get("/v1/changes").await.ok(200);
     assert_eq!((&empty["items"], &empty["more"]), (&json!([]), &json!(false)));
     let home = server.make_home("h").await;
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    let clip = server.film(&home, 2).await;
     server.make_home("i").await;
     // Pages from the beginning, then again from the end.
     let first = server.get("/v1/changes?limit=2").await.ok(200);
     assert_eq!(told(&first), [row("h", "home", Value::Null), row("h", "clip", json!("uploaded"))]);
-    assert_eq!((&first["more"], &first["items"][1]["clip"]), (&json!(true), &clip["id"]));
+    assert_eq!((&first["more"], &first["items"][1]["clip"]), (&json!(true), &json!(id_of(&clip))));
     let after = |page: &Value| format!("/v1/changes?limit=2&after={}", page["next"].as_str().unwrap());
     let second = server.get(&after(&first)).await.ok(200);
     assert_eq!((told(&second), &second["more"]), (vec![row("i", "home", Value::Null)], &json!(false)));
@@ -123,29 +111,25 @@ async fn a_mirror_follows_the_feed() {
     let last = server.get(&after(&third).replace("limit=2", "limit=9")).await.ok(200);
     let gone = ["clip", "lidar_map", "home"].map(|kind| row("h", kind, json!("deleted")));
     assert_eq!(told(&last), gone);
-    let seq =
-        |page: &Value| page["items"].as_array().unwrap().iter().map(|i| i["seq"].as_i64().unwrap()).collect();
-    let numbers: Vec<i64> =
-        [&first, &second, &third, &last].into_iter().flat_map(|page| -> Vec<i64> { seq(page) }).collect();
+    let items =
+        [&first, &second, &third, &last].into_iter().flat_map(|page| page["items"].as_array().unwrap());
+    let numbers: Vec<i64> = items.map(|item| item["seq"].as_i64().unwrap()).collect();
     assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
 }
 
 #[tokio::test]
 async fn a_clip_and_the_map_it_becomes_are_told() {
     let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clips = format!("{home}/clips");
-    server.post(&clips, viola_testing::zips::zip(&room::clip(24))).await.ok(201);
-    let mut next = String::new();
-    let map = viola_testing::eventually("the map is told", || async {
+    let home = server.make_room("h").await;
+    server.film(&home, 24).await;
+    let (map, page) = eventually("the map is told", || async {
         let page = server.get("/v1/changes").await.ok(200);
         told(&page).into_iter().find(|(_, kind, _)| kind == "map").map(|told| (told, page))
-    });
-    let (map, page) = map.await;
+    })
+    .await;
     assert_eq!(map, row("h", "map", json!(1)));
     assert!(told(&page).contains(&row("h", "clip", json!("aligned"))));
-    next.push_str(page["next"].as_str().unwrap());
+    let next = page["next"].as_str().unwrap().to_owned();
 
     // A request that waits at the end gets the next change at once.
     let waiting = tokio::spawn({

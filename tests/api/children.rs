@@ -4,14 +4,13 @@ use crate::server::Server;
 use serde_json::Value;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
-use viola::jobs::{AlignJobError, ChildParams, Finished, JobLimitParams, JobParams, LevelFile};
-use viola_geometry::progress::Progress;
+use viola::jobs::{AlignJobError, ChildParams, JobLimitParams, Method};
 use viola_storage::RetryPolicy;
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until, zips};
 
 pub const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 
@@ -33,17 +32,12 @@ pub fn script(folder: &TempDir, lines: &str) -> PathBuf {
 }
 
 /// A method that never ends by itself: jobs end only in children.
-fn endless(
-    _: &Path,
-    _: &[LevelFile],
-    _: &JobParams,
-    progress: &dyn Progress,
-) -> Result<Finished, AlignJobError> {
+const ENDLESS: Method = |_, _, _, progress| {
     while !progress.cancelled() {
         std::thread::sleep(Duration::from_millis(1));
     }
     Err(AlignJobError::Cancelled)
-}
+};
 
 /// Starts a server whose jobs run in children.
 async fn server(program: PathBuf) -> Server {
@@ -53,7 +47,7 @@ async fn server(program: PathBuf) -> Server {
 async fn server_with(program: PathBuf, limits: JobLimitParams) -> Server {
     Server::with(|params| {
         params.workers = 2;
-        params.worker.method = endless;
+        params.worker.method = ENDLESS;
         params.worker.limits = limits;
         params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
         params.worker.child = Some(ChildParams {
@@ -67,15 +61,12 @@ async fn server_with(program: PathBuf, limits: JobLimitParams) -> Server {
 
 /// Uploads clips, each with one more file, to a home with a map; returns their paths.
 pub async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     let mut paths = Vec::new();
     for name in names {
         let mut files = room::clip(12);
         files.push(((*name).to_owned(), b"text".to_vec()));
-        let answer = server.post(&format!("{home}/clips"), zips::zip(&files)).await;
-        paths.push(answer.header("location").to_owned());
-        answer.ok(201);
+        paths.push(server.add_clip(&home, zips::zip(&files)).await);
     }
     paths
 }
@@ -162,7 +153,7 @@ async fn a_clip_that_takes_too_long_fails_at_once() {
     let limits = JobLimitParams { time: Duration::from_millis(300), ..JobLimitParams::default() };
     let server = server_with(script(&folder, "exec tail -f /dev/null"), limits.clone()).await;
     let here = Server::with(|params| {
-        params.worker.method = endless;
+        params.worker.method = ENDLESS;
         params.worker.limits = limits;
     })
     .await;
@@ -210,8 +201,8 @@ async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
         })
     };
     let process = began().await;
-    let job = server.get(&clip).await.ok(200)["job"]["id"].as_str().unwrap().to_owned();
-    server.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
+    let job = server.job_of(&clip).await;
+    server.post(&format!("{job}/cancel"), "").await.ok(200);
     is_gone(process).await;
     assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
 
@@ -224,8 +215,8 @@ async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
 
 pub async fn is_gone(process: i32) {
     let process = rustix::process::Pid::from_raw(process).unwrap();
-    eventually("the child is gone", || async {
-        (rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)).then_some(())
+    until("the child is gone", async || {
+        rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)
     })
     .await;
 }

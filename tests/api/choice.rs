@@ -1,25 +1,18 @@
 //! A person's choice of a clip's pose.
 
-use crate::clips::small_clip;
 use crate::map::merged;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
-use std::path::Path;
-use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
+use viola::jobs::{self, align_clip};
 use viola_align::{AlignmentState, Alternative};
-use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{MAP_VOXEL_M, read_cloud_ply};
+use viola_testing::client::{Answer, id_of};
 use viola_testing::{eventually, room};
 
 /// Runs the real method, then turns its answer into one of two poses. The second one is above a floor that lies 0.3 m lower.
-fn of_two_minds(
-    clip: &Path,
-    map: &[LevelFile],
-    params: &JobParams,
-    progress: &dyn Progress,
-) -> Result<Finished, AlignJobError> {
+const OF_TWO_MINDS: jobs::Method = |clip, map, params, progress| {
     let mut finished = align_clip(clip, map, params, progress)?;
     let alternative = |x_m: f64| Alternative {
         level: LevelName::MAIN,
@@ -35,20 +28,19 @@ fn of_two_minds(
     finished.alignment.state = AlignmentState::Ambiguous;
     finished.alignment.alternatives = vec![alternative(1.0), Alternative { rise_m: 0.3, ..alternative(2.0) }];
     Ok(finished)
-}
+};
 
 /// Starts a server whose one clip is settled with two alternatives; returns it and the clip's path.
 async fn settled() -> (Server, String) {
-    let server = Server::with(|params| params.worker.method = of_two_minds).await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.header("location").to_owned();
+    let server = Server::with(|params| params.worker.method = OF_TWO_MINDS).await;
+    let home = server.make_room("h").await;
+    let clip = server.film(&home, 2).await;
     assert_eq!(server.settled(&clip).await["state"], "ambiguous");
     (server, clip)
 }
 
-async fn choose(server: &Server, clip: &str, body: Value) -> viola_testing::client::Answer {
-    server.send(server.request(Method::PUT, &format!("{clip}/alignment")).json(&body)).await
+async fn choose(server: &Server, clip: &str, body: Value) -> Answer {
+    server.send_json(Method::PUT, &format!("{clip}/alignment"), &body).await
 }
 
 #[tokio::test]
@@ -94,11 +86,11 @@ async fn a_choice_is_carried_over_to_a_new_lidar_map() {
 #[tokio::test]
 async fn an_earlier_map_leaves_out_no_clip_that_it_has() {
     let (server, path) = settled().await;
-    let (home, id) = path.split_once("/clips/").unwrap();
-    let id = json!(id);
+    let (home, _) = path.split_once("/clips/").unwrap();
+    let id = id_of(&path);
     assert_eq!(merged(&server, home, &[]).await["left_out"][0]["clip"], id);
     choose(&server, &path, json!({"alternative": 1})).await.ok(200);
-    let with = merged(&server, home, &[&id]).await;
+    let with = merged(&server, home, &[&path]).await;
     assert_eq!(with["left_out"], json!([]));
     server.delete(&format!("{path}/alignment")).await.ok(200);
     assert_eq!(merged(&server, home, &[]).await["left_out"][0]["clip"], id);
@@ -200,7 +192,7 @@ async fn choices_that_are_refused() {
 async fn what_a_clip_without_an_answer_can_be_told() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let path = server.post(&format!("{home}/clips"), small_clip()).await.header("location").to_owned();
+    let path = server.film(&home, 2).await;
     let origin = || json!({"map_from_clip": {"x_m": 2, "y_m": 0, "yaw_rad": 0}});
     choose(&server, &path, json!({"alternative": 0})).await.problem(409, "no-lidar-map");
     choose(&server, &path, origin()).await.problem(409, "no-lidar-map");

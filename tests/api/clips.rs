@@ -1,16 +1,15 @@
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
+use viola_testing::client::id_of;
 use viola_testing::{room, zips};
+
+/// Frames of a clip that is not aligned.
+pub const TOO_FEW_FRAMES: u32 = 1;
 
 /// Returns a clip of two frames.
 pub fn small_clip() -> Vec<u8> {
     zips::zip(&room::clip(2))
-}
-
-/// Returns a clip of one frame, too little to be aligned.
-pub fn doubtful_clip() -> Vec<u8> {
-    zips::zip(&room::clip(1))
 }
 
 #[tokio::test]
@@ -69,11 +68,9 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
 #[tokio::test]
 async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
     let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     // A clip without a pose in the map has one too.
-    let clip = server.post(&format!("{home}/clips"), doubtful_clip()).await;
-    let path = clip.header("location").to_owned();
+    let path = server.film(&home, TOO_FEW_FRAMES).await;
     assert_ne!(server.settled(&path).await["state"], "aligned");
     let thumbnail = format!("{path}/thumbnail.jpg");
     let answer = server.get(&thumbnail).await;
@@ -85,8 +82,7 @@ async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
     assert_eq!((frames.status, frames.header("content-type")), (200, "image/jpeg"));
     image::load_from_memory_with_format(&frames.bytes, image::ImageFormat::Jpeg).unwrap();
     let tag = answer.header("etag").to_owned();
-    let known = server.request(Method::GET, &thumbnail).header("if-none-match", &tag);
-    let known = server.send(known).await;
+    let known = server.get_with(&thumbnail, "if-none-match", &tag).await;
     assert_eq!((known.status, known.header("etag"), known.bytes.len()), (304, tag.as_str(), 0));
 
     server.delete(&path).await.ok(204);
@@ -96,8 +92,7 @@ async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
 #[tokio::test]
 async fn a_failed_clip_shows_its_frames_and_says_why() {
     let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     // The depth sensor saw nothing.
     let mut files = room::clip(6);
     for (_, bytes) in files.iter_mut().filter(|(name, _)| name.contains("depth/")) {
@@ -106,7 +101,7 @@ async fn a_failed_clip_shows_its_frames_and_says_why() {
         bytes.clear();
         blank.write_to(&mut std::io::Cursor::new(bytes), image::ImageFormat::Png).unwrap();
     }
-    let path = server.post(&format!("{home}/clips"), zips::zip(&files)).await.header("location").to_owned();
+    let path = server.add_clip(&home, zips::zip(&files)).await;
     let clip = server.settled(&path).await;
     assert_eq!((&clip["state"], &clip["alignment"]["map_from_clip"]), (&json!("failed"), &Value::Null));
     let reason = &clip["reasons"][0];
@@ -140,21 +135,21 @@ async fn clips_are_listed_by_pages_and_removed() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
     let clips = format!("{home}/clips");
-    let mut ids = Vec::new();
+    let mut made = Vec::new();
     for _ in 0..3 {
-        ids.push(server.post(&clips, small_clip()).await.ok(201)["id"].clone());
+        made.push(server.film(&home, 2).await);
     }
     let page = server.get(&format!("{clips}?limit=2")).await.ok(200);
     let rest = server.get(&format!("{clips}?limit=2&after={}", page["next"].as_str().unwrap())).await.ok(200);
     let listed = page["items"].as_array().unwrap().iter().chain(rest["items"].as_array().unwrap());
+    let ids: Vec<&str> = made.iter().map(|clip| id_of(clip)).collect();
     assert_eq!(listed.map(|clip| clip["id"].clone()).collect::<Vec<_>>(), ids);
     assert_eq!(rest["next"], Value::Null);
     assert_eq!(server.get(&home).await.ok(200)["clips"], 3);
 
-    let clip = format!("{clips}/{}", ids[0].as_str().unwrap());
-    server.delete(&clip).await.ok(204);
-    server.delete(&clip).await.problem(404, "clip-not-found");
-    server.get(&clip).await.problem(404, "clip-not-found");
+    server.delete(&made[0]).await.ok(204);
+    server.delete(&made[0]).await.problem(404, "clip-not-found");
+    server.get(&made[0]).await.problem(404, "clip-not-found");
     assert_eq!(server.blobs().len(), 2);
     server.delete(&home).await.ok(204);
     server.get(&clips).await.problem(404, "home-not-found");
@@ -201,8 +196,7 @@ async fn a_clip_is_found_in_its_own_home_only() {
     let server = Server::without_workers().await;
     let home = server.make_home("mine").await;
     let other = server.make_home("other").await;
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
-    let path = format!("{other}/clips/{}", clip["id"].as_str().unwrap());
+    let path = server.film(&home, 2).await.replace(&home, &other);
     server.get(&path).await.problem(404, "clip-not-found");
     server.delete(&path).await.problem(404, "clip-not-found");
     server.post(&format!("{path}/align"), "").await.problem(404, "clip-not-found");
@@ -212,10 +206,7 @@ async fn a_clip_is_found_in_its_own_home_only() {
 async fn a_clip_knows_when_it_was_recorded() {
     let server = Server::without_workers().await;
     let clips = format!("{}/clips", server.make_home("h").await);
-    let upload = |query: String| {
-        let (server, clips) = (&server, &clips);
-        async move { server.post(&format!("{clips}{query}"), small_clip()).await }
-    };
+    let upload = async |query: String| server.post(&format!("{clips}{query}"), small_clip()).await;
     // ScanNet's layout has no times.
     assert_eq!(upload(String::new()).await.ok(201)["recorded_at"], Value::Null);
     let cases = [
@@ -254,28 +245,21 @@ async fn clips_are_listed_by_state_and_time() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
     let clips = format!("{home}/clips");
-    let mut ids = Vec::new();
+    let mut made = Vec::new();
     for _ in 0..3 {
-        ids.push(server.post(&clips, small_clip()).await.ok(201)["id"].clone());
+        made.push(server.film(&home, 2).await);
     }
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let middle = server.get(&format!("{clips}/{}", ids[1].as_str().unwrap())).await.ok(200);
-    let job = middle["job"]["id"].as_str().unwrap();
-    server.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
-    let listed = |query: &'static str| {
-        let (server, clips) = (&server, &clips);
-        async move {
-            let page = server.get(&format!("{clips}?{query}")).await.ok(200);
-            page["items"].as_array().unwrap().iter().map(|clip| clip["id"].clone()).collect::<Vec<_>>()
-        }
-    };
-    assert_eq!(listed("state=uploaded,failed").await, [ids[1].clone()]);
+    let job = server.job_of(&made[1]).await;
+    server.post(&format!("{job}/cancel"), "").await.ok(200);
+    let listed = async |query: &str| server.ids(&format!("{clips}?{query}")).await;
+    assert_eq!(listed("state=uploaded,failed").await, [id_of(&made[1])]);
     assert!(listed("updated_after=2399-01-01T00:00:00%2B01:00").await.is_empty());
     // A filter and a cursor together.
     let first = server.get(&format!("{clips}?state=queued&limit=1")).await.ok(200);
     let next = first["next"].as_str().unwrap();
     let rest = server.get(&format!("{clips}?state=queued&limit=1&after={next}")).await.ok(200);
-    assert_eq!((&rest["items"][0]["id"], &rest["next"]), (&ids[2], &Value::Null));
+    assert_eq!((&rest["items"][0]["id"], &rest["next"]), (&json!(id_of(&made[2])), &Value::Null));
     let homes = server.get("/v1/homes?updated_after=2020-01-01T00:00:00Z").await.ok(200);
     assert_eq!(homes["items"][0]["id"], "h");
     assert_eq!(server.get("/v1/homes?updated_after=2399-01-01T00:00:00Z").await.ok(200)["items"], json!([]));
@@ -328,8 +312,7 @@ async fn a_clip_without_metres_gets_its_scale_with_its_pose() {
     let scale = alignment["scale"].as_f64().unwrap();
     assert!((scale - 1.0).abs() < 0.03, "{clip:#}");
     assert!(alignment["scale_std"].as_f64().unwrap() > 0.0, "{clip:#}");
-    let metric = server.post(&clips, file.clone()).await.ok(201);
-    let metric = server.settled(&format!("{clips}/{}", metric["id"].as_str().unwrap())).await;
+    let metric = server.settled(&server.film(&home, 24).await).await;
     assert_eq!((&metric["info"]["metric"], &metric["alignment"]["scale"]), (&json!(true), &Value::Null));
     for given in ["", "1.0", "metres"] {
         let refused = server.post(&format!("{clips}?scale={given}"), file.clone()).await;

@@ -21,10 +21,8 @@ async fn with(
 #[tokio::test]
 async fn every_document_has_a_tag_that_changes_with_it() {
     let server = Server::without_workers().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
-    let clip = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    let home = server.make_room("h").await;
+    let clip = server.film(&home, 2).await;
     let paths = [
         "/v1/homes",
         "/v1/jobs",
@@ -48,24 +46,23 @@ async fn every_document_has_a_tag_that_changes_with_it() {
         assert_eq!(first.status, 200, "{path}");
         let (tag, caching) = (first.header("etag").to_owned(), first.header("cache-control"));
         assert!(tag.starts_with('"') && caching.starts_with("private, "), "{path}: {tag} {caching}");
-        let known = server.send(server.request(Method::GET, path).header("if-none-match", &tag)).await;
+        let known = server.get_with(path, "if-none-match", &tag).await;
         assert_eq!((known.status, known.header("etag"), known.bytes.len()), (304, &*tag, 0), "{path}");
         let head = server.send(server.request(Method::HEAD, path)).await;
         assert_eq!((head.status, head.header("etag"), head.bytes.len()), (200, &*tag, 0), "HEAD {path}");
         assert_eq!(head.header("content-length"), first.bytes.len().to_string(), "HEAD {path}");
-        let other = server.send(server.request(Method::GET, path).header("if-none-match", "\"x\"")).await;
+        let other = server.get_with(path, "if-none-match", "\"x\"").await;
         assert_eq!((other.status, other.bytes.len()), (200, first.bytes.len()), "{path}");
     }
     // The cursor of the feed names the hour, which may end between two requests.
     let mut statuses = Vec::new();
     for _ in 0..2 {
         let tag = server.get("/v1/changes").await.header("etag").to_owned();
-        let request = server.request(Method::GET, "/v1/changes").header("if-none-match", &tag);
-        statuses.push(server.send(request).await.status);
+        statuses.push(server.get_with("/v1/changes", "if-none-match", &tag).await.status);
     }
     assert!(statuses.contains(&304), "{statuses:?}");
     let before = server.get(&home).await.header("etag").to_owned();
-    server.send(server.request(Method::PUT, &home).json(&json!({"name": "Elm"}))).await.ok(200);
+    server.send_json(Method::PUT, &home, &json!({"name": "Elm"})).await.ok(200);
     assert_ne!(server.get(&home).await.header("etag"), before);
 }
 
@@ -103,8 +100,7 @@ async fn a_change_of_an_old_state_is_refused() {
     put("if-match", old, room::lidar_csv()).await.problem(412, "changed-meanwhile");
     assert_eq!(server.get(&map).await.ok(200)["revision"], 2);
 
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
-    let clip = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    let clip = server.film(&home, 2).await;
     let old = server.get(&clip).await.header("etag").to_owned();
     let title = json!({"title": "Kitchen"});
     // The tag of a compressed answer is weak.
@@ -197,8 +193,7 @@ async fn the_answer_to_a_change_has_the_tag_of_the_next() {
         assert_ne!(changed, last, "{method} {path}");
         last = changed;
     }
-    let job = server.get(&clip).await.ok(200)["job"]["id"].as_str().unwrap().to_owned();
-    let job = format!("/v1/jobs/{job}");
+    let job = server.job_of(&clip).await;
     tag(&server.post(&format!("{job}/cancel"), "").await, &job).await;
     tag(&server.post(&format!("{clip}/align"), "").await, &clip).await;
 }
@@ -209,8 +204,7 @@ async fn a_condition_that_cannot_be_read_is_told_from_one_that_is_not_met() {
     let home = server.make_home("h").await;
     let map = format!("{home}/lidar-map");
     server.put(&map, room::lidar_csv()).await.ok(201);
-    let answer = server.post(&format!("{home}/clips"), small_clip()).await;
-    let clip = answer.header("location").to_owned();
+    let clip = server.film(&home, 2).await;
     let tag = server.get(&clip).await.header("etag").to_owned();
     let paths = [
         (Method::PUT, home.clone()),

@@ -3,16 +3,14 @@
 use crate::server::Server;
 use image::RgbImage;
 use serde_json::{Value, json};
-use std::path::Path;
 use std::sync::Arc;
-use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, Method, WorkerParams, align_clip};
+use viola::jobs::{JobParams, Method, WorkerParams, align_clip};
 use viola_align::{AlignParams, Alignment};
-use viola_geometry::progress::Progress;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::label::{ClassMap, LabelParams, SegmentError, Segmenter};
 use viola_storage::Role;
 use viola_testing::client::{Answer, Client};
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until};
 
 /// Knows the furniture of the test room by its paint.
 struct Painted;
@@ -57,8 +55,7 @@ pub async fn patch(client: &Client, path: &str, body: &Value) -> Answer {
 
 /// Uploads a clip of the room; returns its path once it is aligned.
 pub async fn add(server: &Server, home: &str, frames: u32) -> String {
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await.ok(201);
-    let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    let path = server.film(home, frames).await;
     assert_eq!(server.settled(&path).await["state"], "aligned");
     path
 }
@@ -91,8 +88,7 @@ async fn furnished() -> (Server, String, Value) {
 }
 
 async fn furnish(server: &Server) -> (String, Value) {
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     add(server, &home, 24).await;
     let objects = list(server, &home, "objects", |list| list["objects"][0].is_object()).await;
     (home, objects)
@@ -126,15 +122,12 @@ async fn an_object_is_corrected_and_the_correction_withdrawn() {
     );
 
     // Of two people who read the same state, the second one is told so.
-    let conditional = server
-        .request(reqwest::Method::PATCH, &path)
-        .header("if-match", tag.clone())
-        .json(&json!({"hidden": true}));
-    server.send(conditional).await.problem(412, "changed-meanwhile");
-    let tag = server.get(&path).await.header("etag").to_owned();
-    let conditional =
-        server.request(reqwest::Method::PATCH, &path).header("if-match", tag).json(&json!({"hidden": true}));
-    server.send(conditional).await.ok(200);
+    let hide = |tag: &str| {
+        let request = server.request(reqwest::Method::PATCH, &path).header("if-match", tag);
+        server.send(request.json(&json!({"hidden": true})))
+    };
+    hide(&tag).await.problem(412, "changed-meanwhile");
+    hide(server.get(&path).await.header("etag")).await.ok(200);
     let hidden = after(&server, &home, "objects", &corrected["revision"]).await;
     assert_eq!(find(&hidden, "objects", &id), None);
     let all = server.get(&format!("{home}/map/corrections")).await.ok(200);
@@ -151,8 +144,7 @@ async fn an_object_is_corrected_and_the_correction_withdrawn() {
 
 /// Asks for a file of the map that a client may have; returns the status and the tag.
 async fn ask(server: &Server, home: &str, file: &str, known: &str) -> (u16, String) {
-    let request = server.request(reqwest::Method::GET, &format!("{home}/map/{file}"));
-    let answer = server.send(request.header("if-none-match", known)).await;
+    let answer = server.get_with(&format!("{home}/map/{file}"), "if-none-match", known).await;
     (answer.status, answer.header("etag").to_owned())
 }
 
@@ -184,10 +176,7 @@ async fn a_new_name_leaves_the_points_and_the_mesh_as_they_are() {
     assert_eq!(ask(&server, &home, files[2], &tags[2]).await.0, 200);
     add(&server, &home, 20).await;
     let known = &tags[0];
-    eventually("the points change", || async {
-        (ask(&server, &home, files[0], known).await.0 == 200).then_some(())
-    })
-    .await;
+    until("the points change", async || ask(&server, &home, files[0], known).await.0 == 200).await;
 }
 
 #[tokio::test]
@@ -259,22 +248,17 @@ async fn names_displace_no_revision_of_other_clips() {
 }
 
 /// Runs the real method; in another map than the first the clip has no pose.
-fn only_in_the_first_map(
-    clip: &Path,
-    map: &[LevelFile],
-    params: &JobParams,
-    progress: &dyn Progress,
-) -> Result<Finished, AlignJobError> {
+const ONLY_IN_THE_FIRST_MAP: Method = |clip, map, params, progress| {
     let mut finished = align_clip(clip, map, params, progress)?;
     if map[0].bytes != room::lidar_csv().as_bytes() {
         finished.alignment = Alignment::failed();
     }
     Ok(finished)
-}
+};
 
 #[tokio::test]
 async fn corrections_move_with_a_new_lidar_map_that_no_clip_is_in() {
-    let server = start_with(only_in_the_first_map).await;
+    let server = start_with(ONLY_IN_THE_FIRST_MAP).await;
     let (home, objects) = furnish(&server).await;
     let id = objects["objects"][0]["id"].as_str().expect("the room has furniture").to_owned();
     let place = [3.5, 0.5, 0.4];

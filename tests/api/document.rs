@@ -1,40 +1,61 @@
 //! The OpenAPI document, its page, and the operator's page.
 
 use crate::server::Server;
+use serde_json::{Value, json};
+use std::collections::HashSet;
+use std::fs;
+use std::path::Path;
+
+/// Returns the OpenAPI document.
+pub fn document() -> Value {
+    serde_json::from_str(&viola::api::document_json()).unwrap()
+}
+
+/// Returns method, path and description of every operation.
+pub fn operations(document: &Value) -> impl Iterator<Item = (&str, &str, &Value)> {
+    let paths = document["paths"].as_object().unwrap().iter();
+    paths.flat_map(|(path, methods)| {
+        let methods = methods.as_object().unwrap().iter();
+        methods.map(move |(method, operation)| (method.as_str(), path.as_str(), operation))
+    })
+}
+
+/// Returns status and description of every answer of an operation.
+fn answers<'a>(document: &'a Value, operation: &'a Value) -> impl Iterator<Item = (&'a str, &'a Value)> {
+    let answers = operation["responses"].as_object().unwrap().iter();
+    answers.map(|(status, answer)| (status.as_str(), resolved(document, answer)))
+}
 
 #[tokio::test]
 async fn the_document_that_is_checked_in_is_the_one_that_is_served() {
     let served = Server::start().await.get("/openapi.json").await.ok(200);
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi/viola.json");
-    let checked_in = std::fs::read_to_string(file).unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi/viola.json");
+    let checked_in = fs::read_to_string(file).unwrap();
     assert!(
         checked_in == viola::api::document_json(),
         "openapi/viola.json is stale: cargo run -- openapi > openapi/viola.json"
     );
-    assert_eq!(serde_json::from_str::<serde_json::Value>(&checked_in).unwrap(), served);
+    assert_eq!(serde_json::from_str::<Value>(&checked_in).unwrap(), served);
 }
 
 #[tokio::test]
 async fn every_operation_has_what_a_client_generator_needs() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    let mut ids = std::collections::HashSet::new();
-    for (path, operations) in document["paths"].as_object().unwrap() {
-        for (method, operation) in operations.as_object().unwrap() {
-            let name = format!("{method} {path}");
-            assert!(ids.insert(operation["operationId"].as_str().unwrap()), "{name}");
-            assert_eq!(operation["tags"].as_array().unwrap().len(), 1, "{name}");
-            assert!(operation["summary"].is_string(), "{name}");
-            for (status, response) in operation["responses"].as_object().unwrap() {
-                let is_problem =
-                    resolved(&document, response)["content"]["application/problem+json"].is_object();
-                assert_eq!(is_problem, status.as_str() >= "400", "{name} {status}");
-            }
+    let document = document();
+    let mut ids = HashSet::new();
+    for (method, path, operation) in operations(&document) {
+        let name = format!("{method} {path}");
+        assert!(ids.insert(operation["operationId"].as_str().unwrap()), "{name}");
+        assert_eq!(operation["tags"].as_array().unwrap().len(), 1, "{name}");
+        assert!(operation["summary"].is_string(), "{name}");
+        for (status, answer) in answers(&document, operation) {
+            let is_problem = answer["content"]["application/problem+json"].is_object();
+            assert_eq!(is_problem, status >= "400", "{name} {status}");
         }
     }
 }
 
 /// Returns what a part of the document refers to, or the part itself.
-fn resolved<'a>(document: &'a serde_json::Value, part: &'a serde_json::Value) -> &'a serde_json::Value {
+fn resolved<'a>(document: &'a Value, part: &'a Value) -> &'a Value {
     let Some(name) = part["$ref"].as_str() else { return part };
     document.pointer(name.strip_prefix('#').unwrap()).unwrap()
 }
@@ -42,43 +63,39 @@ fn resolved<'a>(document: &'a serde_json::Value, part: &'a serde_json::Value) ->
 /// An answer of an operation was once replaced by the common one of the same status.
 #[test]
 fn no_description_of_an_answer_is_lost() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    let mut told = std::collections::HashSet::new();
-    for operations in document["paths"].as_object().unwrap().values() {
-        for operation in operations.as_object().unwrap().values() {
-            for (status, answer) in operation["responses"].as_object().unwrap() {
-                let description = resolved(&document, answer)["description"].as_str().unwrap();
-                told.insert((status.as_str(), description));
-            }
-        }
+    let document = document();
+    let mut told = HashSet::new();
+    for (_, _, operation) in operations(&document) {
+        let answers = answers(&document, operation);
+        told.extend(answers.map(|(status, answer)| (status, answer["description"].as_str().unwrap())));
     }
-    let mut folders = vec![std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/api")];
-    let mut answers = 0;
+    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("src/api")];
+    let mut count = 0;
     while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
+        for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 folders.push(path);
                 continue;
             }
             // A line that ends with a backslash goes on in the next one.
-            let source = std::fs::read_to_string(&path).unwrap();
+            let source = fs::read_to_string(&path).unwrap();
             let source: String = source.split("\\\n").map(str::trim_start).collect();
             for answer in source.split("(status = ").skip(1) {
                 let Some((status, rest)) = answer.split_once(", description = \"") else { continue };
                 let (description, _) = rest.split_once('"').unwrap();
                 assert!(told.contains(&(status, description)), "{status} {description}");
-                answers += 1;
+                count += 1;
             }
         }
     }
-    assert!(answers > 100, "{answers}");
+    assert!(count > 100, "{count}");
 }
 
 /// Programs know the codes of reasons, and show the advice of docs/api.md.
 #[test]
 fn the_codes_of_reasons_are_those_of_the_page_with_its_advice() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     let code = &document["components"]["schemas"]["Reason"]["properties"]["code"];
     assert_eq!(code["$ref"], "#/components/schemas/ReasonCode");
     let schema = &document["components"]["schemas"]["ReasonCode"];
@@ -93,7 +110,7 @@ fn the_codes_of_reasons_are_those_of_the_page_with_its_advice() {
         }
     }
     assert!(advice.len() > 40, "{advice:?}");
-    assert_eq!(schema["x-advice"], serde_json::Value::Object(advice.clone()));
+    assert_eq!(schema["x-advice"], Value::Object(advice.clone()));
     let codes = schema["enum"].as_array().unwrap();
     for (code, told) in &advice {
         assert!(codes.contains(&code.as_str().into()), "{code}");
@@ -107,7 +124,7 @@ fn the_codes_of_reasons_are_those_of_the_page_with_its_advice() {
 /// A receiver of messages and a reader of streams generate their types from the document, too.
 #[test]
 fn messages_and_events_are_described() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     let schemas = &document["components"]["schemas"];
     for (name, body) in [("change", "WebhookMessage"), ("test", "WebhookTest")] {
         let content = &document["webhooks"][name]["post"]["requestBody"]["content"]["application/json"];
@@ -128,8 +145,8 @@ fn messages_and_events_are_described() {
             assert!(schemas[event]["properties"][member].is_object(), "{event}.{member}");
         }
     }
-    assert_eq!(schemas["JobEventName"]["enum"], serde_json::json!(["job", "end"]));
-    assert_eq!(schemas["HomeEventName"]["enum"], serde_json::json!(["change"]));
+    assert_eq!(schemas["JobEventName"]["enum"], json!(["job", "end"]));
+    assert_eq!(schemas["HomeEventName"]["enum"], json!(["change"]));
     // A reader that takes it for a number loses its place.
     let id = schemas["HomeEvent"]["examples"][0]["id"].as_str().unwrap();
     assert!(id.contains('.') && id.parse::<i64>().is_err(), "{id}");
@@ -138,7 +155,7 @@ fn messages_and_events_are_described() {
 /// A reader of the document learns the meaning of each state, and what to do.
 #[test]
 fn the_values_of_states_are_explained() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     let states = [
         "ClipState",
         "AlignmentState",
@@ -167,7 +184,7 @@ fn the_values_of_states_are_explained() {
 /// A mock of the service answers with the examples.
 #[test]
 fn examples_of_places_have_as_many_numbers_as_answers() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     for (name, members) in [
         ("MapObject", ["centre_m", "size_m"]),
         ("ObjectCorrection", ["centre_m", "size_m"]),
@@ -186,7 +203,7 @@ fn examples_of_places_have_as_many_numbers_as_answers() {
 /// Files are served in parts, and everything but streams and archives made on the way has an entity tag.
 #[test]
 fn entity_tags_and_ranges_are_told_where_they_are_served() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     for (path, has_tag, has_parts) in [
         ("/v1/homes/{home}", true, false),
         ("/v1/homes/{home}/map/objects", true, false),
@@ -213,11 +230,9 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
             assert_eq!(answers[status].is_object(), has_parts, "{path} {status}");
         }
     }
-    for operations in document["paths"].as_object().unwrap().values() {
-        for operation in operations.as_object().unwrap().values() {
-            let refusal = resolved(&document, &operation["responses"]["429"]);
-            assert!(refusal.is_null() || refusal["headers"]["Retry-After"].is_object(), "{refusal}");
-        }
+    for (_, _, operation) in operations(&document) {
+        let refusal = resolved(&document, &operation["responses"]["429"]);
+        assert!(refusal.is_null() || refusal["headers"]["Retry-After"].is_object(), "{refusal}");
     }
     let png = &document["paths"]["/v1/homes/{home}/map/plan"]["get"]["responses"]["206"]["content"];
     assert!(png["image/png"].is_object() && png["application/json"].is_null(), "{png}");
@@ -225,23 +240,21 @@ fn entity_tags_and_ranges_are_told_where_they_are_served() {
 
 #[test]
 fn every_change_may_meet_a_full_disk() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    for (path, operations) in document["paths"].as_object().unwrap() {
-        for method in ["delete", "patch", "post", "put"] {
-            let Some(operation) = operations.get(method) else { continue };
-            let full = resolved(&document, &operation["responses"]["507"]);
-            let description = full["description"].as_str().unwrap_or_default();
-            assert!(description.contains("`storage-full`"), "{method} {path}");
-            // A LiDAR map of earlier comes from the tenant's room, too.
-            assert!(!path.ends_with("/restore") || description.contains("`tenant-full`"), "{path}");
-        }
+    let document = document();
+    let changes = |method: &str| ["delete", "patch", "post", "put"].contains(&method);
+    for (method, path, operation) in operations(&document).filter(|(method, ..)| changes(method)) {
+        let full = resolved(&document, &operation["responses"]["507"]);
+        let description = full["description"].as_str().unwrap_or_default();
+        assert!(description.contains("`storage-full`"), "{method} {path}");
+        // A LiDAR map of earlier comes from the tenant's room, too.
+        assert!(!path.ends_with("/restore") || description.contains("`tenant-full`"), "{path}");
     }
 }
 
 /// The level `main` may be the ninth one.
 #[test]
 fn both_ways_to_send_a_lidar_map_may_meet_the_maximum_of_levels() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     for path in ["/v1/homes/{home}/lidar-map", "/v1/homes/{home}/lidar-maps/{level}"] {
         let answer = resolved(&document, &document["paths"][path]["put"]["responses"]["409"]);
         assert!(answer["description"].as_str().unwrap_or_default().contains("`too-many-levels`"), "{path}");
@@ -249,20 +262,20 @@ fn both_ways_to_send_a_lidar_map_may_meet_the_maximum_of_levels() {
 }
 
 /// Collects every `$ref` in a part of the document.
-fn references(part: &serde_json::Value, into: &mut Vec<String>) {
+fn references(part: &Value, into: &mut Vec<String>) {
     match part {
-        serde_json::Value::Object(members) => {
+        Value::Object(members) => {
             into.extend(members.get("$ref").and_then(|name| name.as_str()).map(str::to_owned));
             members.values().for_each(|member| references(member, into));
         }
-        serde_json::Value::Array(items) => items.iter().for_each(|item| references(item, into)),
+        Value::Array(items) => items.iter().for_each(|item| references(item, into)),
         _ => {}
     }
 }
 
 #[test]
 fn nothing_is_referred_to_that_is_not_there() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let document = document();
     let mut named = Vec::new();
     references(&document, &mut named);
     assert!(named.len() > 100);
@@ -273,9 +286,8 @@ fn nothing_is_referred_to_that_is_not_there() {
 
 #[test]
 fn every_schema_and_every_answer_has_an_example() {
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
-    let has_example =
-        |part: &serde_json::Value| part.get("example").is_some() || part.get("examples").is_some();
+    let document = document();
+    let has_example = |part: &Value| part.get("example").is_some() || part.get("examples").is_some();
     for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
         assert!(has_example(schema) || name == "FileBytes", "{name}");
         let members = schema["properties"].as_object().into_iter().flatten();
@@ -283,33 +295,25 @@ fn every_schema_and_every_answer_has_an_example() {
             assert!(schema["examples"][0].get(member).is_some(), "{name}.{member}");
         }
     }
-    let mut answers = 0;
-    for (path, operations) in document["paths"].as_object().unwrap() {
-        for (method, operation) in operations.as_object().unwrap() {
-            for (status, answer) in operation["responses"].as_object().unwrap() {
-                let answer = resolved(&document, answer);
-                for (media_type, content) in answer["content"].as_object().into_iter().flatten() {
-                    let is_file = content["schema"]["$ref"] == "#/components/schemas/FileBytes";
-                    let is_text = content["schema"]["type"] == "string";
-                    assert!(
-                        has_example(content) || is_file || is_text,
-                        "{method} {path} {status} {media_type}"
-                    );
-                    answers += 1;
-                    if media_type == "application/problem+json" {
-                        assert_eq!(content["example"]["status"].to_string(), *status);
-                        let types =
-                            &document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"];
-                        assert!(
-                            types.as_array().unwrap().contains(&content["example"]["type"]),
-                            "{method} {path}"
-                        );
-                    }
+    let types = &document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"];
+    let types = types.as_array().unwrap();
+    let mut count = 0;
+    for (method, path, operation) in operations(&document) {
+        for (status, answer) in answers(&document, operation) {
+            for (media_type, content) in answer["content"].as_object().into_iter().flatten() {
+                let is_file = content["schema"]["$ref"] == "#/components/schemas/FileBytes";
+                let is_text = content["schema"]["type"] == "string";
+                let what = format!("{method} {path} {status} {media_type}");
+                assert!(has_example(content) || is_file || is_text, "{what}");
+                count += 1;
+                if media_type == "application/problem+json" {
+                    assert_eq!(content["example"]["status"].to_string(), status, "{what}");
+                    assert!(types.contains(&content["example"]["type"]), "{what}");
                 }
             }
         }
     }
-    assert!(answers > 300, "{answers}");
+    assert!(count > 300, "{count}");
     // The example of a document is written once, whatever the number of operations that answer with it.
     let clip = document["components"]["examples"]["Clip"]["value"]["sha256"].to_string();
     let text = serde_json::to_string(&document["paths"]).unwrap();
@@ -338,8 +342,7 @@ async fn the_viewer_is_kept_by_browsers_and_bound_to_this_host() {
     let policy = page.header("content-security-policy").to_owned();
     assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'self';"), "{policy}");
     assert!(!policy.contains("unsafe") && !policy.contains("http") && !policy.contains('*'), "{policy}");
-    let known = server.request(reqwest::Method::GET, "/").header("if-none-match", page.header("etag"));
-    assert_eq!(server.send(known).await.status, 304);
+    assert_eq!(server.get_with("/", "if-none-match", page.header("etag")).await.status, 304);
 
     // An address typed without the `#` leads to the page.
     assert_eq!(server.get("/homes/flat").await.bytes, page.bytes);

@@ -9,7 +9,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 use viola::api::ConnectionParams;
 use viola_storage::SweepLimit;
-use viola_testing::{eventually, room, zips};
+use viola_testing::client::id_of;
+use viola_testing::{eventually, room, until, zips};
 
 /// Timeout for a client that reads slowly.
 const LIMIT: Duration = Duration::from_secs(1);
@@ -28,11 +29,10 @@ async fn server(limit: Duration) -> Server {
 
 /// Creates a home with a large recording; returns its path and that of the job.
 async fn home_with_recording(server: &Server) -> (String, String) {
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let recording = zips::zip_of_size(&room::clip(2), RECORDING_BYTES);
-    let clip = server.post(&format!("{home}/clips"), recording).await.ok(201);
-    (home, format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()))
+    let home = server.make_room("h").await;
+    let clip = server.add_clip(&home, zips::zip_of_size(&room::clip(2), RECORDING_BYTES)).await;
+    let job = server.job_of(&clip).await;
+    (home, job)
 }
 
 /// Requests an export and reads only the status of the answer.
@@ -54,7 +54,7 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     let server = server(LONG_LIMIT).await;
     let (home, job) = home_with_recording(&server).await;
     // The job does not change, so its events are a connection that is silent for long.
-    let mut events = server.request(Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let mut events = server.watch(&format!("{job}/events"), None).await;
     assert!(events.chunk().await.unwrap().is_some());
 
     let mut silent = Vec::new();
@@ -72,9 +72,9 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     server.get(&home).await.ok(200);
 
     // The same number finds a place at once: none of the first still has one.
-    eventually("all places are free again", || async {
+    until("all places are free again", async || {
         let asked = futures::future::join_all(silent.iter().map(|_| ask(&server, &home))).await;
-        asked.iter().all(|(status, _)| *status == 200).then_some(())
+        asked.iter().all(|(status, _)| *status == 200)
     })
     .await;
     let whole = eventually("clients that hang up free their places", || async {
@@ -137,11 +137,7 @@ fn body_of(answer: &[u8]) -> Vec<u8> {
 async fn a_clip_is_exported_as_it_is_when_its_turn_comes() {
     let server = Server::without_workers().await;
     let (home, _) = home_with_recording(&server).await;
-    let mut later = Vec::new();
-    for frames in [3, 4] {
-        let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
-        later.push(clip.header("location").to_owned());
-    }
+    let later = [server.film(&home, 3).await, server.film(&home, 4).await];
     let (status, mut connection) = ask(&server, &home).await;
     assert_eq!(status, 200);
     // The first recording is on its way, and does not come further until it is read.
@@ -152,12 +148,11 @@ async fn a_clip_is_exported_as_it_is_when_its_turn_comes() {
         answer.extend_from_slice(&part[..read]);
     }
     server.delete(&later[0]).await.ok(204);
-    let titled = server.request(Method::PATCH, &later[1]).json(&json!({"title": "Kitchen"}));
-    server.send(titled).await.ok(200);
+    server.send_json(Method::PATCH, &later[1], &json!({"title": "Kitchen"})).await.ok(200);
     connection.read_to_end(&mut answer).await.unwrap();
 
     let mut zip = zip::ZipArchive::new(Cursor::new(body_of(&answer))).unwrap();
-    let [removed, titled] = [0, 1].map(|at: usize| later[at].rsplit('/').next().unwrap());
+    let [removed, titled] = later.each_ref().map(|clip| id_of(clip));
     assert!(!zip.file_names().any(|name| name.unwrap().contains(removed)), "it was removed");
     let clip = zip.by_name(&format!("clips/{titled}/clip.json")).unwrap();
     let clip: Value = serde_json::from_reader(clip).unwrap();
@@ -170,15 +165,10 @@ fn everything_works_with_one_blocking_thread() {
     let runtime = { runtime }.worker_threads(2).max_blocking_threads(1).enable_all().build().unwrap();
     let flow = async {
         let server = Server::start().await;
-        let home = server.make_home("h").await;
-        server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-        let recording = zips::zip(&room::clip(24));
-        let clip = server.post(&format!("{home}/clips"), recording).await.header("location").to_owned();
+        let home = server.make_room("h").await;
+        let clip = server.film(&home, 24).await;
         assert_eq!(server.settled(&clip).await["state"], "aligned");
-        eventually("the map is merged", || async {
-            (server.get(&format!("{home}/map")).await.status == 200).then_some(())
-        })
-        .await;
+        until("the map is merged", async || server.get(&format!("{home}/map")).await.status == 200).await;
         let path = format!("{home}/export");
         let exports = (0..8).map(|_| server.get(&path));
         for export in futures::future::join_all(exports).await {

@@ -5,11 +5,11 @@
 use crate::levels::small_room_csv;
 use crate::map::merged;
 use crate::server::Server;
-use reqwest::Method;
 use serde_json::json;
 use std::ffi::OsStr;
 use std::process::Command;
-use viola_testing::{room, zips};
+use viola_testing::process::succeed;
+use viola_testing::room;
 
 /// Each file with its path below the home.
 const FILES: [(&str, &str); 22] = [
@@ -50,8 +50,8 @@ async fn check_level(python: &OsStr, level: &str) {
         server.put(&format!("{home}/lidar-map"), small_room_csv()).await.ok(201);
     }
     server.put(&format!("{home}/lidar-maps/{level}"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    merged(&server, &home, &[&clip["id"]]).await;
+    let clip = server.film(&home, 24).await;
+    merged(&server, &home, &[&clip]).await;
 
     let folder = tempfile::tempdir().unwrap();
     for (name, path) in FILES {
@@ -75,9 +75,7 @@ async fn check_level(python: &OsStr, level: &str) {
 
     let check = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/check.py");
     let mut command = Command::new(python);
-    let output = command.arg("-B").arg(check).args(["--level", level]).arg(folder.path()).output().unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{level}: {said}\n{erred}");
+    let said = succeed(command.arg("-B").arg(check).args(["--level", level]).arg(folder.path()));
     print!("{said}");
     assert_eq!(said.lines().count(), READ, "{said}");
 }
@@ -101,8 +99,8 @@ async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
     let home = server.make_home("h").await;
     server.get(&format!("{home}/map/recording")).await.problem(404, "map-not-found");
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    merged(&server, &home, &[&clip["id"]]).await;
+    let clip = server.film(&home, 24).await;
+    merged(&server, &home, &[&clip]).await;
     // The first bytes are those of the formats' specifications.
     for (path, media_type, name, begin) in [
         ("map/points?format=e57", "model/e57", "points.e57", &b"ASTM-E57"[..]),
@@ -116,23 +114,19 @@ async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
         assert!(answer.bytes.starts_with(begin), "{path}");
         assert_eq!(answer.header("content-length"), answer.bytes.len().to_string(), "{path}");
         assert!(answer.header("content-disposition").ends_with(&format!("-{name}\"")), "{path}");
-        let tag = answer.header("etag").to_owned();
-        let known = server.request(Method::GET, &path).header("if-none-match", &tag);
-        assert_eq!(server.send(known).await.status, 304, "{path}");
+        let known = server.get_with(&path, "if-none-match", answer.header("etag")).await;
+        assert_eq!(known.status, 304, "{path}");
         assert!(server.get(&path).await.bytes == answer.bytes, "{path}: other bytes");
     }
     // A recording has the cameras of the clips' present results.
     let revision = server.get(&format!("{home}/map")).await.ok(200)["revision"].to_string();
     let recording = format!("{home}/map/recording?revision={revision}");
     let tag = server.get(&recording).await.header("etag").to_owned();
-    let clip = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
     server.post(&format!("{clip}/align"), "").await.ok(202);
     server.settled(&clip).await;
-    let known = server.request(Method::GET, &recording).header("if-none-match", &tag);
-    assert_eq!(server.send(known).await.status, 200);
-    let accepted =
-        server.request(Method::GET, &format!("{home}/map/points")).header("accept", "text/x, model/e57;q=1");
-    assert_eq!(server.send(accepted).await.header("content-type"), "model/e57");
+    assert_eq!(server.get_with(&recording, "if-none-match", &tag).await.status, 200);
+    let accepted = server.get_with(&format!("{home}/map/points"), "accept", "text/x, model/e57;q=1").await;
+    assert_eq!(accepted.header("content-type"), "model/e57");
     for path in ["map/recording?format=bag", "map/recording?level=attic", "map/points?format=las"] {
         server.get(&format!("{home}/{path}")).await.problem(400, "invalid-query");
     }

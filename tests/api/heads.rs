@@ -1,9 +1,10 @@
 //! HEAD has the headers of GET, and no others (RFC 9110, section 9.3.2).
 
-use crate::map::merged;
+use crate::document::{document, operations};
+use crate::map::home_of_one_clip;
 use crate::server::Server;
 use reqwest::Method;
-use viola_testing::{room, zips};
+use viola_testing::client::id_of;
 
 const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
 
@@ -31,37 +32,32 @@ async fn head_of(
 
 #[tokio::test]
 async fn every_route_answers_head_with_the_headers_of_get() {
-    let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    merged(&server, &home, &[&clip["id"]]).await;
-    let id = |value: &serde_json::Value| value.as_str().unwrap_or("1").to_owned();
+    let (server, home, clip, _) = home_of_one_clip().await;
+    let job = server.job_of(&clip).await;
     let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
     let objects = server.get(&format!("{home}/map/objects")).await.ok(200);
     let values = [
-        ("{home}", "h".to_owned()),
-        ("{clip}", id(&clip["id"])),
-        ("{job}", id(&clip["job"]["id"])),
-        ("{level}", "main".to_owned()),
-        ("{revision}", "1".to_owned()),
-        ("{room}", id(&rooms["rooms"][0]["id"])),
-        ("{object}", id(&objects["objects"][0]["id"])),
-        ("{webhook}", ID.to_owned()),
-        ("{delivery}", ID.to_owned()),
+        ("{home}", "h"),
+        ("{clip}", id_of(&clip)),
+        ("{job}", id_of(&job)),
+        ("{level}", "main"),
+        ("{revision}", "1"),
+        ("{room}", rooms["rooms"][0]["id"].as_str().unwrap_or("1")),
+        ("{object}", objects["objects"][0]["id"].as_str().unwrap_or("1")),
+        ("{webhook}", ID),
+        ("{delivery}", ID),
     ];
-    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
     let (mut routes, mut streams) = (0, 0);
-    for (path, methods) in document["paths"].as_object().unwrap() {
+    for (method, path, _) in operations(&document()) {
         // HEAD of an upload is an operation of tus.
-        if !methods["get"].is_object() || path.starts_with("/v1/uploads") {
+        if method != "get" || path.starts_with("/v1/uploads") {
             continue;
         }
         // Metrics and free disk space differ from request to request.
-        if ["/metrics", "/readyz"].contains(&path.as_str()) {
+        if ["/metrics", "/readyz"].contains(&path) {
             continue;
         }
-        let path = values.iter().fold(path.clone(), |path, (name, value)| path.replace(name, value));
+        let path = values.iter().fold(path.to_owned(), |path, (name, value)| path.replace(name, value));
         for coding in [None, Some("gzip")] {
             // The answer may change between two requests.
             let mut before = head_of(&server, Method::GET, &path, coding).await;
@@ -84,7 +80,7 @@ async fn every_route_answers_head_with_the_headers_of_get() {
         "map/points?format=laz",
         "map/recording",
         "map/mesh?triangles=1000",
-        &format!("clips/{}/cloud.ply", id(&clip["id"])),
+        &format!("clips/{}/cloud.ply", id_of(&clip)),
     ] {
         let path = format!("{home}/{made}");
         let mut got = head_of(&server, Method::GET, &path, None).await;

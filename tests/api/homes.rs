@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 #[tokio::test]
 async fn a_home_is_made_renamed_read_and_removed() {
     let server = Server::start().await;
-    let put = |body: Value| server.send(server.request(Method::PUT, "/v1/homes/h-1").json(&body));
+    let put = async |body: Value| server.send_json(Method::PUT, "/v1/homes/h-1", &body).await;
     let made = put(json!({"name": "Elm Street"})).await.ok(201);
     assert_eq!((&made["id"], &made["name"]), (&json!("h-1"), &json!("Elm Street")));
     assert_eq!((&made["lidar_map_revision"], &made["clips"]), (&Value::Null, &json!(0)));

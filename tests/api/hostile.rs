@@ -5,7 +5,7 @@ use crate::server::Server;
 use reqwest::Method;
 use viola_storage::UnpackParams;
 use viola_testing::zips::Files;
-use viola_testing::{room, zips};
+use viola_testing::{room, until, zips};
 
 /// Room for the archive that would unpack to 10 GB.
 const LIMIT_BYTES: u64 = 256 << 20;
@@ -34,9 +34,7 @@ async fn check_told(files: &Files, lidar_map: String, code: &str) {
     let server = Server::start().await;
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), lidar_map).await.ok(201);
-    let answer = server.post(&format!("{home}/clips"), zips::zip(files)).await;
-    let path = answer.header("location").to_owned();
-    answer.ok(201);
+    let path = server.add_clip(&home, zips::zip(files)).await;
     let clip = server.settled(&path).await;
     let codes: Vec<_> =
         clip["reasons"].as_array().unwrap().iter().map(|reason| reason["code"].clone()).collect();
@@ -179,10 +177,7 @@ async fn bodies_that_are_too_large_or_break_off() {
         futures::stream::iter([Ok(vec![0u8; 100]), Err(std::io::Error::other("the phone's battery"))]);
     let request = server.request(Method::POST, &clips).body(reqwest::Body::wrap_stream(broken));
     assert!(request.send().await.is_err());
-    viola_testing::eventually("what the broken body left is gone", || async {
-        server.blobs().is_empty().then_some(())
-    })
-    .await;
+    until("what the broken body left is gone", async || server.blobs().is_empty()).await;
     server.lives().await;
     server.stop().await;
 }

@@ -2,25 +2,19 @@ use crate::server::Server;
 use futures::StreamExt;
 use serde_json::{Value, json};
 use viola_testing::client::Client;
-use viola_testing::{eventually, room, zips};
+use viola_testing::until;
 
 /// Creates a home with a map and a clip; returns the paths of the clip and of its job.
 async fn one_job(server: &Server, frames: u32) -> (String, String) {
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
-    let clip = answer.header("location").to_owned();
-    let job = answer.ok(201)["job"]["id"].as_str().unwrap().to_owned();
-    (clip, format!("/v1/jobs/{job}"))
+    let home = server.make_room("h").await;
+    let clip = server.film(&home, frames).await;
+    let job = server.job_of(&clip).await;
+    (clip, job)
 }
 
 /// Returns name, id and data of every event up to the stream's end.
 async fn events(client: &Client, path: &str, last_event_id: Option<&str>) -> Vec<(String, String, Value)> {
-    let mut request = client.request(reqwest::Method::GET, path);
-    if let Some(id) = last_event_id {
-        request = request.header("Last-Event-ID", id);
-    }
-    let answer = Client::read(request.send().await.unwrap()).await;
+    let answer = Client::read(client.watch(path, last_event_id).await).await;
     assert_eq!((answer.status, answer.header("content-type")), (200, "text/event-stream"));
     assert_eq!(answer.header("x-accel-buffering"), "no");
     let text = String::from_utf8(answer.bytes).unwrap();
@@ -56,8 +50,7 @@ async fn a_job_is_watched_to_its_end() {
 
     // A client that reconnects gets the new events, and 204 after the last one.
     assert_eq!(events(&server, &format!("{job}/events"), Some(&seen[0].1)).await.last(), Some(last));
-    let request = server.request(reqwest::Method::GET, &format!("{job}/events"));
-    server.send(request.header("Last-Event-ID", &last.1)).await.ok(204);
+    server.get_with(&format!("{job}/events"), "Last-Event-ID", &last.1).await.ok(204);
     server.post(&format!("{job}/cancel"), "").await.problem(409, "job-ended");
 }
 
@@ -92,16 +85,13 @@ async fn a_waiting_job_is_cancelled_and_queued_again() {
 async fn a_running_job_is_cancelled() {
     let server = Server::start().await;
     let (clip, job) = one_job(&server, 300).await;
-    eventually("the job runs", || async {
-        (server.get(&job).await.ok(200)["state"] == "running").then_some(())
-    })
-    .await;
+    until("the job runs", async || server.get(&job).await.ok(200)["state"] == "running").await;
     assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200)["state"], "cancelled");
     assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
     assert_eq!(server.get("/v1/jobs?state=failed").await.ok(200)["items"], json!([]), "it is no failure");
-    eventually("the end of the attempt is counted", || async {
+    until("the end of the attempt is counted", async || {
         let counted = String::from_utf8(server.get("/metrics").await.bytes).unwrap();
-        counted.contains("viola_job_attempts_total{outcome=\"cancelled\"}").then_some(())
+        counted.contains("viola_job_attempts_total{outcome=\"cancelled\"}")
     })
     .await;
     // The worker is free again: the next job runs to its end.
@@ -114,7 +104,7 @@ async fn a_running_job_is_cancelled() {
 async fn a_watched_job_that_is_removed_ends_with_null() {
     let server = Server::without_workers().await;
     let (clip, job) = one_job(&server, 2).await;
-    let watching = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let watching = server.watch(&format!("{job}/events"), None).await;
     let mut chunks = watching.bytes_stream();
     chunks.next().await.unwrap().unwrap();
     server.delete(&clip).await.ok(204);
@@ -130,7 +120,7 @@ async fn a_watched_job_that_is_removed_ends_with_null() {
 async fn a_server_that_stops_ends_its_streams() {
     let server = Server::without_workers().await;
     let (_, job) = one_job(&server, 2).await;
-    let watching = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let watching = server.watch(&format!("{job}/events"), None).await;
     let begun = std::time::Instant::now();
     server.stop().await;
     watching.bytes().await.unwrap();
@@ -139,35 +129,20 @@ async fn a_server_that_stops_ends_its_streams() {
 
 #[tokio::test]
 async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
-    fn broken(
-        _: &std::path::Path,
-        _: &[viola::jobs::LevelFile],
-        _: &viola::jobs::JobParams,
-        _: &dyn viola_geometry::progress::Progress,
-    ) -> Result<viola::jobs::Finished, viola::jobs::AlignJobError> {
-        panic!("a fault of ours")
-    }
     let first_delay = std::time::Duration::from_millis(1);
     let retry = viola_storage::RetryPolicy { first_delay, ..Default::default() };
     let server = Server::with(|params| {
-        params.worker.method = broken;
+        params.worker.method = |_, _, _, _| panic!("a fault of ours");
         params.worker.retry = retry;
     })
     .await;
     let mut jobs = Vec::new();
     for home in ["a", "b"] {
-        let home = server.make_home(home).await;
-        server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-        let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
-        let clip = answer.header("location").to_owned();
-        server.settled(&clip).await;
-        jobs.push(server.get(&clip).await.ok(200)["job"].clone());
+        let home = server.make_room(home).await;
+        let clip = server.film(&home, 12).await;
+        jobs.push(server.settled(&clip).await["job"].clone());
     }
-    let listed = |query: &str| {
-        let path = format!("/v1/jobs{query}");
-        let server = &server;
-        async move { server.get(&path).await.ok(200) }
-    };
+    let listed = async |query: &str| server.get(&format!("/v1/jobs{query}")).await.ok(200);
     let failed = listed("?state=failed").await;
     assert_eq!(failed["items"], json!([jobs[1], jobs[0]]));
     assert!(failed["items"][0]["error"]["code"].is_string());

@@ -11,8 +11,7 @@ async fn text_is_compressed_for_those_who_accept_it() {
     let plain = server.get("/openapi.json").await;
     assert_eq!(plain.header("content-encoding"), "");
     for encoding in ["gzip", "br", "zstd"] {
-        let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
-        let packed = server.send(request).await;
+        let packed = server.get_with("/openapi.json", "accept-encoding", encoding).await;
         assert_eq!(packed.header("content-encoding"), encoding);
         // Each encoding has other bytes, so the tag is weak.
         let tag = packed.header("etag").to_owned();
@@ -37,8 +36,8 @@ async fn text_is_compressed_for_those_who_accept_it() {
         }
         assert_eq!(text, plain.bytes, "{encoding}");
     }
-    let short = server.request(Method::GET, "/healthz").header("accept-encoding", "gzip");
-    assert_eq!(server.send(short).await.header("content-encoding"), "");
+    let short = server.get_with("/healthz", "accept-encoding", "gzip").await;
+    assert_eq!(short.header("content-encoding"), "");
 }
 
 /// A change was made and then answered by 406.
@@ -46,8 +45,7 @@ async fn text_is_compressed_for_those_who_accept_it() {
 async fn a_client_that_forbids_plain_answers_gets_one() {
     let server = Server::without_workers().await;
     for (encoding, packed) in [("identity;q=0", ""), ("*;q=0", ""), ("gzip, identity; q=0.0", "gzip")] {
-        let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
-        let answer = server.send(request).await;
+        let answer = server.get_with("/openapi.json", "accept-encoding", encoding).await;
         assert_eq!((answer.status, answer.header("content-encoding")), (200, packed), "{encoding}");
     }
 }
@@ -73,8 +71,7 @@ async fn pages_of_named_origins_may_call_and_no_others() {
     }
     assert_eq!(preflight("https://evil.example").await.header("access-control-allow-origin"), "");
 
-    let read = server.request(Method::GET, "/v1/homes/none").header("origin", "https://app.example");
-    let answer = server.send(read).await;
+    let answer = server.get_with("/v1/homes/none", "origin", "https://app.example").await;
     assert!(answer.header("access-control-expose-headers").contains("upload-offset"));
     answer.problem(404, "home-not-found");
 

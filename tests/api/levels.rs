@@ -4,7 +4,7 @@ use crate::corrections;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until};
 
 /// Returns points along the walls of a room of 3 x 2 m, which is not that of the clips.
 pub fn small_room_csv() -> String {
@@ -98,10 +98,18 @@ async fn aligned_upstairs() -> (Server, String, String, Value) {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), small_room_csv()).await.ok(201);
     server.put(&format!("{home}/lidar-maps/upper"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await;
-    let path = clip.header("location").to_owned();
+    let path = server.film(&home, 24).await;
     let clip = server.settled(&path).await;
     (server, home, path, clip)
+}
+
+/// Returns the clip once it is in the map.
+async fn placed(server: &Server, path: &str) -> Value {
+    eventually("the clip is in the map", || async {
+        let clip = server.get(path).await.ok(200);
+        (!clip["placement"].is_null()).then_some(clip)
+    })
+    .await
 }
 
 #[tokio::test]
@@ -112,12 +120,7 @@ async fn a_clip_is_aligned_to_the_level_where_it_was_recorded() {
     let overlay = server.get(&format!("{path}/overlay.png")).await;
     assert_eq!((overlay.status, overlay.header("content-type")), (200, "image/png"));
 
-    let placed = eventually("the clip is in the map", || async {
-        let clip = server.get(&path).await.ok(200);
-        (!clip["placement"].is_null()).then_some(clip)
-    })
-    .await;
-    assert_eq!(placed["placement"]["level"], "upper");
+    assert_eq!(placed(&server, &path).await["placement"]["level"], "upper");
     let map = server.get(&format!("{home}/map")).await.ok(200);
     assert_eq!(map["clips"][0]["level"], "upper");
     let levels = map["levels"].as_array().unwrap();
@@ -168,11 +171,7 @@ async fn a_clip_is_aligned_to_the_level_where_it_was_recorded() {
 #[tokio::test]
 async fn a_plan_tells_its_level_and_its_home() {
     let (server, home, path, _) = aligned_upstairs().await;
-    eventually("the clip is in the map", || async {
-        let clip = server.get(&path).await.ok(200);
-        (!clip["placement"].is_null()).then_some(())
-    })
-    .await;
+    placed(&server, &path).await;
     let plan = async |query: &str| server.get(&format!("{home}/map/plan?{query}")).await;
     let title = async |level: &str| {
         let svg = String::from_utf8(plan(&format!("level={level}")).await.bytes).unwrap();
@@ -187,26 +186,23 @@ async fn a_plan_tells_its_level_and_its_home() {
         assert!(name.starts_with("inline; filename=\"h-") && name.ends_with(end), "{name}");
     }
     // Plans with the home's new name follow.
-    let rename = async |name: Value| {
-        server.send(server.request(Method::PUT, &home).json(&json!({"name": name}))).await.ok(200)
-    };
+    let rename =
+        async |name: Value| server.send_json(Method::PUT, &home, &json!({"name": name})).await.ok(200);
     rename(json!("Elm & Co")).await;
-    eventually("the plans have the name of the home", || async {
-        (title("upper").await == "Floor plan, upper: Elm &amp; Co").then_some(())
+    until("the plans have the name of the home", async || {
+        title("upper").await == "Floor plan, upper: Elm &amp; Co"
     })
     .await;
     assert_eq!(title("main").await, "Floor plan: Elm &amp; Co");
     rename(Value::Null).await;
-    eventually("the plans have no name", || async { (title("main").await == "Floor plan").then_some(()) })
-        .await;
+    until("the plans have no name", async || title("main").await == "Floor plan").await;
 }
 
 #[tokio::test]
 async fn a_person_chooses_a_level() {
     let (server, home, path, clip) = aligned_upstairs().await;
-    let choose = async |body: Value| {
-        server.send(server.request(Method::PUT, &format!("{path}/alignment")).json(&body)).await
-    };
+    let alignment = format!("{path}/alignment");
+    let choose = async |body: Value| server.send_json(Method::PUT, &alignment, &body).await;
     let pose = json!({"x_m": 1.0, "y_m": 1.0, "yaw_rad": 0.5});
     let chosen = choose(json!({"map_from_clip": pose, "level": "main"})).await.ok(200);
     assert_eq!(

@@ -1,10 +1,9 @@
+use crate::clips::TOO_FEW_FRAMES;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
-use std::path::Path;
-use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
+use viola::jobs::{self, align_clip};
 use viola_formats::clip::ClipError;
-use viola_geometry::progress::Progress;
 use viola_testing::room;
 
 #[tokio::test]
@@ -57,8 +56,7 @@ async fn a_map_is_put_told_and_drawn() {
 async fn a_new_map_queues_the_clips_again() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let clip = server.post(&format!("{home}/clips"), crate::clips::small_clip()).await;
-    let clip = clip.header("location").to_owned();
+    let clip = server.film(&home, 2).await;
     assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     let first = server.get(&clip).await.ok(200);
@@ -72,26 +70,20 @@ async fn a_new_map_queues_the_clips_again() {
 }
 
 /// Aligns clips, but not to a map with the point (1, 1).
-fn refuses_the_point(
-    clip: &Path,
-    maps: &[LevelFile],
-    params: &JobParams,
-    progress: &dyn Progress,
-) -> Result<Finished, AlignJobError> {
+const REFUSES_THE_POINT: jobs::Method = |clip, maps, params, progress| {
     if maps.iter().any(|map| map.bytes.ends_with(b"\n1,1\n")) {
         return Err(ClipError::NoFrames { color: 0, depth: 0 }.into());
     }
     align_clip(clip, maps, params, progress)
-}
+};
 
 #[tokio::test]
 async fn the_last_answer_stays_until_a_clip_is_aligned_to_a_new_map() {
-    let server = Server::with(|params| params.worker.method = refuses_the_point).await;
+    let server = Server::with(|params| params.worker.method = REFUSES_THE_POINT).await;
     let home = server.make_home("h").await;
     let map = format!("{home}/lidar-map");
     server.put(&map, room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), crate::clips::doubtful_clip()).await;
-    let clip = clip.header("location").to_owned();
+    let clip = server.film(&home, TOO_FEW_FRAMES).await;
     let first = server.settled(&clip).await;
     assert_eq!((&first["last_answer"], first["alignment"].is_object()), (&Value::Null, true));
     let files = async || {
@@ -125,7 +117,7 @@ async fn a_dry_run_only_tells_what_a_map_is() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
     let path = format!("{home}/lidar-map");
-    server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
+    server.film(&home, 2).await;
     let report = server.put(&format!("{path}?dry_run=true"), room::lidar_csv()).await.ok(200);
     assert_eq!(
         (&report["understood"]["format"], &report["clips_to_align"]),

@@ -7,7 +7,7 @@ use reqwest::{Body, Method};
 use viola::api::LimitParams;
 use viola_storage::{Role, TenantLimits};
 use viola_testing::client::Client;
-use viola_testing::{eventually, room};
+use viola_testing::{room, until};
 
 const MIB: usize = 1 << 20;
 
@@ -40,10 +40,12 @@ async fn deferred_lengths_and_announced_bytes_count() {
     acme.send(acme.patch(&uploads[2], 0, &piece)).await.problem(507, "tenant-full");
     let late = acme.patch(&uploads[2], 0, b"").header("upload-length", 2 * MIB);
     acme.send(late).await.problem(507, "tenant-full");
-    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", 2 * MIB);
-    acme.send(announced.header("upload-concat", "partial")).await.problem(507, "tenant-full");
-    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", MIB);
-    acme.send(announced.header("upload-concat", "partial")).await.ok(201);
+    let announce = |length: usize| {
+        let request = acme.tus(Method::POST, "/v1/uploads").header("upload-length", length);
+        acme.send(request.header("upload-concat", "partial"))
+    };
+    announce(2 * MIB).await.problem(507, "tenant-full");
+    announce(MIB).await.ok(201);
     assert_eq!(usage(&acme).await, (5 * MIB as u64, Some(5 * MIB as u64)));
     // Another tenant has its own room.
     let bolt = server.client("bolt", Role::Admin, None).await;
@@ -96,9 +98,9 @@ async fn bytes_that_arrive_are_bounded() {
     let endless = stream::iter([Ok::<_, std::io::Error>(vec![7; 3 * MIB / 4])]).chain(stream::pending());
     let held = acme.request(Method::POST, path).body(Body::wrap_stream(endless));
     let held = tokio::spawn(held.send());
-    eventually("the bytes have arrived", || async {
+    until("the bytes have arrived", async || {
         let sizes = server.blobs().into_iter().filter_map(|file| file.metadata().ok());
-        (sizes.map(|file| file.len()).sum::<u64>() == 3 * MIB as u64 / 4).then_some(())
+        sizes.map(|file| file.len()).sum::<u64>() == 3 * MIB as u64 / 4
     })
     .await;
     let refused = acme.post(path, vec![7; MIB / 2]).await;
@@ -109,8 +111,5 @@ async fn bytes_that_arrive_are_bounded() {
     acme.post(path, Body::wrap_stream(pieces)).await.problem(503, "unavailable");
     bolt.post(path, vec![7; MIB / 2]).await.problem(415, "unknown-layout");
     held.abort();
-    eventually("the bytes are free", || async {
-        (acme.post(path, vec![7; MIB / 2]).await.status == 415).then_some(())
-    })
-    .await;
+    until("the bytes are free", async || acme.post(path, vec![7; MIB / 2]).await.status == 415).await;
 }

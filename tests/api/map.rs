@@ -1,26 +1,40 @@
+use crate::clips::TOO_FEW_FRAMES;
+use crate::corrections::add;
 use crate::server::Server;
-use reqwest::Method;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use viola_geometry::LevelName;
 use viola_storage::{HomeId, map_file};
-use viola_testing::{eventually, room, zips};
+use viola_testing::client::id_of;
+use viola_testing::{eventually, room, until, zips};
 
-/// Returns the home's map once it contains these clips.
-pub async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {
+/// Returns the home's map once it contains the clips with these paths.
+pub async fn merged(server: &Server, home: &str, clips: &[&str]) -> Value {
+    let mut wanted: Vec<&str> = clips.iter().map(|clip| id_of(clip)).collect();
+    wanted.sort_unstable();
     eventually("the map is merged", || async {
         let answer = server.get(&format!("{home}/map")).await;
         let map = (answer.status == 200).then(|| answer.json())?;
-        let sorted = |mut ids: Vec<String>| {
-            ids.sort_unstable();
-            ids
-        };
-        let text = |id: &Value| id.as_str().unwrap().to_owned();
-        let there = map["clips"].as_array().unwrap().iter().map(|clip| text(&clip["clip"])).collect();
-        (sorted(there) == sorted(clips.iter().map(|id| text(id)).collect())).then_some(map)
+        let mut there: Vec<&str> = list(&map["clips"]).map(|clip| clip["clip"].as_str().unwrap()).collect();
+        there.sort_unstable();
+        (there == wanted).then_some(map)
     })
     .await
+}
+
+/// Returns a server with a home of one clip that is in its map; then the paths of both, and the map.
+pub async fn home_of_one_clip() -> (Server, String, String, Value) {
+    let server = Server::start().await;
+    let home = server.make_room("h").await;
+    let clip = server.film(&home, 24).await;
+    let map = merged(&server, &home, &[&clip]).await;
+    (server, home, clip, map)
+}
+
+fn list(value: &Value) -> std::slice::Iter<'_, Value> {
+    value.as_array().unwrap().iter()
 }
 
 async fn points(server: &Server, home: &str) -> Vec<u8> {
@@ -36,17 +50,8 @@ async fn clips_become_one_map_that_does_not_depend_on_their_order() {
     server.get(&format!("{home}/map")).await.problem(404, "map-not-found");
     server.get("/v1/homes/nowhere/map").await.problem(404, "home-not-found");
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let add = |frames: u32| {
-        let (server, home) = (&server, &home);
-        async move {
-            let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await.ok(201);
-            let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
-            assert_eq!(server.settled(&path).await["state"], "aligned");
-            (clip["id"].clone(), path)
-        }
-    };
-    let (first, first_path) = add(24).await;
-    let (second, _) = add(20).await;
+    let first = add(&server, &home, 24).await;
+    let second = add(&server, &home, 20).await;
     let map = merged(&server, &home, &[&first, &second]).await;
     assert_eq!((&map["lidar_map_revision"], &map["left_out"]), (&json!(1), &json!([])));
     let count = map["info"]["points"].as_u64().unwrap();
@@ -57,41 +62,35 @@ async fn clips_become_one_map_that_does_not_depend_on_their_order() {
     );
 
     // Removed and added again in the opposite order: the same bytes.
-    server.delete(&first_path).await.ok(204);
+    server.delete(&first).await.ok(204);
     let alone = merged(&server, &home, &[&second]).await;
     assert!(alone["revision"].as_i64() > map["revision"].as_i64());
     assert_ne!(points(&server, &home).await, both);
-    let (again, _) = add(24).await;
+    let again = add(&server, &home, 24).await;
     merged(&server, &home, &[&second, &again]).await;
     assert_eq!(points(&server, &home).await, both);
 }
 
 #[tokio::test]
 async fn what_a_reader_has_is_not_sent_again() {
-    let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    merged(&server, &home, &[&clip["id"]]).await;
+    let (server, home, ..) = home_of_one_clip().await;
     for path in [format!("{home}/map"), format!("{home}/map/points")] {
         let tag = server.get(&path).await.header("etag").to_owned();
         for (known, status) in [(tag.as_str(), 304), ("\"other\"", 200), ("*", 304)] {
-            let request = server.request(Method::GET, &path).header("if-none-match", known);
-            let answer = server.send(request).await;
+            let answer = server.get_with(&path, "if-none-match", known).await;
             assert_eq!((answer.status, answer.header("etag")), (status, tag.as_str()), "{path} {known}");
             assert_eq!(answer.bytes.is_empty(), status == 304);
         }
     }
     // A clip that is left out is listed, which changes the answer but not the points.
     let map_tag = server.get(&format!("{home}/map")).await.header("etag").to_owned();
-    let short = server.post(&format!("{home}/clips"), crate::clips::doubtful_clip()).await.ok(201);
-    let path = format!("{home}/clips/{}", short["id"].as_str().unwrap());
-    let state = server.settled(&path).await["state"].clone();
+    let short = server.film(&home, TOO_FEW_FRAMES).await;
+    let state = server.settled(&short).await["state"].clone();
     assert_ne!(state, "aligned", "one frame is too little");
     let map = server.get(&format!("{home}/map")).await;
     assert_ne!(map.header("etag"), map_tag);
     let left_out = map.ok(200)["left_out"].clone();
-    assert_eq!((&left_out[0]["clip"], &left_out[0]["state"]), (&short["id"], &state));
+    assert_eq!((&left_out[0]["clip"], &left_out[0]["state"]), (&json!(id_of(&short)), &state));
     assert!(left_out[0]["reasons"][0]["code"].is_string());
     the_state_of_the_map_is_told(&server, &home).await;
 }
@@ -99,7 +98,7 @@ async fn what_a_reader_has_is_not_sent_again() {
 /// A change that waits for its merge is told, and so are merges that fail, by the map and by its home.
 async fn the_state_of_the_map_is_told(server: &Server, home: &str) {
     let state = || async { server.get(&format!("{home}/map")).await.ok(200)["state"].clone() };
-    eventually("the last merge ends", || async { (state().await == "current").then_some(()) }).await;
+    until("the last merge ends", async || state().await == "current").await;
     let due_ms =
         (SystemTime::now() + Duration::from_secs(600)).duration_since(UNIX_EPOCH).unwrap().as_millis();
     for (ahead, faults, expected) in [(0, 0, "current"), (1, 0, "due"), (1, 1, "due"), (1, 2, "failing")] {
@@ -145,20 +144,12 @@ fn glb(bytes: &[u8]) -> (Value, &[u8]) {
 
 #[tokio::test]
 async fn points_are_filtered_and_come_as_ply_and_as_glb() {
-    let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    let map = merged(&server, &home, &[&clip["id"]]).await;
-    let ask = |query: &str| {
-        let path = format!("{home}/map/points?{query}");
-        let server = &server;
-        async move {
-            let answer = server.get(&path).await;
-            assert_eq!(answer.status, 200, "{path}");
-            assert_eq!(answer.header("content-length"), answer.bytes.len().to_string());
-            answer.bytes
-        }
+    let (server, home, _, map) = home_of_one_clip().await;
+    let ask = async |query: &str| {
+        let answer = server.get(&format!("{home}/map/points?{query}")).await;
+        assert_eq!(answer.status, 200, "{query}");
+        assert_eq!(answer.header("content-length"), answer.bytes.len().to_string());
+        answer.bytes
     };
     let all = ask("").await;
     let count = |class: &str| {
@@ -176,7 +167,7 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
     let asked = ask(&format!("box=-100,-100,-100,{middle},100,100&z=0.5,1.5")).await;
     assert!(!low.is_empty() && vertices(&asked) == low);
     let coarse = ask("voxel=0.3").await;
-    let cells: std::collections::BTreeSet<[i64; 3]> = vertices(&all)
+    let cells: BTreeSet<[i64; 3]> = vertices(&all)
         .iter()
         .map(|v| [0, 4, 8].map(|at| (f64::from(float(v, at)) / 0.3).floor() as i64))
         .collect();
@@ -186,42 +177,33 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
     // The same points as GLB: every class a node by its name.
     let bytes = ask("format=glb").await;
     let (document, body) = glb(&bytes);
-    let names: Vec<&str> =
-        document["nodes"].as_array().unwrap().iter().map(|node| node["name"].as_str().unwrap()).collect();
+    let names: Vec<&str> = list(&document["nodes"]).map(|node| node["name"].as_str().unwrap()).collect();
     assert!(names.contains(&"wall") && names.contains(&"floor"));
     let mut points = 0;
-    for (mesh, name) in document["meshes"].as_array().unwrap().iter().zip(&names) {
+    let number = |value: &Value| value.as_u64().unwrap() as usize;
+    for (mesh, name) in list(&document["meshes"]).zip(&names) {
         let mut of_class = 0;
-        for primitive in mesh["primitives"].as_array().unwrap() {
-            assert_eq!(
-                document["materials"][primitive["material"].as_u64().unwrap() as usize]["name"],
-                *name
-            );
-            let accessor = |name: &str| {
-                document["accessors"][primitive["attributes"][name].as_u64().unwrap() as usize].clone()
-            };
-            let position = accessor("POSITION");
-            let view = &document["bufferViews"][position["bufferView"].as_u64().unwrap() as usize];
-            let (start, stride) =
-                (view["byteOffset"].as_u64().unwrap(), view["byteStride"].as_u64().unwrap());
-            for i in 0..position["count"].as_u64().unwrap() {
-                let at = (start + i * stride) as usize;
+        for primitive in list(&mesh["primitives"]) {
+            assert_eq!(document["materials"][number(&primitive["material"])]["name"], *name);
+            let position = &document["accessors"][number(&primitive["attributes"]["POSITION"])];
+            let view = &document["bufferViews"][number(&position["bufferView"])];
+            let (start, stride) = (number(&view["byteOffset"]), number(&view["byteStride"]));
+            for i in 0..number(&position["count"]) {
                 for axis in 0..3 {
-                    let c = f64::from(float(&body[at..], 4 * axis));
+                    let c = f64::from(float(&body[start + i * stride..], 4 * axis));
                     assert!(c >= position["min"][axis].as_f64().unwrap() - 1e-6);
                     assert!(c <= position["max"][axis].as_f64().unwrap() + 1e-6);
                 }
             }
-            of_class += position["count"].as_u64().unwrap() as usize;
+            of_class += number(&position["count"]);
         }
         assert_eq!(of_class, count(name), "{name}");
         points += of_class;
     }
     assert_eq!(points * 40, body.len());
     assert_eq!(points, vertices(&all).len());
-    let request =
-        server.request(Method::GET, &format!("{home}/map/points")).header("accept", "model/gltf-binary");
-    assert_eq!(server.send(request).await.bytes, bytes);
+    let accepted = server.get_with(&format!("{home}/map/points"), "accept", "model/gltf-binary").await;
+    assert_eq!(accepted.bytes, bytes);
 
     for (query, field) in [
         ("classes=wall,dragon", "classes"),
@@ -244,11 +226,10 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
 #[tokio::test]
 async fn a_map_tells_rooms_objects_plan_and_coverage() {
     let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     server.get(&format!("{home}/map/rooms")).await.problem(404, "map-not-found");
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
-    merged(&server, &home, &[&clip["id"]]).await;
+    let path = server.film(&home, 24).await;
+    merged(&server, &home, &[&path]).await;
     let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
     let area_m2 = rooms["rooms"][0]["area_m2"].as_f64().unwrap();
     assert!((rooms["revision"] == 1) && area_m2 > 5.0, "{rooms:#}");
@@ -269,30 +250,27 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         ("dxf", "image/vnd.dxf", b"999\n"),
         ("json", "application/json", b"{"),
     ] {
-        let answer = server.get(&format!("{home}/map/plan?format={format}")).await;
+        let plan = format!("{home}/map/plan?format={format}");
+        let answer = server.get(&plan).await;
         assert_eq!((answer.status, answer.header("content-type")), (200, kind));
         let name = format!("inline; filename=\"h-1-plan.{format}\"");
         assert_eq!(answer.header("content-disposition"), name);
         let begins = String::from_utf8_lossy(&answer.bytes[..60]).into_owned();
         assert!(answer.bytes.starts_with(start) || begins.contains("<?xml"), "{begins}");
-        let request = server.request(Method::GET, &format!("{home}/map/plan")).header("accept", kind);
-        assert_eq!(server.send(request).await.bytes, answer.bytes);
-        let tag = answer.header("etag").to_owned();
-        let path = format!("{home}/map/plan?format={format}");
-        let request = server.request(Method::GET, &path).header("if-none-match", tag);
-        assert_eq!(server.send(request).await.status, 304);
+        let accepted = server.get_with(&format!("{home}/map/plan"), "accept", kind).await;
+        assert_eq!(accepted.bytes, answer.bytes);
+        assert_eq!(server.get_with(&plan, "if-none-match", answer.header("etag")).await.status, 304);
     }
     for (format, kind, start) in [
         ("glb", "model/gltf-binary", &b"glTF"[..]),
         ("usdz", "model/vnd.usdz+zip", b"PK"),
         ("obj", "model/obj", b"# viola"),
     ] {
-        let path = format!("{home}/map/mesh?triangles=1000&format={format}");
-        let answer = server.get(&path).await;
+        let mesh = format!("{home}/map/mesh?triangles=1000&format={format}");
+        let answer = server.get(&mesh).await;
         assert_eq!((answer.status, answer.header("content-type")), (200, kind));
         assert!(answer.bytes.starts_with(start) && answer.bytes.len() > 10_000, "{format}");
-        let request = server.request(Method::GET, &path).header("if-none-match", answer.header("etag"));
-        assert_eq!(server.send(request).await.status, 304);
+        assert_eq!(server.get_with(&mesh, "if-none-match", answer.header("etag")).await.status, 304);
     }
     mesh_of_the_worker(&server, &home).await;
     for (path, field) in [
@@ -309,7 +287,6 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         assert_eq!(problem["field"], field, "{path}");
     }
     // The scan of a clip, to draw it anywhere, and the clip's points in the map.
-    let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
     let scan = server.get(&format!("{path}/scan")).await.ok(200);
     assert!(scan["hits_m"].as_array().unwrap().len() > 50 && scan["cameras"][0]["forward"].is_array());
     assert!(server.get(&format!("{path}/cloud.ply")).await.bytes.starts_with(b"ply\n"));
@@ -346,9 +323,8 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     assert!(!vertices(&server.get(&format!("{home}/map/points?revision=1")).await.bytes).is_empty());
     assert!(vertices(&server.get(&format!("{home}/map/points")).await.bytes).is_empty());
     let revisions = server.get(&format!("{home}/map/revisions")).await.ok(200);
-    let numbers: Vec<_> =
-        revisions["items"].as_array().unwrap().iter().map(|map| map["revision"].clone()).collect();
-    assert_eq!(numbers, [json!(2), json!(1)]);
+    let numbers: Vec<&Value> = list(&revisions["items"]).map(|map| &map["revision"]).collect();
+    assert_eq!(numbers, [&json!(2), &json!(1)]);
     changes_without_the_manifest(&server, &home).await;
 }
 
@@ -357,7 +333,7 @@ async fn changes_without_the_manifest(server: &Server, home: &str) {
     let path = format!("{home}/map/changes");
     let changes = server.get(&path).await.ok(200);
     assert_eq!((&changes["from"], &changes["to"]), (&json!(1), &json!(2)));
-    let id: HomeId = home.rsplit('/').next().unwrap().parse().unwrap();
+    let id: HomeId = id_of(home).parse().unwrap();
     let storage = server.administer().await;
     let files = storage.home_map_files(&id, 2, LevelName::MAIN, map_file::MANIFEST).await.unwrap();
     storage.close().await;
@@ -370,7 +346,7 @@ async fn changes_without_the_manifest(server: &Server, home: &str) {
 /// The mesh that the worker makes is that of a request, and parts of it are served.
 async fn mesh_of_the_worker(server: &Server, home: &str) {
     let revision = server.get(&format!("{home}/map")).await.ok(200)["revision"].as_i64().unwrap();
-    let id: HomeId = home.rsplit('/').next().unwrap().parse().unwrap();
+    let id: HomeId = id_of(home).parse().unwrap();
     let storage = server.administer().await;
     eventually("the worker makes the mesh", || async {
         let files = storage.home_map_files(&id, revision, LevelName::MAIN, map_file::MESH).await.unwrap();
@@ -383,8 +359,7 @@ async fn mesh_of_the_worker(server: &Server, home: &str) {
     // One triangle more than the default has no file yet.
     let asked = server.get(&format!("{home}/map/mesh?triangles=200001")).await;
     assert!(made.bytes == asked.bytes, "the room has fewer triangles than either asks for");
-    let request = server.request(Method::GET, &format!("{home}/map/mesh")).header("range", "bytes=0-3");
-    let part = server.send(request).await;
+    let part = server.get_with(&format!("{home}/map/mesh"), "range", "bytes=0-3").await;
     assert_eq!((part.status, &part.bytes[..], part.header("etag")), (206, &b"glTF"[..], made.header("etag")));
     // A file that lost bytes, or that the store lost, is made again once: the new one takes its place.
     let is_mesh = |path: &PathBuf| std::fs::read(path).is_ok_and(|bytes| bytes == made.bytes);

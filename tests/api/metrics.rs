@@ -2,7 +2,8 @@
 
 use crate::server::Server;
 use std::collections::BTreeSet;
-use viola_testing::{eventually, room, zips};
+use viola_testing::client::id_of;
+use viola_testing::{eventually, until};
 
 /// Returns the names of our metrics in a text.
 fn names(text: &str) -> BTreeSet<String> {
@@ -13,10 +14,8 @@ fn names(text: &str) -> BTreeSet<String> {
 #[tokio::test]
 async fn the_dashboard_shows_what_is_counted() {
     let server = Server::start().await;
-    let home = server.make_home("secret-home").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await;
-    let clip = answer.header("location").to_owned();
+    let home = server.make_room("secret-home").await;
+    let clip = server.film(&home, 24).await;
     server.settled(&clip).await;
     let shown = names(include_str!("../../docker/grafana.json"));
     assert!(shown.len() > 10, "{shown:?}");
@@ -55,7 +54,7 @@ async fn the_dashboard_shows_what_is_counted() {
     }
     // The metrics reveal no owner, and invented paths add no series.
     server.get("/v1/homes/secret-home/invented").await.problem(404, "route-not-found");
-    assert!(!text.contains("secret-home") && !text.contains(clip.rsplit('/').next().unwrap()), "{text}");
+    assert!(!text.contains("secret-home") && !text.contains(id_of(&clip)), "{text}");
     let again = String::from_utf8(server.get("/metrics").await.bytes).unwrap();
     assert!(!again.contains("invented"));
 }
@@ -63,9 +62,8 @@ async fn the_dashboard_shows_what_is_counted() {
 #[tokio::test]
 async fn readiness_tells_what_it_stands_on() {
     let server = Server::without_workers().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
+    let home = server.make_room("h").await;
+    server.film(&home, 2).await;
     let ready = server.get("/readyz").await.ok(200);
     assert_eq!((&ready["status"], &ready["queued"], &ready["running"]), (&"ok".into(), &1.into(), &0.into()));
     assert_eq!(ready["paused"], 0);
@@ -81,8 +79,5 @@ async fn a_process_is_ready_while_the_queue_is_counted() {
     let ready = server.get("/readyz").await.ok(200);
     assert_eq!((&ready["status"], &ready["queued"]), (&"ok".into(), &serde_json::Value::Null), "{ready}");
     drop(locked);
-    eventually("the queue is counted", || async {
-        (server.get("/readyz").await.ok(200)["queued"] == 0).then_some(())
-    })
-    .await;
+    until("the queue is counted", async || server.get("/readyz").await.ok(200)["queued"] == 0).await;
 }

@@ -3,13 +3,11 @@
 use crate::map::merged;
 use crate::server::Server;
 use serde_json::json;
-use std::path::Path;
-use viola::jobs::{AlignJobError, Finished, JobParams, LevelFile, align_clip};
+use viola::jobs::{Method, align_clip};
 use viola_align::{AlignmentState, Alternative};
 use viola_formats::clip::Clip;
 use viola_geometry::Pose2;
-use viola_geometry::progress::Progress;
-use viola_testing::{eventually, room, zips};
+use viola_testing::eventually;
 
 /// Frames of the clip in doubt; other clips keep the method's answer.
 const IN_DOUBT: u32 = 20;
@@ -17,12 +15,7 @@ const IN_DOUBT: u32 = 20;
 const ALONE: f64 = 0.48;
 
 /// Runs the real method. The clip in doubt gets a second pose that is as good as the right one.
-fn in_doubt(
-    clip: &Path,
-    map: &[LevelFile],
-    params: &JobParams,
-    progress: &dyn Progress,
-) -> Result<Finished, AlignJobError> {
+const LEFT_IN_DOUBT: Method = |clip, map, params, progress| {
     let mut finished = align_clip(clip, map, params, progress)?;
     if Clip::open(clip).unwrap().frames().len() != IN_DOUBT as usize {
         return Ok(finished);
@@ -37,26 +30,19 @@ fn in_doubt(
     alignment.map_from_clip = Some(wrong.map_from_clip);
     alignment.alternatives = vec![wrong, right];
     Ok(finished)
-}
+};
 
 #[tokio::test]
 async fn a_clip_that_its_neighbours_place_has_the_probability_of_its_place() {
-    let server = Server::with(|params| params.worker.method = in_doubt).await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let doubtful = server.post(&format!("{home}/clips"), zips::zip(&room::clip(IN_DOUBT))).await;
-    let path = doubtful.header("location").to_owned();
-    let doubtful = doubtful.ok(201)["id"].clone();
+    let server = Server::with(|params| params.worker.method = LEFT_IN_DOUBT).await;
+    let home = server.make_room("h").await;
+    let path = server.film(&home, IN_DOUBT).await;
     let alone = server.settled(&path).await;
     assert_eq!((&alone["state"], &alone["placement"]), (&json!("ambiguous"), &json!(null)));
     assert_eq!(alone["alignment"]["probability"], ALONE);
 
-    let mut sure = Vec::new();
-    for frames in [24, 22] {
-        let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await.ok(201);
-        sure.push(clip["id"].clone());
-    }
-    merged(&server, &home, &[&doubtful, &sure[0], &sure[1]]).await;
+    let sure = [server.film(&home, 24).await, server.film(&home, 22).await];
+    merged(&server, &home, &[&path, &sure[0], &sure[1]]).await;
     let placed = server.get(&path).await.ok(200);
     let (answer, placement) = (&placed["alignment"], &placed["placement"]);
     assert_eq!((&placed["state"], &placement["by"]), (&json!("aligned"), &json!("neighbours")), "{placed:#}");
@@ -77,7 +63,7 @@ async fn a_clip_that_its_neighbours_place_has_the_probability_of_its_place() {
 
     // Without its neighbours it is in doubt again.
     for clip in sure {
-        server.delete(&format!("{home}/clips/{}", clip.as_str().unwrap())).await.ok(204);
+        server.delete(&clip).await.ok(204);
     }
     let again = eventually("the placement ends", || async {
         let clip = server.get(&path).await.ok(200);

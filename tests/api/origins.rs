@@ -16,16 +16,11 @@ async fn another_sites_name_leads_nowhere() {
     for path in ["/", "/v1/homes", "/v1/homes/h/events", "/openapi.json", "/metrics", "/none"] {
         refused(&server, under(path), "foreign-host").await;
     }
-    refused(
-        &server,
-        server.request(Method::PUT, "/v1/session").header("host", "evil.example"),
-        "foreign-host",
-    )
-    .await;
+    let sign_in = server.request(Method::PUT, "/v1/session").header("host", "evil.example");
+    refused(&server, sign_in, "foreign-host").await;
     let port = server.base.rsplit(':').next().unwrap();
     for host in [format!("localhost:{port}"), format!("127.0.0.1:{port}"), format!("[::1]:{port}")] {
-        let request = server.request(Method::GET, "/v1/homes").header("host", &host);
-        server.send(request).await.ok(200);
+        server.get_with("/v1/homes", "host", &host).await.ok(200);
     }
 }
 

@@ -2,7 +2,6 @@
 
 use crate::server::Server;
 use reqwest::Method;
-use viola_testing::room;
 
 /// Requests a file with headers; returns status, `Content-Range` and body.
 async fn ask(server: &Server, path: &str, headers: &[(&str, &str)]) -> (u16, Option<String>, Vec<u8>) {
@@ -10,25 +9,21 @@ async fn ask(server: &Server, path: &str, headers: &[(&str, &str)]) -> (u16, Opt
     for (name, value) in headers {
         request = request.header(*name, *value);
     }
-    let answer = request.send().await.unwrap();
-    let range = answer.headers().get("content-range").map(|range| range.to_str().unwrap().to_owned());
-    (answer.status().as_u16(), range, answer.bytes().await.unwrap().to_vec())
+    let answer = server.send(request).await;
+    let range = answer.headers.get("content-range").map(|range| range.to_str().unwrap().to_owned());
+    (answer.status, range, answer.bytes)
 }
 
 #[tokio::test]
 async fn a_part_of_a_file_is_served() {
     let server = Server::start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let clip = server.post(&format!("{home}/clips"), crate::clips::small_clip()).await;
-    let clip = clip.header("location").to_owned();
+    let home = server.make_room("h").await;
+    let clip = server.film(&home, 2).await;
     server.settled(&clip).await;
     let path = format!("{clip}/thumbnail.jpg");
-    let whole = server.request(Method::GET, &path).send().await.unwrap();
-    assert_eq!(whole.status(), 200);
-    assert_eq!(whole.headers()["accept-ranges"], "bytes");
-    let tag = whole.headers()["etag"].to_str().unwrap().to_owned();
-    let whole = whole.bytes().await.unwrap().to_vec();
+    let whole = server.get(&path).await;
+    assert_eq!((whole.status, whole.header("accept-ranges")), (200, "bytes"));
+    let (tag, whole) = (whole.header("etag").to_owned(), whole.bytes);
     let (length, stale) = (whole.len(), "\"another\"");
     let last = length - 1;
     for (headers, status, range, body) in [
@@ -49,11 +44,9 @@ async fn a_part_of_a_file_is_served() {
     ] {
         assert_eq!(ask(&server, &path, &headers).await, (status, range, body.to_vec()), "{headers:?}");
     }
-    let behind = format!("bytes={length}-");
-    let (status, range, body) = ask(&server, &path, &[("range", &behind)]).await;
-    assert_eq!((status, range), (416, Some(format!("bytes */{length}"))));
-    let problem: serde_json::Value = serde_json::from_slice(&body).unwrap();
-    assert_eq!(problem["type"], "urn:viola:problem:range-not-satisfiable");
+    let behind = server.get_with(&path, "range", &format!("bytes={length}-")).await;
+    assert_eq!(behind.header("content-range"), format!("bytes */{length}"));
+    behind.problem(416, "range-not-satisfiable");
 }
 
 /// The document lists ranges of files only, and a part of a JSON document is no document.
@@ -64,16 +57,13 @@ async fn json_comes_whole_and_with_conditions() {
     let whole = server.get(&home).await;
     assert_eq!((whole.status, whole.header("accept-ranges")), (200, ""));
     for range in ["bytes=0-0", "bytes=100000-"] {
-        assert_eq!(
-            ask(&server, &home, &[("range", range)]).await,
-            (200, None, whole.bytes.clone()),
-            "{range}"
-        );
+        let answer = ask(&server, &home, &[("range", range)]).await;
+        assert_eq!(answer, (200, None, whole.bytes.clone()), "{range}");
     }
     let tag = whole.header("etag");
     for (header, value, status) in
         [("if-none-match", tag, 304), ("if-match", tag, 200), ("if-match", "\"another\"", 412)]
     {
-        assert_eq!(ask(&server, &home, &[(header, value)]).await.0, status, "{header}: {value}");
+        assert_eq!(server.get_with(&home, header, value).await.status, status, "{header}: {value}");
     }
 }

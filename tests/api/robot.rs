@@ -2,7 +2,6 @@
 
 use crate::corrections::{add, list, patch, start};
 use crate::server::Server;
-use reqwest::Method;
 use serde_json::{Value, json};
 use std::io::{Cursor, Read};
 use viola_formats::lidar::{Cell, LidarMap};
@@ -77,15 +76,13 @@ async fn a_robot_gets_its_map_back_with_names_zones_and_goals() {
     let mut want = map.cells.clone().unwrap();
     want.frame.origin_m = want.frame.written_origin_m();
     assert_eq!(read.cells, Some(want));
-    let request = server.request(Method::GET, &path).header("if-none-match", answer.header("etag"));
-    assert_eq!(server.send(request).await.status, 304);
+    assert_eq!(server.get_with(&path, "if-none-match", answer.header("etag")).await.status, 304);
 }
 
 #[tokio::test]
 async fn a_map_of_points_has_zones_in_metres_and_no_segments() {
     let server = start().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     add(&server, &home, 24).await;
     list(&server, &home, "objects", |list| list["objects"] != json!([])).await;
     let valetudo = robot(&server, &home, "format=valetudo").await;

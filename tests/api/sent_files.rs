@@ -23,8 +23,7 @@ async fn a_recording_comes_back_with_its_name() {
     let name = "attachment; filename=\"K_che 1.zip\"; filename*=UTF-8''K%C3%BCche%201.zip";
     assert_eq!(back.header("content-disposition"), name);
     assert_eq!(back.header("etag"), format!("\"{}\"", sha256(&file)));
-    let range = server.request(Method::GET, &format!("{path}/recording")).header("range", "bytes=0-1");
-    let range = server.send(range).await;
+    let range = server.get_with(&format!("{path}/recording"), "range", "bytes=0-1").await;
     assert_eq!((range.status, range.bytes.as_slice()), (206, &b"PK"[..]));
 
     // The same file again is another clip, which names the first.
@@ -35,13 +34,10 @@ async fn a_recording_comes_back_with_its_name() {
     let name = format!("attachment; filename=\"clip-{}\"", again["id"].as_str().unwrap());
     assert_eq!(unnamed.header("content-disposition"), name);
 
-    let patch = |body: Value| server.send(server.request(Method::PATCH, &path).json(&body));
+    let patch = async |body: Value| server.send_json(Method::PATCH, &path, &body).await;
     assert_eq!(patch(json!({"title": "Hall"})).await.ok(200)["title"], "Hall");
     assert_eq!(patch(json!({})).await.ok(200)["title"], "Hall");
     assert_eq!(patch(json!({"title": null})).await.ok(200)["title"], Value::Null);
-    for wrong in [json!(""), json!(7), json!("a\nb"), json!("x".repeat(201))] {
-        assert_eq!(patch(json!({"title": wrong})).await.problem(422, "invalid-body")["field"], "title");
-    }
     patch(json!({"name": "Hall"})).await.problem(422, "invalid-body");
     for (query, field) in [("filename=", "filename"), ("filename=a%0Ab", "filename"), ("title=", "title")] {
         let refused = server.post(&format!("{clips}?{query}"), small_clip()).await;
@@ -77,20 +73,12 @@ async fn homes_are_counted_and_found() {
         server.make_home(id).await;
     }
     let home = "/v1/homes/oak";
-    server.send(server.request(Method::PUT, home).json(&json!({"name": "\u{d6}l Street"}))).await.ok(200);
-    server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    server.send_json(Method::PUT, home, &json!({"name": "\u{d6}l Street"})).await.ok(200);
+    server.film(home, 2).await;
     let waiting = server.get(home).await.ok(200);
     assert_eq!((&waiting["clips"], &waiting["clips_by_state"]["uploaded"]), (&json!(1), &json!(1)));
     assert_eq!((&waiting["needs_attention"], &waiting["coverage"]), (&json!(["waiting"]), &json!([])));
-    let found = async |query: &str| {
-        let page = server.get(&format!("/v1/homes?{query}")).await.ok(200);
-        page["items"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(|home| home["id"].as_str().unwrap().to_owned())
-            .collect::<Vec<_>>()
-    };
+    let found = async |query: &str| server.ids(&format!("/v1/homes?{query}")).await;
     assert_eq!(found("q=ELM").await, ["elm-1", "elm-2"]);
     assert_eq!(found("q=%C3%B6l").await, ["oak"]);
     assert_eq!(found("needs_attention=true").await, ["oak"]);
@@ -105,9 +93,8 @@ async fn homes_are_counted_and_found() {
 async fn a_file_that_the_store_lost_is_a_fault_of_the_service() {
     let server = Server::without_workers().await;
     let home = server.make_home("h").await;
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    let recording = format!("{}/recording", server.film(&home, 2).await);
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let recording = format!("{home}/clips/{}/recording", clip["id"].as_str().unwrap());
     let map_file = format!("{home}/lidar-maps/main/revisions/1/file");
     let image = format!("{home}/lidar-map/image.png");
     let is_map =

@@ -10,15 +10,9 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{
-    BodyParams, ConnectionParams, FailedKeyParams, LimitParams, ReaderParams, ServeParams, UploadParams,
-    serve,
-};
-use viola::jobs::WorkerParams;
+use viola::api::{ServeParams, serve};
 use viola::webhooks::WebhookParams;
-use viola_storage::{
-    ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant, UnpackParams,
-};
+use viola_storage::{ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant};
 use viola_testing::client::Client;
 use viola_testing::postgres::{Schema, Schemas};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
@@ -139,27 +133,12 @@ impl Server {
             }
         };
         let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
+        let storage =
+            StorageParams { postgres, s3: s3_of_this_run(), ..StorageParams::in_folder(folder.path()) };
         let mut params = ServeParams {
             webhooks: WebhookParams { private_addresses: true },
-            listen: "127.0.0.1:0".parse().unwrap(),
-            admin_listen: None,
-            storage: StorageParams {
-                data: folder.path().to_owned(),
-                postgres,
-                s3: s3_of_this_run(),
-                secrets_key: None,
-                unpack: UnpackParams::default(),
-            },
-            workers: 1,
             max_upload_bytes: 64 << 20,
-            uploads: UploadParams::default(),
-            limits: LimitParams::default(),
-            failed_keys: FailedKeyParams::default(),
-            readers: ReaderParams::default(),
-            bodies: BodyParams::default(),
-            connections: ConnectionParams::default(),
-            worker: WorkerParams::default(),
-            cors_origins: Vec::new(),
+            ..ServeParams::new("127.0.0.1:0".parse().unwrap(), storage)
         };
         change(&mut params);
         let storage = params.storage.clone();
@@ -192,7 +171,7 @@ impl Server {
     pub fn client_with(&self, secret: &Secret) -> Client {
         let mut headers = HeaderMap::new();
         headers.insert("authorization", format!("Bearer {}", secret.show()).parse().unwrap());
-        let http = reqwest::Client::builder().default_headers(headers).build().unwrap();
+        let http = reqwest::Client::builder().no_proxy().default_headers(headers).build().unwrap();
         Client { base: self.client.base.clone(), http }
     }
 
@@ -200,49 +179,42 @@ impl Server {
         Storage::administer(&self.storage).await.unwrap()
     }
 
-    /// Runs a statement on the service's own database.
-    pub async fn execute(&self, statement: &str) {
-        let statement = sqlx::AssertSqlSafe(statement.to_owned());
+    /// Runs statements on the service's own database; returns the connection.
+    async fn connection_after(&self, statements: &str) -> Box<dyn Any> {
+        let statements = sqlx::raw_sql(sqlx::AssertSqlSafe(statements.to_owned()));
         match &self.storage.postgres {
             Some(postgres) => {
                 let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-                sqlx::query(statement).execute(&mut connection).await.unwrap();
+                statements.execute(&mut connection).await.unwrap();
+                Box::new(connection)
             }
             None => {
                 let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
                 let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
-                sqlx::query(statement).execute(&mut connection).await.unwrap();
+                statements.execute(&mut connection).await.unwrap();
+                Box::new(connection)
             }
         }
+    }
+
+    /// Runs a statement on the service's own database.
+    pub async fn execute(&self, statement: &str) {
+        self.connection_after(statement).await;
     }
 
     /// Keeps everybody from changing jobs until the returned connection is dropped.
     pub async fn lock_jobs(&self) -> Box<dyn Any> {
-        match &self.storage.postgres {
-            Some(postgres) => {
-                let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-                for statement in ["BEGIN", "LOCK TABLE jobs IN EXCLUSIVE MODE"] {
-                    sqlx::query(statement).execute(&mut connection).await.unwrap();
-                }
-                Box::new(connection)
-            }
-            None => {
-                let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
-                let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
-                sqlx::query("BEGIN IMMEDIATE").execute(&mut connection).await.unwrap();
-                Box::new(connection)
-            }
-        }
+        self.connection_after(match &self.storage.postgres {
+            Some(_) => "BEGIN; LOCK TABLE jobs IN EXCLUSIVE MODE",
+            None => "BEGIN IMMEDIATE",
+        })
+        .await
     }
 
     /// Keeps everybody from reading a table until the returned connection is dropped; `None` for SQLite, which has no such lock.
     pub async fn lock_reads(&self, table: &str) -> Option<Box<dyn Any>> {
-        let postgres = self.storage.postgres.as_ref()?;
-        let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
-        for statement in ["BEGIN".to_owned(), format!("LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE")] {
-            sqlx::query(sqlx::AssertSqlSafe(statement)).execute(&mut connection).await.unwrap();
-        }
-        Some(Box::new(connection))
+        self.storage.postgres.as_ref()?;
+        Some(self.connection_after(&format!("BEGIN; LOCK TABLE {table} IN ACCESS EXCLUSIVE MODE")).await)
     }
 
     /// Returns every file of the blob store, including arriving ones, without the one with the store's id.

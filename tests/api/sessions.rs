@@ -1,6 +1,5 @@
 //! Sessions of browsers, and the limit of failed keys.
 
-use crate::clips::small_clip;
 use crate::server::{Server, Store};
 use jiff::Timestamp;
 use reqwest::Method;
@@ -9,10 +8,9 @@ use std::time::Duration;
 use viola::api::FailedKeyParams;
 use viola_storage::Role;
 use viola_testing::client::Answer;
-use viola_testing::room;
 
 async fn sign_in(server: &Server, key: &str) -> Answer {
-    server.send(server.request(Method::PUT, "/v1/session").json(&json!({"key": key}))).await
+    server.send_json(Method::PUT, "/v1/session", &json!({"key": key})).await
 }
 
 /// Returns the `NAME=VALUE` of the cookie that an answer sets.
@@ -47,9 +45,8 @@ async fn a_browser_has_a_session_of_its_own() {
     let raw = format!("viola_session={}", secret.show());
     with_cookie(&server, Method::GET, &raw).await.problem(401, "session-ended");
     let token = first.split_once('=').unwrap().1;
-    let bearer =
-        server.request(Method::GET, "/v1/session").header("authorization", format!("Bearer {token}"));
-    server.send(bearer).await.problem(401, "key-invalid");
+    let bearer = server.get_with("/v1/session", "authorization", &format!("Bearer {token}")).await;
+    bearer.problem(401, "key-invalid");
     // Signing out ends the session at the service, and no other.
     let out = with_cookie(&server, Method::DELETE, &first).await;
     assert!(out.status == 204 && out.header("set-cookie").contains("Max-Age=0"));
@@ -85,11 +82,9 @@ async fn event_streams_end_with_their_key_or_session() {
     })
     .await;
     let admin = server.client("acme", Role::Admin, None).await;
-    admin.make_home("h").await;
-    let clip = admin.post("/v1/homes/h/clips", small_clip()).await.ok(201);
-    admin.put("/v1/homes/h/lidar-map", room::lidar_csv()).await.ok(201);
-    let clip = admin.get(&format!("/v1/homes/h/clips/{}", clip["id"].as_str().unwrap())).await.ok(200);
-    let job = format!("/v1/jobs/{}/events", clip["job"]["id"].as_str().unwrap());
+    let home = admin.make_room("h").await;
+    let clip = admin.film(&home, 2).await;
+    let job = format!("{}/events", admin.job_of(&clip).await);
     let (key, secret) = server.key("acme", Role::Reader, None).await;
     let (_, other) = server.key("acme", Role::Reader, None).await;
     let session = cookie(&sign_in(&server, other.show()).await);

@@ -10,7 +10,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 use tokio::io::AsyncReadExt;
 use viola::api::ConnectionParams;
-use viola_testing::eventually;
+use viola_testing::until;
 
 /// A request whose body never comes, without a key.
 const STALLED: &[u8] = b"PUT /v1/session HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n\
@@ -51,7 +51,7 @@ async fn a_file_that_drips_is_refused() {
     });
     let request = server.request(Method::POST, &format!("{home}/clips")).body(Body::wrap_stream(drip));
     server.send(request).await.problem(408, "body-stalled");
-    eventually("what came is removed", || async { server.blobs().is_empty().then_some(()) }).await;
+    until("what came is removed", async || server.blobs().is_empty()).await;
 }
 
 #[tokio::test]
@@ -61,7 +61,8 @@ async fn an_address_with_too_many_connections_displaces_its_own() {
         params.connections = ConnectionParams { most_of_network, ..ConnectionParams::default() };
     })
     .await;
-    let neighbour = reqwest::Client::builder().local_address("127.0.0.2".parse().ok()).build().unwrap();
+    let neighbour = reqwest::Client::builder().no_proxy().local_address("127.0.0.2".parse().ok());
+    let neighbour = neighbour.build().unwrap();
     let health = format!("{}/healthz", server.base);
     assert_eq!(neighbour.get(&health).send().await.unwrap().status(), 200);
     let held: Vec<TcpStream> = (0..3 * most_of_network).map(|_| stalled(&server)).collect();

@@ -5,8 +5,9 @@ use crate::server::Server;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
+use viola_testing::process::succeed;
 use viola_testing::tus::sha256;
-use viola_testing::{room, zips};
+use viola_testing::{has_node, room, zips};
 
 /// Ways of uploading that `web/tests/tus.mjs` tests.
 const WAYS: [&str; 9] = [
@@ -24,11 +25,7 @@ const WAYS: [&str; 9] = [
 #[tokio::test(flavor = "multi_thread")]
 async fn a_public_client_uploads_in_every_way() {
     let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("web");
-    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
-    if !node || !web.join("node_modules/tus-js-client").is_dir() {
-        let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
-        assert!(!must, "not there: Node.js, or web/node_modules (npm ci in web/)");
-        viola_testing::skipped("a public tus client", "install Node.js; npm ci in web");
+    if !has_node("a public tus client", &web, "tus-js-client", &[]) {
         return;
     }
     let server = Server::without_workers().await;
@@ -41,9 +38,7 @@ async fn a_public_client_uploads_in_every_way() {
     let mut command = Command::new("node");
     command.arg("tests/tus.mjs").current_dir(web);
     command.env("VIOLA_BASE", &server.base).env("VIOLA_HOME", "h").env("VIOLA_FILE", &file);
-    let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}\n{erred}");
+    let said = tokio::task::spawn_blocking(move || succeed(&mut command)).await.unwrap();
     let lines: Vec<Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let ways: Vec<&str> = lines.iter().map(|line| line["way"].as_str().unwrap()).collect();
     assert_eq!(ways, WAYS);

@@ -1,21 +1,29 @@
 //! Connections that break, stall, lie and race: no acknowledged byte is lost or changed.
 
+use crate::attacks::connect;
 use crate::clips::small_clip;
 use crate::server::Server;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use reqwest::Method;
 use serde_json::json;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
-use viola_testing::eventually;
 use viola_testing::tus::{metadata, sha256};
+use viola_testing::{eventually, until};
 
 async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
     assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));
     // A request that was cut off or overtaken may still be cleaning up.
-    eventually("nothing is left but the clip", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("nothing is left but the clip", async || server.blobs().len() == 1).await;
+}
+
+/// Begins an upload of a clip; returns the clip and the upload's path.
+async fn begun(server: &Server) -> (Vec<u8>, String) {
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    (clip, upload)
 }
 
 /// Returns the beginning of the answer on a connection.
@@ -70,13 +78,11 @@ fn any_cuts_resume_to_the_same_bytes() {
 #[tokio::test]
 async fn what_arrived_on_a_broken_connection_is_kept() {
     let server = Server::without_workers().await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     drop(server.patch_partly(&upload, 0, &clip, 1234));
-    eventually("the bytes are kept", || async { (server.offset(&upload).await == 1234).then_some(()) }).await;
+    until("the bytes are kept", async || server.offset(&upload).await == 1234).await;
     // A checksum covers the whole body or nothing.
-    let mut connection = TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
+    let mut connection = connect(&server);
     write!(
         connection,
         "PATCH {upload} HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\nupload-offset: 1234\r\n\
@@ -84,9 +90,9 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
          content-length: 11\r\n\r\nhello"
     )
     .unwrap();
-    eventually("half of the body has arrived", || async { (server.blobs().len() == 2).then_some(()) }).await;
+    until("half of the body has arrived", async || server.blobs().len() == 2).await;
     drop(connection);
-    eventually("it is gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("it is gone", async || server.blobs().len() == 1).await;
     assert_eq!(server.offset(&upload).await, 1234);
 }
 
@@ -97,9 +103,7 @@ async fn a_silent_client_is_told_and_loses_nothing() {
         params.bodies.window = Duration::from_millis(200);
     })
     .await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let mut connection = server.patch_partly(&upload, 0, &clip, 777);
     let answer = tokio::task::spawn_blocking(move || {
         let mut answer = String::new();
@@ -119,16 +123,11 @@ async fn a_slow_client_is_acknowledged_on_its_way() {
         params.uploads.piece_age = Duration::ZERO;
     })
     .await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let mut connection = server.patch_partly(&upload, 0, &clip, 100);
-    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    until("it is acknowledged", async || server.offset(&upload).await == 100).await;
     connection.write_all(&clip[100..]).unwrap();
-    eventually("the clip is made", || async {
-        (!server.head(&upload).await.header("viola-clip").is_empty()).then_some(())
-    })
-    .await;
+    until("the clip is made", async || !server.head(&upload).await.header("viola-clip").is_empty()).await;
     check_made(&server, server.head(&upload).await.header("viola-clip"), &clip).await;
 }
 
@@ -140,23 +139,19 @@ async fn a_paused_client_is_acknowledged_in_its_pause() {
         params.uploads.piece_age = Duration::from_millis(50);
     })
     .await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let connection = server.patch_partly(&upload, 0, &clip, 100);
-    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    until("it is acknowledged", async || server.offset(&upload).await == 100).await;
     drop(connection);
 }
 
 #[tokio::test]
 async fn the_newer_of_two_writers_goes_on() {
     let server = Server::without_workers().await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     // Other bytes from an old connection that is still open.
     let mut old = server.patch_partly(&upload, 0, &vec![7; clip.len()], 2000);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     let half = clip.len() / 2;
     server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
     old.write_all(&vec![7; clip.len() - 2000]).unwrap();
@@ -171,11 +166,9 @@ async fn the_newer_of_two_writers_goes_on() {
 #[tokio::test]
 async fn a_refused_request_stops_no_other() {
     let server = Server::without_workers().await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let mut running = server.patch_partly(&upload, 0, &clip, 1000);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     let larger = server.send(server.patch(&upload, 0, &vec![7; clip.len() + 1])).await;
     larger.problem(413, "body-too-large");
     running.write_all(&clip[1000..]).unwrap();
@@ -193,7 +186,7 @@ async fn a_post_that_was_overtaken_deletes_nothing() {
         let server = Server::without_workers().await;
         server.make_home("h").await;
         let told = metadata(&[("home", "h"), named]);
-        let mut first = TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
+        let mut first = connect(&server);
         write!(
             first,
             "POST /v1/uploads HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\nupload-length: {length}\r\n\
@@ -203,9 +196,8 @@ async fn a_post_that_was_overtaken_deletes_nothing() {
         )
         .unwrap();
         first.write_all(&clip[..1000]).unwrap();
-        eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
-        let again = server.tus(Method::POST, "/v1/uploads").header("Upload-Length", clip.len());
-        let again = server.send(again.header("Upload-Metadata", told)).await;
+        until("its bytes have arrived", async || server.blobs().len() == 1).await;
+        let again = server.send(server.announce(clip.len(), &[("home", "h"), named])).await;
         assert_eq!((again.status, again.header("upload-offset")), (201, "0"), "{named:?}");
         let (upload, half) = (again.header("location").to_owned(), clip.len() / 2);
         server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
@@ -222,9 +214,7 @@ async fn a_post_that_was_overtaken_deletes_nothing() {
 #[tokio::test]
 async fn many_writers_at_once_make_one_clip() {
     let server = Server::without_workers().await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let many = (0..8).map(|_| server.go_on(&upload, &clip));
     for answer in futures::future::join_all(many).await {
         assert_eq!((answer.status, answer.header("upload-offset")), (204, &*clip.len().to_string()));
@@ -241,11 +231,9 @@ async fn many_writers_at_once_make_one_clip() {
 #[tokio::test]
 async fn a_server_that_stops_keeps_what_arrived() {
     let server = Server::without_workers().await;
-    server.make_home("h").await;
-    let clip = small_clip();
-    let upload = server.begin("h", clip.len()).await;
+    let (clip, upload) = begun(&server).await;
     let mut connection = server.patch_partly(&upload, 0, &clip, 500);
-    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes have arrived", async || server.blobs().len() == 1).await;
     server.stop().await;
     let mut answer = String::new();
     connection.read_to_string(&mut answer).unwrap();

@@ -8,7 +8,7 @@ use sha1::{Digest, Sha1};
 use std::time::Duration;
 use viola_storage::Role;
 use viola_testing::tus::{BYTES, encoded, metadata, sha256};
-use viola_testing::{eventually, room};
+use viola_testing::{room, until};
 
 const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
 const UPLOADS: &str = "/v1/uploads";
@@ -30,8 +30,7 @@ async fn check_refused(request: reqwest::RequestBuilder, status: u16, code: &str
 #[tokio::test]
 async fn a_clip_arrives_in_two_parts() {
     let server = Server::without_workers().await;
-    let home = server.make_home("h").await;
-    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let home = server.make_room("h").await;
     let clip = small_clip();
     let (first, rest) = clip.split_at(clip.len() / 3);
     let upload = server.begin("h", clip.len()).await;
@@ -98,91 +97,69 @@ async fn creation_is_refused_for_a_reason() {
     let server = Server::with(|params| params.max_upload_bytes = 1000).await;
     server.make_home("h").await;
     let good = metadata(&[("home", "h")]);
-    let and = |name: &str, value: &str| format!("{good},{}", metadata(&[(name, value)]));
-    let long = "x".repeat(4000);
-    // Headers, and the status, problem and words of the answer.
-    type Case = (Vec<(&'static str, String)>, u16, &'static str, &'static str);
-    let cases: Vec<Case> = vec![
-        (vec![("Upload-Metadata", good.clone())], 400, "invalid-header", "Upload-Length"),
-        (vec![("Upload-Length", "5".into())], 400, "invalid-header", "Upload-Metadata"),
-        (vec![("Upload-Length", "+5".into())], 400, "invalid-header", "Upload-Length"),
-        (vec![("Upload-Length", "-5".into())], 400, "invalid-header", "Upload-Length"),
-        (vec![("Upload-Length", "5.0".into())], 400, "invalid-header", "Upload-Length"),
-        (vec![("Upload-Length", "18446744073709551615".into())], 400, "invalid-header", "Upload-Length"),
+    let good = good.as_str();
+    let elsewhere = format!("final;/elsewhere/{ID}");
+    let bad_id = format!("final;{UPLOADS}/7");
+    let once = format!("final;{UPLOADS}/{ID}");
+    let twice = format!("{once} {UPLOADS}/{ID}");
+    // Headers, and the status, problem and field of the answer.
+    type Case<'a> = (&'a [(&'a str, &'a str)], u16, &'a str, &'a str);
+    let cases: [Case<'_>; 18] = [
+        (&[("Upload-Metadata", good)], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "5")], 400, "invalid-header", "Upload-Metadata"),
+        (&[("Upload-Length", "+5")], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "-5")], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "5.0")], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "18446744073709551615")], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "5"), ("Upload-Length", "6")], 400, "invalid-header", "Upload-Length"),
+        (&[("Upload-Length", "1001"), ("Upload-Metadata", good)], 413, "body-too-large", "Upload-Length"),
+        (&[("Upload-Length", "0"), ("Upload-Metadata", good)], 422, "body-empty", "Upload-Length"),
         (
-            vec![("Upload-Length", "5".into()), ("Upload-Length", "6".into())],
-            400,
-            "invalid-header",
-            "Upload-Length",
-        ),
-        (
-            vec![("Upload-Length", "1001".into()), ("Upload-Metadata", good.clone())],
-            413,
-            "body-too-large",
-            "Upload-Length",
-        ),
-        (
-            vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())],
-            422,
-            "body-empty",
-            "Upload-Length",
-        ),
-        (
-            vec![("Upload-Length", "5".into()), ("Upload-Defer-Length", "1".into())],
+            &[("Upload-Length", "5"), ("Upload-Defer-Length", "1")],
             400,
             "invalid-header",
             "Upload-Defer-Length",
         ),
-        (vec![("Upload-Defer-Length", "2".into())], 400, "invalid-header", "Upload-Defer-Length"),
-        (vec![("Upload-Concat", "part".into())], 400, "invalid-header", "Upload-Concat"),
-        (vec![("Upload-Concat", "final;".into())], 400, "invalid-header", "Upload-Concat"),
-        (vec![("Upload-Concat", format!("final;/elsewhere/{ID}"))], 400, "invalid-header", "Upload-Concat"),
-        (vec![("Upload-Concat", format!("final;{UPLOADS}/7"))], 400, "invalid-header", "Upload-Concat"),
-        (
-            vec![("Upload-Concat", format!("final;{UPLOADS}/{ID} {UPLOADS}/{ID}"))],
-            400,
-            "invalid-header",
-            "Upload-Concat",
-        ),
-        (vec![("Upload-Concat", format!("final;{UPLOADS}/{ID}"))], 400, "invalid-header", "Upload-Metadata"),
-        (
-            vec![("Upload-Concat", format!("final;{UPLOADS}/{ID}")), ("Upload-Metadata", good.clone())],
-            404,
-            "upload-not-found",
-            "Upload-Concat",
-        ),
+        (&[("Upload-Defer-Length", "2")], 400, "invalid-header", "Upload-Defer-Length"),
+        (&[("Upload-Concat", "part")], 400, "invalid-header", "Upload-Concat"),
+        (&[("Upload-Concat", "final;")], 400, "invalid-header", "Upload-Concat"),
+        (&[("Upload-Concat", &elsewhere)], 400, "invalid-header", "Upload-Concat"),
+        (&[("Upload-Concat", &bad_id)], 400, "invalid-header", "Upload-Concat"),
+        (&[("Upload-Concat", &twice)], 400, "invalid-header", "Upload-Concat"),
+        (&[("Upload-Concat", &once)], 400, "invalid-header", "Upload-Metadata"),
+        (&[("Upload-Concat", &once), ("Upload-Metadata", good)], 404, "upload-not-found", "Upload-Concat"),
     ];
     for (headers, status, code, field) in cases {
-        let mut request = server.tus(Method::POST, UPLOADS);
-        for (name, value) in headers {
-            println!("{name}: {value}");
-            request = request.header(name, value);
-        }
+        println!("{headers:?}");
+        let request = server.tus(Method::POST, UPLOADS);
+        let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
         check_refused(request, status, code, field).await;
     }
-    let metadata_cases = [
-        (metadata(&[("home", "none")]), 404, "home-not-found", ""),
-        (metadata(&[("home", "../h")]), 400, "invalid-header", "Upload-Metadata"),
-        (metadata(&[("filename", "a")]), 400, "invalid-header", "Upload-Metadata"),
-        (and("title", " "), 400, "invalid-header", "Upload-Metadata"),
-        (and("filename", "\u{a0} "), 400, "invalid-header", "Upload-Metadata"),
-        ("home".to_owned(), 400, "invalid-header", "Upload-Metadata"),
-        ("home !".to_owned(), 400, "invalid-header", "Upload-Metadata"),
-        (format!("home {}", encoded(b"\xff")), 400, "invalid-header", "Upload-Metadata"),
-        (format!("{good},{good}"), 400, "invalid-header", "Upload-Metadata"),
-        (and("filename", "a\nb"), 400, "invalid-header", "Upload-Metadata"),
-        (and("filename", &"x".repeat(256)), 400, "invalid-header", "Upload-Metadata"),
-        (and("recorded_at", "yesterday"), 400, "invalid-header", "Upload-Metadata"),
-        (and("scale", "metres"), 400, "invalid-header", "Upload-Metadata"),
-        (and("recorded_at", "1999-12-31T23:59:59Z"), 400, "invalid-header", "Upload-Metadata"),
-        (and("idempotency_key", ""), 400, "invalid-header", "Upload-Metadata"),
-        (and("idempotency_key", "a b"), 400, "invalid-header", "Upload-Metadata"),
-        (and("note", &long), 400, "invalid-header", "Upload-Metadata"),
+    check_refused(server.announce(5, &[("home", "none")]), 404, "home-not-found", "").await;
+    let and = |name: &str, value: &str| format!("{good},{}", metadata(&[(name, value)]));
+    let bad_metadata = [
+        metadata(&[("home", "../h")]),
+        metadata(&[("filename", "a")]),
+        and("title", " "),
+        and("filename", "\u{a0} "),
+        "home".to_owned(),
+        "home !".to_owned(),
+        format!("home {}", encoded(b"\xff")),
+        format!("{good},{good}"),
+        and("filename", "a\nb"),
+        and("filename", &"x".repeat(256)),
+        and("recorded_at", "yesterday"),
+        and("scale", "metres"),
+        and("recorded_at", "1999-12-31T23:59:59Z"),
+        and("idempotency_key", ""),
+        and("idempotency_key", "a b"),
+        and("note", &"x".repeat(4000)),
     ];
-    for (sent, status, code, field) in metadata_cases {
+    for sent in bad_metadata {
         println!("{sent}");
         let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5);
-        check_refused(request.header("Upload-Metadata", sent), status, code, field).await;
+        check_refused(request.header("Upload-Metadata", sent), 400, "invalid-header", "Upload-Metadata")
+            .await;
     }
     // Metadata under other names belongs to the client and is kept.
     let sent = format!("{},is_confidential", and("type", "application/zip"));
@@ -198,14 +175,14 @@ async fn going_on_is_refused_for_a_reason() {
     server.make_home("h").await;
     let upload = &server.begin("h", 100).await;
     server.send(server.patch(upload, 0, &[7; 10])).await.ok(204);
-    let at = |offset: &str| {
-        let request = server.tus(Method::PATCH, upload).header("Upload-Offset", offset);
-        request.header("Content-Type", BYTES)
-    };
+    let typed = |kind: &str| server.tus(Method::PATCH, upload).header("Content-Type", kind);
+    let at = |offset: &str| typed(BYTES).header("Upload-Offset", offset);
+    let untyped = server.tus(Method::PATCH, upload).header("Upload-Offset", 10);
     let sum = |sum: &str| server.patch(upload, 10, b"x").header("Upload-Checksum", sum);
     let sha1 = encoded(Sha1::digest(b"y"));
     let none = format!("{UPLOADS}/{ID}");
     let bare = |method: Method| server.request(method, upload);
+    let overridden = server.tus(Method::POST, upload).header("X-HTTP-Method-Override", "PUT");
     let cases = [
         (server.patch(upload, 0, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
         (server.patch(upload, 9, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
@@ -216,25 +193,10 @@ async fn going_on_is_refused_for_a_reason() {
         (at("+10"), 400, "invalid-header", "Upload-Offset"),
         (at("ten"), 400, "invalid-header", "Upload-Offset"),
         (at("10").header("Upload-Offset", "10"), 400, "invalid-header", "Upload-Offset"),
-        (
-            server.tus(Method::PATCH, upload).header("Content-Type", BYTES),
-            400,
-            "invalid-header",
-            "Upload-Offset",
-        ),
+        (typed(BYTES), 400, "invalid-header", "Upload-Offset"),
         (at("10").header("Upload-Length", 99), 400, "invalid-header", "Upload-Length"),
-        (
-            server.tus(Method::PATCH, upload).header("Upload-Offset", 10),
-            415,
-            "unsupported-media-type",
-            "Content-Type",
-        ),
-        (
-            server.tus(Method::PATCH, upload).header("Content-Type", "application/zip").body("x"),
-            415,
-            "unsupported-media-type",
-            "Content-Type",
-        ),
+        (untyped, 415, "unsupported-media-type", "Content-Type"),
+        (typed("application/zip").body("x"), 415, "unsupported-media-type", "Content-Type"),
         (sum("crc32 AAAAAA=="), 400, "unknown-checksum-algorithm", "Upload-Checksum"),
         (sum(&format!("SHA1 {sha1}")), 400, "unknown-checksum-algorithm", "Upload-Checksum"),
         (sum("sha1"), 400, "invalid-header", "Upload-Checksum"),
@@ -255,12 +217,7 @@ async fn going_on_is_refused_for_a_reason() {
             "Tus-Resumable",
         ),
         (server.tus(Method::POST, upload), 400, "invalid-header", "X-HTTP-Method-Override"),
-        (
-            server.tus(Method::POST, upload).header("X-HTTP-Method-Override", "PUT"),
-            400,
-            "invalid-header",
-            "X-HTTP-Method-Override",
-        ),
+        (overridden, 400, "invalid-header", "X-HTTP-Method-Override"),
     ];
     for (request, status, code, field) in cases {
         println!("{request:?}");
@@ -312,8 +269,7 @@ async fn bytes_come_with_the_creation() {
     server.make_home("h").await;
     let clip = small_clip();
     let create = |bytes: &[u8]| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        let request = request.header("Upload-Metadata", metadata(&[("home", "h")]));
+        let request = server.announce(clip.len(), &[("home", "h")]);
         request.header("Content-Type", BYTES).body(bytes.to_vec())
     };
     let begun = server.send(create(&clip[..100])).await;
@@ -328,22 +284,11 @@ async fn bytes_come_with_the_creation() {
 
     let kept = server.blobs().len();
     let sum = |bytes: &[u8]| format!("sha1 {}", encoded(Sha1::digest(bytes)));
-    check_refused(
-        create(b"x").header("Upload-Checksum", sum(b"y")),
-        460,
-        "checksum-mismatch",
-        "Upload-Checksum",
-    )
-    .await;
+    let damaged = create(b"x").header("Upload-Checksum", sum(b"y"));
+    check_refused(damaged, 460, "checksum-mismatch", "Upload-Checksum").await;
     check_refused(create(&[clip.clone(), vec![0]].concat()), 413, "body-too-large", "Upload-Length").await;
-    let form = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5).body("x");
-    check_refused(
-        form.header("Upload-Metadata", metadata(&[("home", "h")])),
-        415,
-        "unsupported-media-type",
-        "Content-Type",
-    )
-    .await;
+    let form = server.announce(5, &[("home", "h")]).body("x");
+    check_refused(form, 415, "unsupported-media-type", "Content-Type").await;
     assert_eq!(server.blobs().len(), kept);
 }
 
@@ -514,14 +459,14 @@ async fn abandoned_uploads_expire() {
     let upload = server.begin("h", 100).await;
     server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
     server.execute("UPDATE uploads SET expires_at = 0 WHERE state = 'arriving'").await;
-    eventually("the upload is gone", || async {
+    until("the upload is gone", async || {
         let status = server.head(&upload).await.status;
         assert!([200, 410, 404].contains(&status));
-        (status == 404).then_some(())
+        status == 404
     })
     .await;
     server.send(server.patch(&upload, 10, b"x")).await.problem(404, "upload-not-found");
-    eventually("its bytes are gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    until("its bytes are gone", async || server.blobs().len() == 1).await;
     // The record of a finished upload is kept for longer.
     assert_eq!(server.head(&finished).await.header("viola-clip"), last.header("viola-clip"));
 }
@@ -539,10 +484,7 @@ async fn only_so_many_may_be_unfinished() {
     for home in ["a", "b"] {
         server.make_home(home).await;
     }
-    let begin = |home| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
-        request.header("Upload-Metadata", metadata(&[("home", home)]))
-    };
+    let begin = |home| server.announce(10, &[("home", home)]);
     let partial = || {
         let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
         request.header("Upload-Concat", "partial")
@@ -578,9 +520,7 @@ async fn metadata_tells_of_the_clip() {
     server.make_home("h").await;
     let upload = |bytes: Vec<u8>| {
         let told = [("home", "h"), ("recorded_at", "2026-03-14T17:09:26+02:00"), ("idempotency_key", "k")];
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", bytes.len());
-        let request = request.header("Upload-Metadata", metadata(&told));
-        server.send(request.header("Content-Type", BYTES).body(bytes))
+        server.send(server.announce(bytes.len(), &told).header("Content-Type", BYTES).body(bytes))
     };
     let first = upload(small_clip()).await;
     let clip = check_clip(&server, first.header("viola-clip"), &small_clip()).await;
@@ -600,8 +540,7 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
     server.make_home("h").await;
     server.make_home("other").await;
     let begin = async |told: &[(&str, &str)], length: usize| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", length);
-        let begun = server.send(request.header("Upload-Metadata", metadata(told))).await;
+        let begun = server.send(server.announce(length, told)).await;
         assert_eq!(begun.status, 201);
         begun.header("location").to_owned()
     };
@@ -628,13 +567,10 @@ async fn a_repeated_beginning_returns_the_upload_without_bytes() {
 async fn equal_beginnings_at_once_have_one_upload() {
     let server = Server::without_workers().await;
     server.make_home("h").await;
-    let sum = sha256(&small_clip());
+    let clip = small_clip();
+    let sum = sha256(&clip);
     for named in [("sha256", sum.as_str()), ("idempotency_key", "k")] {
-        let told = metadata(&[("home", "h"), named]);
-        let begin = || {
-            let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", small_clip().len());
-            server.send(request.header("Upload-Metadata", &told))
-        };
+        let begin = || server.send(server.announce(clip.len(), &[("home", "h"), named]));
         let answers = futures::future::join_all((0..16).map(|_| begin())).await;
         let paths: Vec<&str> = answers.iter().map(|answer| answer.header("location")).collect();
         assert!(paths.iter().all(|path| !path.is_empty() && *path == paths[0]), "{named:?}: {paths:?}");
@@ -651,10 +587,7 @@ async fn the_same_file_has_one_upload_by_its_sha256() {
     server.make_home("other").await;
     let clip = small_clip();
     let sum = sha256(&clip);
-    let request = |told: &[(&str, &str)]| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        request.header("Upload-Metadata", metadata(told))
-    };
+    let request = |told: &[(&str, &str)]| server.announce(clip.len(), told);
     let begin = async |told: &[(&str, &str)]| {
         let begun = server.send(request(told)).await;
         assert_eq!(begun.status, 201);
@@ -706,10 +639,7 @@ async fn a_file_without_its_sha256_is_refused() {
     server.make_home("h").await;
     let clip = small_clip();
     let sum = sha256(&viola_testing::zips::zip(&room::clip(3)));
-    let request = |sum: &str| {
-        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
-        request.header("Upload-Metadata", metadata(&[("home", "h"), ("sha256", sum)]))
-    };
+    let request = |sum: &str| server.announce(clip.len(), &[("home", "h"), ("sha256", sum)]);
     let upload = server.send(request(&sum)).await.header("location").to_owned();
     let refused = server.send(server.patch(&upload, 0, &clip)).await.problem(422, "checksum-mismatch");
     assert_eq!(refused["field"], "Upload-Metadata");

@@ -12,7 +12,7 @@ use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpStream};
 use viola::webhooks::WebhookParams;
 use viola_storage::Role;
-use viola_testing::eventually;
+use viola_testing::{eventually, has_node};
 
 /// A received message.
 #[derive(Debug, Clone)]
@@ -82,7 +82,7 @@ async fn read(connection: &mut BufReader<TcpStream>) -> Option<Message> {
 }
 
 async fn make(server: &Server, body: Value) -> Value {
-    let answer = server.send(server.request(Method::POST, "/v1/webhooks").json(&body)).await;
+    let answer = server.send_json(Method::POST, "/v1/webhooks", &body).await;
     let location = answer.header("location").to_owned();
     let made = answer.ok(201);
     assert_eq!(location, format!("/v1/webhooks/{}", made["id"].as_str().unwrap()));
@@ -115,7 +115,7 @@ async fn changes_are_told_as_standard_webhooks() {
     let home = server.make_home("h").await;
     receiver.messages(1).await;
     let name = json!({"name": "\u{201c}Zo\u{eb}\u{201d} <a@b>"});
-    server.send(server.request(Method::PUT, &home).json(&name)).await.ok(200);
+    server.send_json(Method::PUT, &home, &name).await.ok(200);
     receiver.messages(2).await;
     server.delete(&home).await.ok(204);
     let got = receiver.messages(3).await;
@@ -140,11 +140,7 @@ async fn changes_are_told_as_standard_webhooks() {
 /// Verifies messages by the library; skips with a message if it is missing and not required.
 fn verified(webhook: &Value, got: &[Message]) {
     let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("web");
-    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
-    if !node || !web.join("node_modules/standardwebhooks").is_dir() {
-        let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
-        assert!(!must, "not there: Node.js, or web/node_modules (npm ci in web/)");
-        viola_testing::skipped("the library of Standard Webhooks", "install Node.js; npm ci in web");
+    if !has_node("the library of Standard Webhooks", &web, "standardwebhooks", &[]) {
         return;
     }
     let verify = |secret: &str| {
@@ -241,14 +237,11 @@ async fn no_webhook_leads_to_this_machine_or_its_neighbours() {
         receiver.url.as_str(),
     ];
     for url in bad {
-        let request = server.request(Method::POST, "/v1/webhooks").json(&json!({"url": url}));
-        let problem = server.send(request).await.problem(422, "invalid-body");
-        assert_eq!(problem["field"], "url", "{url}");
+        let answer = server.send_json(Method::POST, "/v1/webhooks", &json!({"url": url})).await;
+        assert_eq!(answer.problem(422, "invalid-body")["field"], "url", "{url}");
     }
     // A name of this machine is refused at the delivery: here one that every machine has.
-    let name =
-        server.request(Method::POST, "/v1/webhooks").json(&json!({"url": "https://localhost.localdomain/"}));
-    let webhook = server.send(name).await.ok(201);
+    let webhook = make(&server, json!({"url": "https://localhost.localdomain/"})).await;
     server.post(&format!("/v1/webhooks/{}/test", webhook["id"].as_str().unwrap()), "").await.ok(201);
     let delivery = tried(&server, &webhook, 1).await.remove(0);
     assert_eq!(delivery["state"], "pending");
@@ -261,11 +254,11 @@ async fn webhooks_are_an_admins_and_not_many() {
     let admin = server.client("acme", Role::Admin, None).await;
     let other = server.client("bolt", Role::Admin, None).await;
     let one_home = server.client("acme", Role::Admin, Some("h")).await;
-    let make = |url: &str| admin.request(Method::POST, "/v1/webhooks").json(&json!({"url": url}));
+    let make = async |body: Value| admin.send_json(Method::POST, "/v1/webhooks", &body).await;
     for n in 0..10 {
-        admin.send(make(&format!("https://fleet.example/{n}"))).await.ok(201);
+        make(json!({"url": format!("https://fleet.example/{n}")})).await.ok(201);
     }
-    admin.send(make("https://fleet.example/11")).await.problem(409, "too-many-webhooks");
+    make(json!({"url": "https://fleet.example/11"})).await.problem(409, "too-many-webhooks");
     let listed = admin.get("/v1/webhooks").await.ok(200);
     let listed = listed["items"].as_array().unwrap();
     assert_eq!(listed.len(), 10);
@@ -279,8 +272,7 @@ async fn webhooks_are_an_admins_and_not_many() {
         (json!({"url": "https://a.example", "secret": "mine"}), ""),
     ];
     for (body, field) in bad {
-        let request = admin.request(Method::POST, "/v1/webhooks").json(&body);
-        let problem = admin.send(request).await.problem(422, "invalid-body");
+        let problem = make(body).await.problem(422, "invalid-body");
         assert!(field.is_empty() || problem["field"] == field, "{problem}");
     }
 }

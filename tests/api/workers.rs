@@ -1,23 +1,22 @@
 //! Workers whose method panics, is slow, or does not react to a stop.
 
 use crate::server::Server;
+use rustix::io::Errno;
 use serde_json::{Value, json};
-use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use viola::jobs::{AlignJobError, Finished, JobLimitParams, JobParams, LevelFile, Method, align_clip};
+use viola::jobs::{AlignJobError, JobLimitParams, Method, align_clip};
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
-use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
+use viola_geometry::progress::{EarlyPose, Stage, check};
 use viola_geometry::{LevelName, Pose2};
 use viola_storage::RetryPolicy;
-use viola_testing::{eventually, room, zips};
+use viola_testing::{eventually, room, until};
 
-async fn server(method: Method, lease: Duration) -> Server {
+async fn server(method: Method) -> Server {
     Server::with(|params| {
         params.worker.method = method;
-        params.worker.lease = lease;
         params.worker.grace = Duration::from_millis(100);
         params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
     })
@@ -28,8 +27,20 @@ async fn server(method: Method, lease: Duration) -> Server {
 async fn upload(server: &Server) -> String {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await;
-    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
-    answer.header("location").to_owned()
+    server.film(&home, 12).await
+}
+
+/// Returns the error of a clip that the system could not read.
+fn unreadable(error: Errno) -> AlignJobError {
+    let source = error.into();
+    ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into()
+}
+
+/// Waits on the thread of a method.
+fn wait_for(flag: &AtomicBool) {
+    while !flag.load(Ordering::SeqCst) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
 }
 
 fn outcome(clip: &Value) -> (&str, u64) {
@@ -39,26 +50,18 @@ fn outcome(clip: &Value) -> (&str, u64) {
 #[tokio::test]
 async fn a_panic_is_a_failed_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
-    fn once(
-        clip: &Path,
-        map: &[LevelFile],
-        params: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let once: Method = |clip, map, params, progress| {
         assert!(CALLS.fetch_add(1, Ordering::SeqCst) > 0, "the first call");
         align_clip(clip, map, params, progress)
-    }
-    let server = server(once, Duration::from_secs(30)).await;
+    };
+    let server = server(once).await;
     let clip = upload(&server).await;
     assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 2));
 }
 
 #[tokio::test]
 async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
-    fn always(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
-        panic!("a secret of the method")
-    }
-    let server = server(always, Duration::from_secs(30)).await;
+    let server = server(|_, _, _, _| panic!("a secret of the method")).await;
     for _ in 0..2 {
         let clip = upload(&server).await;
         let clip = server.settled(&clip).await;
@@ -73,21 +76,13 @@ async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
 #[tokio::test]
 async fn a_machine_without_descriptors_costs_no_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
-    fn none_for_a_while(
-        clip: &Path,
-        map: &[LevelFile],
-        params: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let none_for_a_while: Method = |clip, map, params, progress| {
         if CALLS.fetch_add(1, Ordering::SeqCst) < 6 {
-            let source = rustix::io::Errno::MFILE.into();
-            return Err(
-                ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into()
-            );
+            return Err(unreadable(Errno::MFILE));
         }
         align_clip(clip, map, params, progress)
-    }
-    let server = server(none_for_a_while, Duration::from_secs(30)).await;
+    };
+    let server = server(none_for_a_while).await;
     let clip = upload(&server).await;
     assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
     assert_eq!(CALLS.load(Ordering::SeqCst), 7);
@@ -98,11 +93,10 @@ async fn a_machine_without_descriptors_costs_no_attempt() {
 async fn a_worker_rests_after_a_fault() {
     const REST: Duration = Duration::from_secs(2);
     static CALLS: Mutex<Vec<Instant>> = Mutex::new(Vec::new());
-    fn never(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
+    let never: Method = |_, _, _, _| {
         CALLS.lock().unwrap().push(Instant::now());
-        let source = rustix::io::Errno::NOSPC.into();
-        Err(ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into())
-    }
+        Err(unreadable(Errno::NOSPC))
+    };
     let server = Server::with(|params| {
         params.worker.method = never;
         params.worker.retry = RetryPolicy { first_delay: REST, ..RetryPolicy::default() };
@@ -124,21 +118,13 @@ async fn a_worker_rests_after_a_fault() {
 async fn a_worker_does_not_rest_after_a_removed_clip() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
     static IS_REMOVED: AtomicBool = AtomicBool::new(false);
-    fn first_is_removed(
-        clip: &Path,
-        map: &[LevelFile],
-        params: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let first_is_removed: Method = |clip, map, params, progress| {
         if CALLS.fetch_add(1, Ordering::SeqCst) > 0 {
             return align_clip(clip, map, params, progress);
         }
-        while !IS_REMOVED.load(Ordering::SeqCst) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        let source = rustix::io::Errno::NOENT.into();
-        Err(ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into())
-    }
+        wait_for(&IS_REMOVED);
+        Err(unreadable(Errno::NOENT))
+    };
     let server = Server::with(|params| {
         params.worker.method = first_is_removed;
         params.worker.retry =
@@ -146,7 +132,7 @@ async fn a_worker_does_not_rest_after_a_removed_clip() {
     })
     .await;
     let removed = upload(&server).await;
-    eventually("its job has begun", || async { (CALLS.load(Ordering::SeqCst) > 0).then_some(()) }).await;
+    until("its job has begun", async || CALLS.load(Ordering::SeqCst) > 0).await;
     server.delete(&removed).await.ok(204);
     IS_REMOVED.store(true, Ordering::SeqCst);
     let clip = upload(&server).await;
@@ -155,10 +141,9 @@ async fn a_worker_does_not_rest_after_a_removed_clip() {
 
 #[tokio::test]
 async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
-    let server = server(align_clip, Duration::from_secs(30)).await;
+    let server = server(align_clip).await;
     let home = server.make_home("h").await;
-    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
-    let clip = clip.header("location").to_owned();
+    let clip = server.film(&home, 12).await;
     let blob = server.blobs().into_iter().find(|path| path.ends_with("file")).unwrap();
     let away = blob.parent().unwrap().with_file_name("away");
     std::fs::rename(&blob, &away).unwrap();
@@ -167,11 +152,9 @@ async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
         let clip = server.get(&clip).await.ok(200);
         let code = clip["reasons"].get(0).map(|reason| reason["code"].clone());
         // The job changes three times in each.
-        (code == Some("storage_fault".into()) && clip["job"]["version"].as_i64().unwrap() > 3 * 5).then(
-            || {
-                assert_eq!(clip["state"], "queued", "{clip:#}");
-            },
-        )
+        let is_later = clip["job"]["version"].as_i64() > Some(3 * 5);
+        (code == Some("storage_fault".into()) && is_later)
+            .then(|| assert_eq!(clip["state"], "queued", "{clip:#}"))
     })
     .await;
     std::fs::rename(&away, &blob).unwrap();
@@ -180,12 +163,7 @@ async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
 
 #[tokio::test]
 async fn a_long_job_keeps_its_lease() {
-    fn long(
-        clip: &Path,
-        map: &[LevelFile],
-        params: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let long: Method = |clip, map, params, progress| {
         let until = Instant::now() + Duration::from_millis(2500);
         progress.enter(Stage::Decode);
         while Instant::now() < until {
@@ -193,7 +171,7 @@ async fn a_long_job_keeps_its_lease() {
             std::thread::sleep(Duration::from_millis(1));
         }
         align_clip(clip, map, params, progress)
-    }
+    };
     // Two workers: the second would take the job as soon as the first lost it.
     let server = Server::with(|params| {
         params.workers = 2;
@@ -209,16 +187,14 @@ async fn a_long_job_keeps_its_lease() {
 async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    fn deaf(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, AlignJobError> {
+    let deaf: Method = |_, _, _, _| {
         RUNS.store(true, Ordering::SeqCst);
-        while !LET_GO.load(Ordering::SeqCst) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        wait_for(&LET_GO);
         Err(AlignJobError::Cancelled)
-    }
-    let server = server(deaf, Duration::from_secs(30)).await;
+    };
+    let server = server(deaf).await;
     upload(&server).await;
-    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method runs", async || RUNS.load(Ordering::SeqCst)).await;
     let begun = Instant::now();
     server.stop().await;
     // Less than the lease, and more than a busy machine needs.
@@ -232,16 +208,9 @@ async fn a_heartbeat_that_waits_for_the_database_does_not_hold_up_the_job() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static IS_LOCKED: AtomicBool = AtomicBool::new(false);
     static HEARD: AtomicBool = AtomicBool::new(false);
-    fn hears(
-        _: &Path,
-        _: &[LevelFile],
-        _: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let hears: Method = |_, _, _, progress| {
         RUNS.store(true, Ordering::SeqCst);
-        while !IS_LOCKED.load(Ordering::SeqCst) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        wait_for(&IS_LOCKED);
         // A new stage is worth a heartbeat.
         progress.enter(Stage::Label);
         while check(progress).is_ok() {
@@ -249,16 +218,16 @@ async fn a_heartbeat_that_waits_for_the_database_does_not_hold_up_the_job() {
         }
         HEARD.store(true, Ordering::SeqCst);
         Err(AlignJobError::Cancelled)
-    }
-    let server = server(hears, Duration::from_secs(30)).await;
+    };
+    let server = server(hears).await;
     upload(&server).await;
-    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method runs", async || RUNS.load(Ordering::SeqCst)).await;
     let lock = server.lock_jobs().await;
     IS_LOCKED.store(true, Ordering::SeqCst);
     tokio::time::sleep(Duration::from_secs(1)).await;
     let begun = Instant::now();
     let stopped = tokio::spawn(server.stop());
-    eventually("the method is asked to stop", || async { HEARD.load(Ordering::SeqCst).then_some(()) }).await;
+    until("the method is asked to stop", async || HEARD.load(Ordering::SeqCst)).await;
     assert!(begun.elapsed() < Duration::from_secs(5));
     drop(lock);
     stopped.await.unwrap();
@@ -272,12 +241,7 @@ async fn an_early_pose_is_shown_while_the_job_runs() {
         map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 },
         probability: 0.95,
     };
-    fn early(
-        clip: &Path,
-        map: &[LevelFile],
-        params: &JobParams,
-        progress: &dyn Progress,
-    ) -> Result<Finished, AlignJobError> {
+    let early: Method = |clip, map, params, progress| {
         assert!(progress.wants_early_pose());
         progress.enter(Stage::Label);
         progress.early_pose(POSE);
@@ -286,8 +250,8 @@ async fn an_early_pose_is_shown_while_the_job_runs() {
             std::thread::sleep(Duration::from_millis(1));
         }
         align_clip(clip, map, params, progress)
-    }
-    let server = server(early, Duration::from_secs(30)).await;
+    };
+    let server = server(early).await;
     let path = upload(&server).await;
     let clip = eventually("the pose is shown", || async {
         let clip = server.get(&path).await.ok(200);
@@ -313,10 +277,10 @@ async fn a_map_whose_merges_take_too_long_is_failing() {
     let clip = upload(&server).await;
     assert_eq!(server.settled(&clip).await["state"], "aligned");
     let home = clip.split("/clips/").next().unwrap();
-    eventually("two merges have failed", || async {
+    until("two merges have failed", async || {
         // The pauses between them are short here.
         server.execute("UPDATE homes SET map_due_at = 0").await;
-        (server.get(home).await.ok(200)["map_state"] == "failing").then_some(())
+        server.get(home).await.ok(200)["map_state"] == "failing"
     })
     .await;
     server.get(&format!("{home}/map")).await.problem(404, "map-not-found");

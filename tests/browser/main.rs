@@ -10,7 +10,8 @@ use image::RgbImage;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use viola_testing::process::{Process, viola};
+use viola_testing::has_node;
+use viola_testing::process::{Process, succeed, viola};
 
 /// Kinds of simulated homes and frames of their clips: a clip of the first is aligned, one of the second is
 /// ambiguous. The first is so long that its job can be watched.
@@ -26,28 +27,20 @@ fn chromium() -> PathBuf {
 
 /// Returns whether all requirements are met; prints the missing ones.
 fn can_run(needs_browser: bool) -> bool {
-    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
-    let packages = web().join("node_modules/playwright-core").is_dir();
-    let browser = !needs_browser || chromium().is_file();
-    let missing: Vec<&str> =
-        [(node, "Node.js"), (packages, "web/node_modules (npm ci in web/)"), (browser, "Chromium")]
-            .into_iter()
-            .filter_map(|(is_there, name)| (!is_there).then_some(name))
-            .collect();
-    if missing.is_empty() {
-        return true;
-    }
-    let missing = missing.join(", ");
-    assert!(std::env::var_os("VIOLA_BROWSER").is_none_or(|value| value != "1"), "not there: {missing}");
-    viola_testing::skipped("the viewer in a browser", &format!("install {missing}"));
-    false
+    let browser = (!needs_browser || chromium().is_file(), "Chromium");
+    has_node("the viewer in a browser", &web(), "playwright-core", &[browser])
+}
+
+/// Returns a command that runs a script of `web/tests` in a browser.
+fn script(name: &str, server: &Process) -> Command {
+    let mut command = Command::new("node");
+    command.arg(format!("tests/{name}")).current_dir(web());
+    command.env("VIOLA_BASE", &server.client.base).env("CHROMIUM", chromium());
+    command
 }
 
 fn run(command: &mut Command) {
-    let output = command.output().unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    println!("{said}");
-    assert!(output.status.success(), "{command:?}\n{said}\n{erred}");
+    println!("{}", succeed(command));
 }
 
 /// Their types are checked in `tests/service/typescript.rs`, with those of the document.
@@ -79,13 +72,7 @@ fn a_person_uses_the_page() {
     }
     std::fs::create_dir_all(&pictures).unwrap();
     let server = Process::serve(&folder.path().join("data"), &[]);
-    run(Command::new("node")
-        .arg("tests/browser.mjs")
-        .current_dir(web())
-        .env("VIOLA_BASE", &server.client.base)
-        .env("VIOLA_RECORDINGS", &recordings)
-        .env("VIOLA_PICTURES", &pictures)
-        .env("CHROMIUM", chromium()));
+    run(script("browser.mjs", &server).env("VIOLA_RECORDINGS", &recordings).env("VIOLA_PICTURES", &pictures));
     look_at(&pictures);
 }
 

@@ -1,11 +1,10 @@
 //! A page of another origin.
 
-use super::{can_run, chromium, web};
+use super::{can_run, script};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
-use std::process::Command;
-use viola_testing::process::Process;
+use viola_testing::process::{Process, succeed};
 use viola_testing::tus::sha256;
 use viola_testing::{room, zips};
 
@@ -33,18 +32,9 @@ fn a_page_of_another_origin_uploads_and_reads_the_answer() {
     let server = Process::serve(&folder.path().join("data"), &["--cors-origin", &origin, "--no-worker"]);
     let (file, clip) = (folder.path().join("clip.zip"), zips::zip(&room::clip(6)));
     std::fs::write(&file, &clip).unwrap();
-    let output = Command::new("node")
-        .arg("tests/origin.mjs")
-        .current_dir(web())
-        .env("VIOLA_BASE", &server.client.base)
-        .env("VIOLA_PAGE", format!("{origin}/"))
-        .env("VIOLA_HOME", "h")
-        .env("VIOLA_FILE", &file)
-        .env("CHROMIUM", chromium())
-        .output()
-        .unwrap();
-    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{said}\n{erred}");
+    let mut script = script("origin.mjs", &server);
+    script.env("VIOLA_PAGE", format!("{origin}/")).env("VIOLA_HOME", "h").env("VIOLA_FILE", &file);
+    let said = succeed(&mut script);
     let told: Value = serde_json::from_str(said.trim()).unwrap();
     assert_eq!(told, json!({"sha256": sha256(&clip), "title": "From another page", "file_name": "clip.zip"}));
 }

@@ -2,8 +2,8 @@
 
     check.py [--level LEVEL] FOLDER [FILE ...]
 
-The files are those of one level of the home, by default of `main`. Prints a line for each file, and fails with the first difference. `tests/api/foreign.rs` and `tests/method/map.rs` make
-the folder; the packages are in `requirements.txt`.
+The files are those of one level of the home, by default of `main`. Prints a line for each file, and fails with the first
+difference. `tests/api/foreign.rs` and `tests/method/map.rs` make the folder; the packages are in `requirements.txt`.
 """
 
 import argparse

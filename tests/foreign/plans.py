@@ -15,8 +15,7 @@ SHEETS_MM = {"A4": [210, 297], "A3": [297, 420]}
 
 
 def area_m2(corners):
-    x, y = np.array(corners)[:, 0], np.array(corners)[:, 1]
-    return abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) / 2
+    return abs(signed_area_m2([*corners, corners[0]]))
 
 
 def dxf(truth):
@@ -142,5 +141,6 @@ def geojson(truth):
 
 
 def signed_area_m2(ring):
+    """Returns the area in a closed ring, positive if the ring is counter-clockwise."""
     x, y = np.array(ring).T
     return (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2

@@ -66,14 +66,8 @@ class Truth:
         assert 1.0 < high[2] < height + tolerance_m, high
 
 
-def y_up(xyz):
-    """Returns points of the LiDAR map's frame, z up, in the frame of GLB, USDZ and OBJ, y up."""
-    xyz = np.asarray(xyz, float)
-    return np.column_stack([xyz[:, 0], xyz[:, 2], -xyz[:, 1]])
-
-
 def z_up(xyz):
-    """Inverse of `y_up`."""
+    """Returns points of the frame of GLB, USDZ and OBJ, y up, in the LiDAR map's frame, z up."""
     xyz = np.asarray(xyz, float)
     return np.column_stack([xyz[:, 0], -xyz[:, 2], xyz[:, 1]])
 

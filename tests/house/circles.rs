@@ -108,10 +108,9 @@ fn resolve<'a>(
 }
 
 fn imports(source: &Source) -> Vec<Import> {
-    let code: Vec<&str> = source.code().map(|(_, line)| line).collect();
     let mut found = Vec::new();
     let mut declaration = String::new();
-    for line in code {
+    for (_, line) in source.code() {
         let head = line.trim_start();
         let begins = head.starts_with("use ") || (head.starts_with("pub") && head.contains(" use "));
         if declaration.is_empty() && !begins {

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 use viola_testing::process::{Process, succeed};
-use viola_testing::{room, zips};
+use viola_testing::{has_node, room, zips};
 
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> String {
     succeed(Command::new(program).args(arguments).current_dir(folder))
@@ -18,11 +18,7 @@ fn run(folder: &Path, program: &str, arguments: &[&str]) -> String {
 /// Copies the client's sources with the types of this build's document; `None` without Node.js or packages.
 fn generated() -> Option<TempDir> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/typescript");
-    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
-    if !node || !source.join("node_modules/openapi-typescript").is_dir() {
-        let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
-        assert!(!must, "not there: Node.js, or clients/typescript/node_modules (npm ci there)");
-        viola_testing::skipped("the TypeScript client", "install Node.js; npm ci in clients/typescript");
+    if !has_node("the TypeScript client", &source, "openapi-typescript", &[]) {
         return None;
     }
     let folder = tempfile::tempdir().unwrap();

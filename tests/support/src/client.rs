@@ -1,6 +1,6 @@
 //! A client that talks to a server as an app would.
 
-use crate::{eventually, room};
+use crate::{eventually, room, zips};
 use reqwest::{Method, Response};
 use serde_json::Value;
 
@@ -50,6 +50,11 @@ impl Answer {
     }
 }
 
+/// Returns the id at the end of the path of a resource.
+pub fn id_of(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path)
+}
+
 impl Client {
     pub fn new(base: String) -> Client {
         // The first call installs it; later ones find it.
@@ -76,6 +81,31 @@ impl Client {
 
     pub async fn get(&self, path: &str) -> Answer {
         self.send(self.request(Method::GET, path)).await
+    }
+
+    /// Opens a stream of events, after the one that the client has seen.
+    pub async fn watch(&self, path: &str, seen: Option<&str>) -> Response {
+        let mut request = self.request(Method::GET, path);
+        if let Some(seen) = seen {
+            request = request.header("Last-Event-ID", seen);
+        }
+        request.send().await.unwrap()
+    }
+
+    /// Reads a path with one more header.
+    pub async fn get_with(&self, path: &str, header: &str, value: &str) -> Answer {
+        self.send(self.request(Method::GET, path).header(header, value)).await
+    }
+
+    /// Sends a JSON body.
+    pub async fn send_json(&self, method: Method, path: &str, body: &Value) -> Answer {
+        self.send(self.request(method, path).json(body)).await
+    }
+
+    /// Returns the ids of a list's page, in its order.
+    pub async fn ids(&self, list: &str) -> Vec<String> {
+        let page = self.get(list).await.ok(200);
+        page["items"].as_array().unwrap().iter().map(|item| item["id"].as_str().unwrap().to_owned()).collect()
     }
 
     pub async fn delete(&self, path: &str) -> Answer {
@@ -109,6 +139,16 @@ impl Client {
         let path = answer.header("location").to_owned();
         answer.ok(201);
         path
+    }
+
+    /// Adds a clip of [`room`] with this number of frames; returns its path.
+    pub async fn film(&self, home: &str, frames: u32) -> String {
+        self.add_clip(home, zips::zip(&room::clip(frames))).await
+    }
+
+    /// Returns the path of a clip's job.
+    pub async fn job_of(&self, clip: &str) -> String {
+        format!("/v1/jobs/{}", self.get(clip).await.ok(200)["job"]["id"].as_str().unwrap())
     }
 
     /// Returns the clip once its job has ended.

@@ -31,6 +31,14 @@ impl SmallDisk {
     /// Mounts over a folder; skips with `None` if the system does not allow this to an ordinary user.
     /// `/readyz` asks for 256 MiB.
     pub fn mount(folder: &Path, size_mib: u64) -> Option<SmallDisk> {
+        let disk = SmallDisk::try_mount(folder, size_mib);
+        if disk.is_none() {
+            skipped("a small file system", "let an ordinary user mount (`unshare`, user namespaces)");
+        }
+        disk
+    }
+
+    fn try_mount(folder: &Path, size_mib: u64) -> Option<SmallDisk> {
         let script = format!(
             "mount -t tmpfs -o size={size_mib}m tmpfs '{}' && echo mounted && exec cat",
             folder.display()
@@ -38,16 +46,10 @@ impl SmallDisk {
         let mut command = Command::new("unshare");
         command.args(["--user", "--map-root-user", "--mount", "sh", "-c", &script]);
         let held = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let mut holder = held.ok()?;
+        let mut disk = SmallDisk { holder: held.ok()?, data: folder.join("data") };
         let mut line = String::new();
-        let told = holder.stdout.take().map(BufReader::new).map(|mut told| told.read_line(&mut line));
-        if told.is_none_or(|read| read.is_err()) || line.trim() != "mounted" {
-            skipped("a small file system", "let an ordinary user mount (user namespaces)");
-            let _ = holder.kill();
-            let _ = holder.wait();
-            return None;
-        }
-        Some(SmallDisk { holder, data: folder.join("data") })
+        BufReader::new(disk.holder.stdout.take()?).read_line(&mut line).ok()?;
+        (line.trim() == "mounted").then_some(disk)
     }
 
     /// Refuses all writes from now on; no file may be open for writing.
@@ -114,11 +116,11 @@ pub struct LimitedDisk {
 }
 
 impl LimitedDisk {
-    /// Returns `None`, with a message, if limits of a running process cannot be changed.
+    /// Skips with `None` if limits of a running process cannot be changed.
     pub fn new(folder: &Path) -> Option<LimitedDisk> {
         let known = Command::new("prlimit").arg("--version").stdout(Stdio::null()).status();
         if !known.is_ok_and(|status| status.success()) {
-            eprintln!("not tested with a limit on the size of files: there is no prlimit");
+            skipped("a limit on the size of files", "install prlimit");
             return None;
         }
         Some(LimitedDisk { data: folder.join("data") })

@@ -5,6 +5,7 @@ pub mod client;
 pub mod data;
 pub mod disk;
 pub mod files;
+mod node;
 pub mod postgres;
 pub mod process;
 mod receiver;
@@ -16,6 +17,7 @@ pub mod tus;
 mod wait;
 pub mod zips;
 
+pub use node::has_node;
 pub use receiver::receiver;
 pub use skip::skipped;
-pub use wait::eventually;
+pub use wait::{eventually, until};

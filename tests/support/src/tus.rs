@@ -28,13 +28,15 @@ impl Client {
         self.request(method, path).header("Tus-Resumable", "1.0.0")
     }
 
+    /// Returns the request that begins an upload with this metadata.
+    pub fn announce(&self, length: usize, told: &[(&str, &str)]) -> RequestBuilder {
+        let request = self.tus(Method::POST, "/v1/uploads").header("Upload-Length", length);
+        request.header("Upload-Metadata", metadata(told))
+    }
+
     /// Begins an upload of a clip to a home; returns its path.
     pub async fn begin(&self, home: &str, length: usize) -> String {
-        let begun = self
-            .tus(Method::POST, "/v1/uploads")
-            .header("Upload-Length", length)
-            .header("Upload-Metadata", metadata(&[("home", home), ("filename", "a clip.zip")]));
-        let answer = self.send(begun).await;
+        let answer = self.send(self.announce(length, &[("home", home), ("filename", "a clip.zip")])).await;
         let path = answer.header("location").to_owned();
         answer.ok(201);
         path
