@@ -31,11 +31,11 @@ export function floorOf({ canvas, frame, at }: FloorPicture): THREE.Mesh {
   return mesh;
 }
 
-function lines(places: number[], [red, green, blue]: Rgb, depthTest: boolean): THREE.LineSegments {
+function lines(places: number[], [red, green, blue]: Rgb, depthTest: boolean, clippingPlanes: THREE.Plane[] = []): THREE.LineSegments {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
   const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, depthTest }));
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, depthTest, clippingPlanes }));
 }
 
 /** A camera's way, seen through walls too, with a cross where it began and a plumb line to the floor. */
@@ -53,8 +53,8 @@ export function pathOf(places_m: [number, number, number][], colour: Rgb): THREE
   return lines(segments, colour, false);
 }
 
-/** The twelve edges of an object's box. */
-export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
+/** The twelve edges of an object's box, within planes. */
+export function boxOf(thing: Thing, colour: Rgb, planes: THREE.Plane[] = []): THREE.LineSegments {
   const base = corners(thing.centre_m, thing.size_m, thing.yaw_rad);
   const [low, high] = [thing.centre_m[2] - thing.size_m[2] / 2, thing.centre_m[2] + thing.size_m[2] / 2];
   const segments: number[] = [];
@@ -62,7 +62,7 @@ export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
     const [u, v] = base[(i + 1) % 4] ?? [x, y];
     segments.push(x, y, low, u, v, low, x, y, high, u, v, high, x, y, low, x, y, high);
   });
-  return lines(segments, colour, true);
+  return lines(segments, colour, true, planes);
 }
 
 /** A box's faces, so thin that what is in it shows through. */

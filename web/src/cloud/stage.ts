@@ -96,10 +96,9 @@ export class Stage {
   private flight = 0;
 
   constructor(label: string, signal: AbortSignal) {
-    this.renderer = new THREE.WebGLRenderer({
-      antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance",
-    });
+    this.renderer = new THREE.WebGLRenderer({ antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
+    this.renderer.localClippingEnabled = true;
     this.renderer.setPixelRatio(this.pixelRatio);
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;

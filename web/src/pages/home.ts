@@ -76,6 +76,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const view = () => written(looks, data.hasLevels ? data.level : null, scene.framing);
   const address = new Address(id, view, side, signal);
   looks.onChange(() => address.note());
+  looks.onCut(() => address.note());
   const leaveLevel = () => {
     scene.measure.end();
     looks.select(null);
