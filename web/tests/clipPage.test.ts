@@ -52,7 +52,7 @@ async function shown() {
   const { showClip } = await import("../src/pages/clip.ts");
   const [main, page] = [h("main"), new AbortController()];
   await showClip({ main, crumbs: h("nav"), signal: page.signal, again: () => {} }, "h", ID);
-  return { page, text: () => fake(main).textContent };
+  return { page, main: fake(main), text: () => fake(main).textContent };
 }
 
 test("a clip's page follows its home while the picture of the walls is on its way", async () => {
@@ -81,4 +81,15 @@ test("a clip's page waits for the list of all clips only if it needs a number or
     assert.equal(service.asked.some((path) => path.startsWith("/clips?")), needsAll, String(name));
     page.abort();
   }
+});
+
+test("the picture over the LiDAR map has one legend: its own, which its alternative text tells", async () => {
+  slowService();
+  const { page, main } = await shown();
+  const figures = main.all("figure").filter((figure) => figure.all("img").some((image) => image.getAttribute("src")?.includes("overlay.png")));
+  assert.equal(figures.length, 1);
+  assert.deepEqual([figures[0]?.all("li").length, figures[0]?.all("ul").length], [0, 0]);
+  assert.match(figures[0]?.textContent ?? "", /^The service's own answer over the LiDAR map\. Open the picture to read its legend\.$/);
+  assert.match(figures[0]?.all("img")[0]?.getAttribute("alt") ?? "", /green .* red .* blue\.$/);
+  page.abort();
 });

@@ -6,7 +6,7 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
-import { overlayLegend } from "../clip/overlay.ts";
+import { overlayInWords } from "../clip/overlay.ts";
 import { hasWrongFiles, isDoubtful, isForeign, mayLieElsewhere } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
@@ -57,8 +57,6 @@ class ClipPage {
   private readonly places = h("section", {});
   private readonly rest = h("div", { class: "columns" });
   private readonly pictures = h("section", {});
-  /** Of the picture over the LiDAR map. */
-  private readonly legend = h("div", {});
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   private readonly stage = h("span", { class: "hint" });
@@ -167,7 +165,6 @@ class ClipPage {
       h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(shown), technical(shown)));
     this.drawPictures();
     this.cloud.show(shown);
-    this.drawLegend();
     this.drawGround();
   }
 
@@ -175,16 +172,8 @@ class ClipPage {
   private drawGround(): void {
     this.reading = this.reading.catch(() => {}).then(async () => {
       await this.readGround();
-      if (this.place.signal.aborted) return;
-      this.drawLegend();
-      this.drawPlaces();
+      if (!this.place.signal.aborted) this.drawPlaces();
     });
-  }
-
-  private drawLegend(): void {
-    const { shown, ground: { lidars } } = this;
-    const lidar = lidars.find(({ level }) => level === shown.alignment?.alternatives[0]?.level);
-    put(this.legend, overlayLegend(shown, !!lidar?.info.charger));
   }
 
   private drawVerdict(): void {
@@ -289,12 +278,11 @@ class ClipPage {
   private drawPictures(): void {
     const { shown: clip } = this;
     if (!clip.alignment) return put(this.pictures);
-    const picture = (name: string, title: string, alt: string, shape = "", legend: HTMLElement | null = null) => {
+    const picture = (name: string, title: string, alt: string, shape = "") => {
       const address = `${api.clipPath(clip, name)}?job=${answerName(clip)}`;
       // Photographs are not drawn on paper.
       const image = h("img", { class: shape === "row" ? null : "paper", src: address, alt, loading: "lazy" });
-      const caption = h("figcaption", {}, title, legend);
-      const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
+      const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), h("figcaption", {}, title));
       // Not every answer has every picture.
       image.addEventListener("error", () => {
         figure.remove();
@@ -305,8 +293,9 @@ class ClipPage {
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
       clip.alignment.hits > 0 && picture("overlay.png",
-        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map`,
-        "The clip's points over the LiDAR map, at the service's own answer", "", this.legend),
+        // A phone shows its legend too small.
+        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map. Open the picture to read its legend.`,
+        overlayInWords(clip)),
       // Without a filled-in hit the picture says nothing.
       clip.alignment.completion && clip.alignment.completion.hits > 0
         ? picture("completion.png", "Views that were completed because the clip is in doubt",
