@@ -1,6 +1,5 @@
 // Talks to the service, which is always the host that this page came from.
 
-import { bytesOf } from "./pieces.ts";
 import { wordsFor } from "./problems.ts";
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
@@ -97,20 +96,35 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
   throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
-/** Reads a document with its headers. An answer that stalls, breaks off or is no document counts as none. */
-async function read<T>(path: string, signal: AbortSignal): Promise<[T, Headers]> {
+/** No answer came, or only a part of one. */
+export function lost(): Refusal {
+  return new Refusal(0, explanation(0, ""));
+}
+
+/** Reads an answer with its headers. One that stalls, breaks off or is not what it should be counts as none. */
+async function read<T>(path: string, signal: AbortSignal, take: (answer: Response) => Promise<T>): Promise<[T, Headers]> {
   const limit = AbortSignal.timeout(LONGEST_READ_MS);
   try {
     const answer = await ask(path, { signal: AbortSignal.any([signal, limit]) });
-    return [(await answer.json()) as T, answer.headers];
+    return [await take(answer), answer.headers];
   } catch (error) {
-    if (signal.aborted || error instanceof Refusal) throw error;
-    throw new Refusal(0, explanation(0, ""));
+    throw signal.aborted || error instanceof Refusal ? error : lost();
   }
 }
 
+const json = <T>(answer: Response) => answer.json() as Promise<T>;
+
 async function get<T>(path: string, signal: AbortSignal): Promise<T> {
-  return (await read<T>(path, signal))[0];
+  return (await read(path, signal, json<T>))[0];
+}
+
+export async function picture(path: string, signal: AbortSignal): Promise<Blob> {
+  return (await read(path, signal, (answer) => answer.blob()))[0];
+}
+
+/** The answer with a large file, which may take its time. Its status is 304 if the file is the one with the `ETag` that is known. */
+export function file(path: string, known: string | null, signal?: AbortSignal): Promise<Response> {
+  return ask(path, { headers: known ? { "if-none-match": known } : {}, signal });
 }
 
 /** Null where there is nothing (404). */
@@ -282,7 +296,7 @@ export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> 
 const tags = new WeakMap<Clip, string>();
 
 export async function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
-  const [clip, headers] = await read<Clip>(homePath(home, "clips", id), signal);
+  const [clip, headers] = await read(homePath(home, "clips", id), signal, json<Clip>);
   const tag = headers.get("etag");
   if (tag) tags.set(clip, tag);
   return clip;
@@ -336,16 +350,6 @@ export async function things(home: string, signal: AbortSignal): Promise<Thing[]
 /** The fraction of a level's LiDAR map that the clips explain, as a whole and by room; null without a map. */
 export function coverage(home: string, level: string, signal: AbortSignal): Promise<Coverage | null> {
   return getIfThere(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal);
-}
-
-/** The surface of a level as GLB, with its `ETag`; null if it is the one that is known. */
-export async function surface(
-  home: string, level: string, known: string | null, signal: AbortSignal,
-): Promise<{ glb: ArrayBuffer; tag: string | null } | null> {
-  const headers: Record<string, string> = known ? { "if-none-match": known } : {};
-  const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal, headers });
-  if (answer.status === 304) return null;
-  return { glb: await bytesOf(answer), tag: answer.headers.get("etag") };
 }
 
 /** The revisions of the map that are kept, the newest first. */

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { afterEach, mock, test } from "node:test";
 import { home, makeHome, Refusal, renameHome } from "../src/api.ts";
 import { inkOf } from "../src/paper.ts";
-import { bytesOf } from "../src/pieces.ts";
+import { bytesOf } from "../src/cloud/resume.ts";
 import { emptyPoints } from "../src/cloud/ply.ts";
 import { Cloud } from "../src/cloud/points.ts";
 import { Looks } from "../src/home/looks.ts";
@@ -101,7 +101,8 @@ test("a large answer may take its time, but not stall", async () => {
   let isCancelled = false;
   const body = () => new Response(new ReadableStream({ start: (begun) => void (stream = begun), cancel: () => void (isCancelled = true) }));
   const settle = () => new Promise((resolve) => setImmediate(resolve));
-  const whole = bytesOf(body());
+  const never = new AbortController().signal;
+  const whole = bytesOf(body(), never);
   for (let piece = 0; piece < 5; piece++) {
     await settle();
     mock.timers.tick(50_000);
@@ -110,7 +111,7 @@ test("a large answer may take its time, but not stall", async () => {
   stream?.close();
   assert.deepEqual([...new Uint8Array(await whole)], [0, 1, 2, 3, 4]);
   let end = "";
-  const stalled = bytesOf(body()).catch((error: unknown) => (end = String(error)));
+  const stalled = bytesOf(body(), never).catch((error: unknown) => (end = String(error)));
   await settle();
   mock.timers.tick(60_000);
   await stalled;
