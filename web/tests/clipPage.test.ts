@@ -93,3 +93,25 @@ test("the picture over the LiDAR map has one legend: its own, which its alternat
   assert.match(figures[0]?.all("img")[0]?.getAttribute("alt") ?? "", /green .* red .* blue\.$/);
   page.abort();
 });
+
+test("a picture whose connection broke is loaded again, and one that the service does not have is left out", async () => {
+  for (const [answers, stays] of [
+    [[() => Promise.reject(new TypeError("lost")), () => new Response("", { status: 503 }), () => new Response("picture")], true],
+    [[() => new Response("", { status: 404 })], false],
+  ] as const) {
+    slowService();
+    const { page, main } = await shown();
+    const image = main.all("img").find((image) => image.getAttribute("src")?.includes("overlay.png"));
+    const [left, loaded]: [(() => Response | Promise<Response>)[], string[]] = [[...answers], []];
+    globalThis.fetch = async (path) => (String(path).includes("overlay.png") && left.shift() || (() => new Promise<Response>(() => {})))();
+    if (image) Object.assign(image, { setAttribute: (_: string, address: string) => loaded.push(address) });
+    image?.dispatchEvent(new Event("error"));
+    const isThere = () => main.all("img").includes(image ?? main);
+    await until(() => (dispatchEvent(new Event("online")), stays ? loaded.length > 0 : !isThere()));
+    assert.deepEqual([isThere(), loaded.length, left.length], [stays, stays ? 1 : 0, 0]);
+    // A file that is no picture.
+    image?.dispatchEvent(new Event("error"));
+    assert.equal(isThere(), false);
+    page.abort();
+  }
+});

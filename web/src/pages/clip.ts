@@ -16,7 +16,7 @@ import { Backoff, whenDue } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, messageOf, say } from "../parts/notices.ts";
-import { thumbnail } from "../parts/thumbnail.ts";
+import { thumbnail, whenMissing } from "../parts/thumbnail.ts";
 import { wordsFor } from "../problems.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
@@ -284,7 +284,7 @@ class ClipPage {
       const image = h("img", { class: shape === "row" ? null : "paper", src: address, alt, loading: "lazy" });
       const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), h("figcaption", {}, title));
       // Not every answer has every picture.
-      image.addEventListener("error", () => {
+      whenMissing(image, this.place.signal, () => {
         figure.remove();
         if (!this.pictures.querySelector("figure")) put(this.pictures);
       });
