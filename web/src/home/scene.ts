@@ -1,6 +1,6 @@
 // Draws what is known of a home, as its looks say, in two or in three dimensions.
 
-import { lidarPicture } from "../api.ts";
+import { lidarPath } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
 import { NO_CUT_M } from "../cloud/material.ts";
 import type { Cloud } from "../cloud/points.ts";
@@ -221,7 +221,7 @@ export class HomeScene {
   private pictureOf(signal: AbortSignal): LevelPicture {
     return new LevelPicture({
       load: async (level, ink) => {
-        const canvas = await inkOf(lidarPicture(this.data.home.id, level), ink === "dark", signal);
+        const canvas = await inkOf(lidarPath(this.data.home.id, level, "image.png"), ink === "dark", signal);
         return { canvas, address: await addressOf(canvas) };
       },
       show: (picture) => {

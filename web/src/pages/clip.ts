@@ -13,9 +13,9 @@ import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { askText, confirm } from "../parts/dialog.ts";
 import { Backoff, whenDue } from "../parts/backoff.ts";
-import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
+import { Followed, onHomeChange, type Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
-import { attempt, messageOf, say } from "../parts/notices.ts";
+import { attempt, say } from "../parts/notices.ts";
 import { thumbnail, whenMissing } from "../parts/thumbnail.ts";
 import { wordsFor } from "../problems.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
@@ -23,7 +23,7 @@ import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip, ClipState, Home } from "../types.ts";
 import { clipName, clipStateMeaning, clipStateWord, isUnderWay, jobWord, named, percent } from "../words.ts";
-import { type Place, setCrumbs } from "./page.ts";
+import { keepUpToDate, type Place, setCrumbs } from "./page.ts";
 
 const FOREIGN = "No place in this home explains it.";
 /** The form of the ids of clips; no clip has another one. */
@@ -87,23 +87,17 @@ class ClipPage {
       () => this.repeated.again(),
       signal,
     );
-    const backoff = new Backoff();
-    this.repeated = new Repeated(async () => {
-      try {
-        this.clip = await api.clip(clip.home, clip.id, signal);
+    this.repeated = keepUpToDate(place, {
+      read: () => api.clipIfThere(clip.home, clip.id, signal),
+      show: (found) => {
+        if (!found) return this.leave(), null;
+        this.clip = found;
         this.draw();
-        this.lost.textContent = "";
-        backoff.reset();
-      } catch (error) {
-        if (signal.aborted) return null;
-        if (error instanceof api.Refusal && error.status === 404) return this.leave(), null;
-        if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
-        this.lost.textContent = messageOf(error);
-        return backoff.nextReading_ms(error);
-      }
-      followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
-      return null;
-    }, signal);
+        followed.follow(isUnderWay(found) && found.job ? [found.job] : []);
+        return null;
+      },
+      tell: (failure) => (this.lost.textContent = failure),
+    });
   }
 
   /** Shows the home of the clip, which is gone: deleted here, or by somebody else. */
@@ -246,7 +240,7 @@ class ClipPage {
       if (isOfEarlierMap(clip)) return;
       for (const { level } of ground.lidars) {
         if (!levels.has(level) || ground.pictures.has(level)) continue;
-        const address = await addressOf(await inkOf(api.lidarPicture(clip.home, level), isDark(), signal));
+        const address = await addressOf(await inkOf(api.lidarPath(clip.home, level, "image.png"), isDark(), signal));
         if (signal.aborted) return URL.revokeObjectURL(address);
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
         ground.pictures.set(level, address);
