@@ -8,7 +8,7 @@ import { emptyPoints, type Points } from "./ply.ts";
 
 declare const POINTS_WORKER: string;
 
-export interface Arrival {
+interface Arrival {
   begun(cloud: Cloud): void;
   grown(cloud: Cloud): void;
   ended(cloud: Cloud): void;

@@ -26,7 +26,7 @@ const FLIGHT_MS = 450;
 const FROM_CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
 
 /** What `look` shows. */
-export interface Scene {
+interface Scene {
   /** Around everything; the range of the zoom depends on it. */
   box: THREE.Box3;
   /** The points that are in the picture. */

@@ -13,7 +13,7 @@ import { boxOf, type FloorPicture, floorOf, outlineOf, patchOf, pathOf, release,
 import { Stage, type Viewpoint } from "./stage.ts";
 import type { ClassLook, Surface } from "./surface.ts";
 
-export interface Path {
+interface Path {
   places_m: [number, number, number][];
   colour: Rgb;
 }

@@ -5,7 +5,7 @@ import type { ClipState } from "../types.ts";
 import { isSame, type Selection } from "./selection.ts";
 
 export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths"] as const;
-export type Layer = (typeof LAYERS)[number];
+type Layer = (typeof LAYERS)[number];
 
 export const LAYER_WORDS: Record<Layer, string> = {
   points: "Map of the clips",
