@@ -28,6 +28,6 @@ export function whenMissing(image: HTMLImageElement, signal: AbortSignal, missin
   image.addEventListener("error", () => {
     image.addEventListener("error", missing, { once: true });
     const address = image.getAttribute("src") ?? "";
-    patiently(() => picture(address, signal), signal, () => {}).then(() => image.setAttribute("src", address), () => signal.aborted || missing());
+    patiently(() => picture(address, signal), signal).then(() => image.setAttribute("src", address), () => signal.aborted || missing());
   }, { once: true });
 }

@@ -24,14 +24,14 @@ export function mayTryAgain(error: unknown): boolean {
 }
 
 /** The answer of `ask`, which is called again after each failure that passes; `onFailure` hears of these. */
-export async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal, onFailure: (error: unknown) => void): Promise<T> {
+export async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal, onFailure?: (error: unknown) => void): Promise<T> {
   for (let failures = 1; ; failures++) {
     try {
       return await ask();
     } catch (error) {
       const wait_ms = signal.aborted ? null : retryDelay_ms(error, failures);
       if (wait_ms === null) throw error;
-      onFailure(error);
+      onFailure?.(error);
       await pause(wait_ms, signal);
     }
   }
