@@ -1,6 +1,5 @@
 // Talks to the service, which is always the host that this page came from.
 
-import { bytesOf } from "./pieces.ts";
 import { wordsFor } from "./problems.ts";
 import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
@@ -97,26 +96,41 @@ async function ask(path: string, options: RequestInit): Promise<Response> {
   throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
-/** Reads a document with its headers. An answer that stalls, breaks off or is no document counts as none. */
-async function read<T>(path: string, signal: AbortSignal): Promise<[T, Headers]> {
+/** No answer came, or only a part of one. */
+export function lost(): Refusal {
+  return new Refusal(0, explanation(0, ""));
+}
+
+/** Reads an answer with its headers. One that stalls, breaks off or is not what it should be counts as none. */
+async function read<T>(path: string, signal: AbortSignal, take: (answer: Response) => Promise<T>): Promise<[T, Headers]> {
   const limit = AbortSignal.timeout(LONGEST_READ_MS);
   try {
     const answer = await ask(path, { signal: AbortSignal.any([signal, limit]) });
-    return [(await answer.json()) as T, answer.headers];
+    return [await take(answer), answer.headers];
   } catch (error) {
-    if (signal.aborted || error instanceof Refusal) throw error;
-    throw new Refusal(0, explanation(0, ""));
+    throw signal.aborted || error instanceof Refusal ? error : lost();
   }
 }
 
+const json = <T>(answer: Response) => answer.json() as Promise<T>;
+
 async function get<T>(path: string, signal: AbortSignal): Promise<T> {
-  return (await read<T>(path, signal))[0];
+  return (await read(path, signal, json<T>))[0];
+}
+
+export async function picture(path: string, signal: AbortSignal): Promise<Blob> {
+  return (await read(path, signal, (answer) => answer.blob()))[0];
+}
+
+/** The answer with a large file, which may take its time. Its status is 304 if the file is the one with the `ETag` that is known. */
+export function file(path: string, known: string | null, signal?: AbortSignal): Promise<Response> {
+  return ask(path, { headers: known ? { "if-none-match": known } : {}, signal });
 }
 
 /** Null where there is nothing (404). */
-async function getIfThere<T>(path: string, signal: AbortSignal): Promise<T | null> {
+async function ifThere<T>(asked: Promise<T>): Promise<T | null> {
   try {
-    return await get<T>(path, signal);
+    return await asked;
   } catch (error) {
     if (error instanceof Refusal && error.status === 404) return null;
     throw error;
@@ -210,7 +224,7 @@ async function isNewHome(name: string, id: string): Promise<boolean> {
 
 /** Returns whether a home with this id has the name and nothing else: it is the one that was made, or as good as it. */
 async function isUnused(name: string, id: string): Promise<boolean> {
-  const found = await getIfThere<Home>(homePath(id), new AbortController().signal);
+  const found = await ifThere(get<Home>(homePath(id), new AbortController().signal));
   return found !== null && found.name === name && found.clips === 0 && found.lidar_map_revision === null;
 }
 
@@ -233,30 +247,30 @@ export async function lidarMaps(id: string, signal: AbortSignal): Promise<LidarM
   return answer.items;
 }
 
-/** The path of the picture of a level's LiDAR map. */
-export function lidarPicture(id: string, level: string): string {
-  return homePath(id, "lidar-maps", encodeURIComponent(level), "image.png");
+/** The path of the LiDAR map of a level, or of something below it. */
+export function lidarPath(id: string, level: string, ...rest: string[]): string {
+  return homePath(id, "lidar-maps", encodeURIComponent(level), ...rest);
 }
 
 /** Makes an earlier LiDAR map of a level the current one again. */
 export async function restoreLidarMap(id: string, level: string, revision: number): Promise<void> {
-  await send("POST", homePath(id, "lidar-maps", encodeURIComponent(level), "revisions", String(revision), "restore"));
+  await send("POST", lidarPath(id, level, "revisions", String(revision), "restore"));
 }
 
 /** The revisions of a level's LiDAR map, the newest first. */
 export async function lidarRevisions(id: string, level: string, signal: AbortSignal): Promise<LidarRevision[]> {
-  const page: List<LidarRevision> = await get(homePath(id, "lidar-maps", encodeURIComponent(level), "revisions?limit=50"), signal);
+  const page: List<LidarRevision> = await get(lidarPath(id, level, "revisions?limit=50"), signal);
   return page.items;
 }
 
 /** Removes the LiDAR maps of a level, and the choices and corrections on it. */
 export async function deleteLevel(id: string, level: string): Promise<void> {
-  await send("DELETE", homePath(id, "lidar-maps", encodeURIComponent(level)));
+  await send("DELETE", lidarPath(id, level));
 }
 
 /** An upload in parts, by its path; null if the service does not have it any more. */
 export function upload(path: string, signal: AbortSignal): Promise<Upload | null> {
-  return getIfThere(path, signal);
+  return ifThere(get(path, signal));
 }
 
 /** The clips of a home that are being aligned: as many as there are workers. */
@@ -282,10 +296,14 @@ export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> 
 const tags = new WeakMap<Clip, string>();
 
 export async function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
-  const [clip, headers] = await read<Clip>(homePath(home, "clips", id), signal);
+  const [clip, headers] = await read(homePath(home, "clips", id), signal, json<Clip>);
   const tag = headers.get("etag");
   if (tag) tags.set(clip, tag);
   return clip;
+}
+
+export function clipIfThere(home: string, id: string, signal: AbortSignal): Promise<Clip | null> {
+  return ifThere(clip(home, id, signal));
 }
 
 /** Gives a clip another name; null shows its file name again. */
@@ -315,37 +333,27 @@ export async function withdraw(clip: Clip): Promise<void> {
 }
 
 export function scan(home: string, clip: string, signal: AbortSignal): Promise<Scan | null> {
-  return getIfThere(homePath(home, "clips", clip, "scan"), signal);
+  return ifThere(get(homePath(home, "clips", clip, "scan"), signal));
 }
 
 /** The newest map. */
 export function homeMap(home: string, signal: AbortSignal): Promise<HomeMap | null> {
-  return getIfThere(homePath(home, "map"), signal);
+  return ifThere(get(homePath(home, "map"), signal));
 }
 
 export async function rooms(home: string, signal: AbortSignal): Promise<Room[]> {
-  const answer: { rooms: Room[] } | null = await getIfThere(homePath(home, "map", "rooms"), signal);
+  const answer: { rooms: Room[] } | null = await ifThere(get(homePath(home, "map", "rooms"), signal));
   return answer?.rooms ?? [];
 }
 
 export async function things(home: string, signal: AbortSignal): Promise<Thing[]> {
-  const answer: { objects: Thing[] } | null = await getIfThere(homePath(home, "map", "objects"), signal);
+  const answer: { objects: Thing[] } | null = await ifThere(get(homePath(home, "map", "objects"), signal));
   return answer?.objects ?? [];
 }
 
 /** The fraction of a level's LiDAR map that the clips explain, as a whole and by room; null without a map. */
 export function coverage(home: string, level: string, signal: AbortSignal): Promise<Coverage | null> {
-  return getIfThere(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal);
-}
-
-/** The surface of a level as GLB, with its `ETag`; null if it is the one that is known. */
-export async function surface(
-  home: string, level: string, known: string | null, signal: AbortSignal,
-): Promise<{ glb: ArrayBuffer; tag: string | null } | null> {
-  const headers: Record<string, string> = known ? { "if-none-match": known } : {};
-  const answer = await ask(homePath(home, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal, headers });
-  if (answer.status === 304) return null;
-  return { glb: await bytesOf(answer), tag: answer.headers.get("etag") };
+  return ifThere(get(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal));
 }
 
 /** The revisions of the map that are kept, the newest first. */

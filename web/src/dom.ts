@@ -2,7 +2,7 @@
 
 export type Child = Node | string | number | null | undefined | false;
 type Value = string | number | boolean | null | undefined | ((event: never) => void);
-export type Attributes = Record<string, Value>;
+type Attributes = Record<string, Value>;
 
 function fill(element: Element, attributes: Attributes, children: readonly Child[]): void {
   for (const [name, value] of Object.entries(attributes)) set(element, name, value);

@@ -1,10 +1,7 @@
 // The service draws the LiDAR map dark on white paper. Here the paper is removed, so the picture lies on
 // any ground, and in the dark its inks are turned light.
 
-import { explanation, Refusal, refusalOf } from "./api.ts";
-
-/** Time until a picture must be complete. */
-const LONGEST_MS = 60_000;
+import { picture as read } from "./api.ts";
 
 /** Takes white away from every pixel: what remains is ink with as much opacity as it has darkness. */
 export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
@@ -29,7 +26,7 @@ export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
 
 /** A picture without its paper. */
 export async function inkOf(path: string, isDark: boolean, signal: AbortSignal): Promise<HTMLCanvasElement> {
-  const picture = await createImageBitmap(await pictureOf(path, signal));
+  const picture = await createImageBitmap(await read(path, signal));
   const canvas = document.createElement("canvas");
   canvas.width = picture.width;
   canvas.height = picture.height;
@@ -41,18 +38,6 @@ export async function inkOf(path: string, isDark: boolean, signal: AbortSignal):
   takePaper(image.data, isDark);
   context.putImageData(image, 0, 0);
   return canvas;
-}
-
-/** The bytes of a picture. One that stalls counts as none. */
-async function pictureOf(path: string, signal: AbortSignal): Promise<Blob> {
-  let answer: Response;
-  try {
-    answer = await fetch(path, { signal: AbortSignal.any([signal, AbortSignal.timeout(LONGEST_MS)]) });
-    if (answer.ok) return await answer.blob();
-  } catch (error) {
-    throw signal.aborted ? error : new Refusal(0, explanation(0, ""));
-  }
-  throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
 }
 
 /** An address of the canvas's picture; revoke it when it is no longer shown. */

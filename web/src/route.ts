@@ -12,7 +12,7 @@ export interface Asked {
 
 const ALL: Asked = { text: "", attention: false, after: null };
 
-export type Route =
+type Route =
   | { page: "homes"; asked: Asked }
   | { page: "home"; home: string; view: URLSearchParams }
   | { page: "clip"; home: string; clip: string }

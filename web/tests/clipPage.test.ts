@@ -52,7 +52,7 @@ async function shown() {
   const { showClip } = await import("../src/pages/clip.ts");
   const [main, page] = [h("main"), new AbortController()];
   await showClip({ main, crumbs: h("nav"), signal: page.signal, again: () => {} }, "h", ID);
-  return { page, text: () => fake(main).textContent };
+  return { page, main: fake(main), text: () => fake(main).textContent };
 }
 
 test("a clip's page follows its home while the picture of the walls is on its way", async () => {
@@ -79,6 +79,39 @@ test("a clip's page waits for the list of all clips only if it needs a number or
     const { page, text } = await shown();
     assert.match(text(), name);
     assert.equal(service.asked.some((path) => path.startsWith("/clips?")), needsAll, String(name));
+    page.abort();
+  }
+});
+
+test("the picture over the LiDAR map has one legend: its own, which its alternative text tells", async () => {
+  slowService();
+  const { page, main } = await shown();
+  const figures = main.all("figure").filter((figure) => figure.all("img").some((image) => image.getAttribute("src")?.includes("overlay.png")));
+  assert.equal(figures.length, 1);
+  assert.deepEqual([figures[0]?.all("li").length, figures[0]?.all("ul").length], [0, 0]);
+  assert.match(figures[0]?.textContent ?? "", /^The service's own answer over the LiDAR map\. Open the picture to read its legend\.$/);
+  assert.match(figures[0]?.all("img")[0]?.getAttribute("alt") ?? "", /green .* red .* blue\.$/);
+  page.abort();
+});
+
+test("a picture whose connection broke is loaded again, and one that the service does not have is left out", async () => {
+  for (const [answers, stays] of [
+    [[() => Promise.reject(new TypeError("lost")), () => new Response("", { status: 503 }), () => new Response("picture")], true],
+    [[() => new Response("", { status: 404 })], false],
+  ] as const) {
+    slowService();
+    const { page, main } = await shown();
+    const image = main.all("img").find((image) => image.getAttribute("src")?.includes("overlay.png"));
+    const [left, loaded]: [(() => Response | Promise<Response>)[], string[]] = [[...answers], []];
+    globalThis.fetch = async (path) => (String(path).includes("overlay.png") && left.shift() || (() => new Promise<Response>(() => {})))();
+    if (image) Object.assign(image, { setAttribute: (_: string, address: string) => loaded.push(address) });
+    image?.dispatchEvent(new Event("error"));
+    const isThere = () => main.all("img").includes(image ?? main);
+    await until(() => (dispatchEvent(new Event("online")), stays ? loaded.length > 0 : !isThere()));
+    assert.deepEqual([isThere(), loaded.length, left.length], [stays, stays ? 1 : 0, 0]);
+    // A file that is no picture.
+    image?.dispatchEvent(new Event("error"));
+    assert.equal(isThere(), false);
     page.abort();
   }
 });

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { afterEach, mock, test } from "node:test";
 import { home, makeHome, Refusal, renameHome } from "../src/api.ts";
 import { inkOf } from "../src/paper.ts";
-import { bytesOf } from "../src/pieces.ts";
+import { bytesOf } from "../src/cloud/resume.ts";
 import { emptyPoints } from "../src/cloud/ply.ts";
 import { Cloud } from "../src/cloud/points.ts";
 import { Looks } from "../src/home/looks.ts";
@@ -101,7 +101,8 @@ test("a large answer may take its time, but not stall", async () => {
   let isCancelled = false;
   const body = () => new Response(new ReadableStream({ start: (begun) => void (stream = begun), cancel: () => void (isCancelled = true) }));
   const settle = () => new Promise((resolve) => setImmediate(resolve));
-  const whole = bytesOf(body());
+  const never = new AbortController().signal;
+  const whole = bytesOf(body(), never);
   for (let piece = 0; piece < 5; piece++) {
     await settle();
     mock.timers.tick(50_000);
@@ -110,7 +111,7 @@ test("a large answer may take its time, but not stall", async () => {
   stream?.close();
   assert.deepEqual([...new Uint8Array(await whole)], [0, 1, 2, 3, 4]);
   let end = "";
-  const stalled = bytesOf(body()).catch((error: unknown) => (end = String(error)));
+  const stalled = bytesOf(body(), never).catch((error: unknown) => (end = String(error)));
   await settle();
   mock.timers.tick(60_000);
   await stalled;
@@ -147,6 +148,7 @@ test("a view is read as it is written", () => {
     looks.clips = "ambiguous";
     looks.cut_m = 1.25;
     looks.layers.delete("lidar");
+    looks.hiddenClasses.add("wall");
     looks.hiddenClips.add("01a1f766-7a97-7747-9dbb-391e0eeccb64");
     looks.selected = { kind: "room", id: "upper~room-1" };
   });
@@ -158,9 +160,17 @@ test("a view is read as it is written", () => {
   assert.deepEqual(read(query, again), framing);
   assert.deepEqual([written(again, "upper", framing).toString(), again.clips], [query.toString(), "ambiguous"]);
   assert.deepEqual([...again.hiddenClips], [...looks.hiddenClips]);
-  assert.deepEqual(read(new URLSearchParams("part=1_2_3&from=1_2_x_4_5_6"), again), { from: null, part: null });
+  const nothing = { from: null, part: null };
+  assert.equal(written(again, null, nothing).toString(), written(looks, null, nothing).toString());
+  assert.deepEqual([written(looks, "upper", nothing).get("level"), written(looks, null, nothing).get("level")], ["upper", null]);
+  assert.deepEqual(read(new URLSearchParams("part=1_2_3&from=1_2_x_4_5_6"), again), nothing);
   read(new URLSearchParams("clips=nonsense"), again);
   assert.equal(again.clips, "ambiguous");
+  for (const query of ["", "view=4d&colour=x&layers=&cut=-1&at=thing.x&from=1_2", "from=a_b_c_d_e_f&cut=NaN"]) {
+    const untouched = new Looks();
+    assert.deepEqual(read(new URLSearchParams(query), untouched), nothing, query);
+    assert.deepEqual([untouched.view, untouched.colouring, untouched.selected, untouched.cut_m], ["3d", "colour", null, null]);
+  }
 });
 
 test("a home without colour is shown by class until a coloured point comes", () => {

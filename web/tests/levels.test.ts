@@ -232,3 +232,24 @@ test("the walls of a turned LiDAR map enclose the home's map", () => {
   assert.deepEqual(rounded, [-1, -1, 1, 3]);
   assert.equal(turned(at), "translate(-100.0,-300.0) rotate(90.000)");
 });
+
+test("camera paths whose connection broke are read again, each once", async () => {
+  twoLevels();
+  const data = await HomeData.load("h", null, never);
+  data.clips = ["a", "b", "c"].map((id) => ({ id, alignment: {} })) as unknown as HomeData["clips"];
+  const asked: string[] = [];
+  globalThis.fetch = async (path) => {
+    const [, clip = ""] = /clips\/(.)\/scan$/.exec(String(path)) ?? [];
+    asked.push(clip);
+    if (clip === "b" && asked.filter((one) => one === "b").length < 3) throw new TypeError("lost");
+    return new Response("{}", { status: clip === "c" ? 404 : 200 });
+  };
+  const online = setInterval(() => dispatchEvent(new Event("online")), 1);
+  let reads = 0;
+  await data.readScans(never, () => reads++);
+  clearInterval(online);
+  assert.deepEqual([[...data.scans.values()], reads, asked.toSorted().join("")], [[{}, {}, null], 1, "abbbc"]);
+  globalThis.fetch = async () => new Response("{}", { status: 401 });
+  data.scans.clear();
+  await assert.rejects(data.readScans(never, () => reads++), (error) => error instanceof Refusal && error.status === 401);
+});

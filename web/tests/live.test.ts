@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { afterEach, beforeEach, mock, test } from "node:test";
-import { Followed, onHomeChange } from "../src/parts/live.ts";
+import { Followed, onHomeChange, Repeated } from "../src/parts/live.ts";
 import type { Job } from "../src/types.ts";
 
 let streams: FakeStream[] = [];
@@ -29,8 +29,9 @@ class FakeLocks {
 
 beforeEach(() => {
   streams = [];
-  const document = Object.assign(new EventTarget(), { hidden: false });
-  Object.assign(globalThis, { EventSource: FakeStream, document, window: globalThis });
+  const [document, events] = [Object.assign(new EventTarget(), { hidden: false }), new EventTarget()];
+  const [addEventListener, dispatchEvent] = [events.addEventListener.bind(events), events.dispatchEvent.bind(events)];
+  Object.assign(globalThis, { EventSource: FakeStream, document, window: globalThis, addEventListener, dispatchEvent });
   Object.defineProperty(globalThis, "navigator", { value: { locks: new FakeLocks() }, configurable: true });
   mock.timers.enable({ apis: ["setTimeout"] });
 });
@@ -140,4 +141,34 @@ test("a job is read now and then while its window has no stream for it", async (
   assert.deepEqual([reads, progress], [3, 0.5]);
   window.abort();
   assert.deepEqual(openStreams(), []);
+});
+
+test("a page whose device is online again waits for nothing", async () => {
+  const page = new AbortController();
+  let [changes, reads] = [0, 0];
+  onHomeChange("h", () => changes++, page.signal);
+  const list = new Repeated(async () => (reads++, 30_000), page.signal);
+  list.again();
+  await settled();
+  for (let refusals = 0; refusals < 5; refusals++) {
+    streams.at(-1)?.close();
+    streams.at(-1)?.dispatchEvent(new Event("error"));
+    if (refusals < 4) await after(48_000);
+  }
+  const [opened, before] = [streams.length, reads];
+  dispatchEvent(new Event("online"));
+  await settled();
+  assert.deepEqual([streams.length, openStreams().length, reads], [opened + 1, 1, before + 1]);
+  streams.at(-1)?.dispatchEvent(new Event("open"));
+  assert.equal(changes, opened);
+  // A stream of the network before may be dead without an error.
+  dispatchEvent(new Event("online"));
+  await settled();
+  assert.deepEqual([streams.length, openStreams().length], [opened + 2, 1]);
+  Object.assign(document, { hidden: true });
+  document.dispatchEvent(new Event("visibilitychange"));
+  dispatchEvent(new Event("online"));
+  await settled();
+  assert.deepEqual([openStreams(), reads], [[], before + 2], "a page that nobody looks at asks");
+  page.abort();
 });

@@ -204,11 +204,24 @@ test("the earlier points stay until those of the new map are complete", async ()
   assert.equal(points.shown, null);
 });
 
-test("a tab of an earlier version, whose scripts the service has no longer, asks for a reload", () => {
+test("a tab of an earlier version, whose scripts the service has no longer, asks for a reload", async () => {
+  for (const status of [404, 200]) {
+    const { workers, failures, points, dataOf } = loadedPoints();
+    globalThis.fetch = async () => new Response("", { status });
+    points.update(dataOf(1));
+    workers[0]?.onerror();
+    await until(() => failures.length > 0);
+    assert.match(failures.join(), /Reload the page/);
+  }
+});
+
+test("a script that was lost on its way is asked for again", async () => {
   const { workers, failures, points, dataOf } = loadedPoints();
+  globalThis.fetch = () => Promise.reject(new TypeError("lost"));
   points.update(dataOf(1));
   workers[0]?.onerror();
-  assert.match(failures.join(), /Reload the page/);
+  await until(() => (dispatchEvent(new Event("online")), workers.length === 2));
+  assert.deepEqual(failures, []);
 });
 
 test("a failed attempt leaves none of its points in memory", () => {

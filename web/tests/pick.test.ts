@@ -2,9 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { along, hullOf, type Point3, pointOn, type Ray, thingAbove, thingOn, throughBox } from "../src/cloud/pick.ts";
 import { isInside } from "../src/frames.ts";
-import { Looks } from "../src/home/looks.ts";
 import { between } from "../src/home/measure.ts";
-import { read, written } from "../src/home/share.ts";
 import type { Thing } from "../src/types.ts";
 
 const thing = (id: string, centre_m: Point3, size_m: Point3, yaw_rad = 0): Thing => ({
@@ -56,28 +54,6 @@ test("a point is inside a room of any shape", () => {
   const shape: [number, number][] = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]];
   for (const [point, isIn] of [[[3, 0.5], true], [[3, 2], false], [[0.5, 2.5], true], [[-1, 1], false]] as const) {
     assert.equal(isInside(shape, [...point]), isIn, String(point));
-  }
-});
-
-test("a shared address shows the same view", () => {
-  const looks = new Looks();
-  looks.view = "2d";
-  looks.colouring = "class";
-  looks.cut_m = 1.25;
-  looks.layers.delete("lidar");
-  looks.hiddenClasses.add("wall");
-  looks.selected = { kind: "room", id: "room-2" };
-  const nothing = { from: null, part: null };
-  const framing = { ...nothing, from: { eye_m: [1, -2.5, 3.25] as Point3, target_m: [0, 0, 0.5] as Point3 } };
-  const other = new Looks();
-  assert.deepEqual(read(new URLSearchParams(written(looks, "upper", framing).toString()), other), framing);
-  assert.deepEqual(written(other, null, nothing).toString(), written(looks, null, nothing).toString());
-  assert.equal(written(looks, "upper", nothing).get("level"), "upper");
-  for (const query of ["", "view=4d&colour=x&layers=&cut=-1&at=thing.x&from=1_2", "from=a_b_c_d_e_f&cut=NaN"]) {
-    const untouched = new Looks();
-    assert.deepEqual(read(new URLSearchParams(query), untouched), nothing, query);
-    assert.deepEqual([untouched.view, untouched.colouring, untouched.selected, untouched.cut_m],
-      ["3d", "colour", null, null]);
   }
 });
 

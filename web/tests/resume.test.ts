@@ -29,7 +29,7 @@ async function read(first: Response, ...later: (() => Response)[]) {
   };
   const [got, online]: [number[], ReturnType<typeof setInterval>] = [[], setInterval(() => dispatchEvent(new Event("online")), 1)];
   try {
-    for await (const piece of resumed(first)) got.push(...piece);
+    for await (const piece of resumed(first, new AbortController().signal)) got.push(...piece);
     return { got, asked };
   } catch {
     return { got: null, asked };

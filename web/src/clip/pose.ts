@@ -7,7 +7,7 @@ import { isOfEarlierMap } from "./last.ts";
 const SAME_M = 0.3;
 const SAME_RAD = (20 * Math.PI) / 180;
 
-export interface Posed {
+interface Posed {
   level: string;
   map_from_clip: Pose2;
 }

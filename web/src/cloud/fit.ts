@@ -12,7 +12,7 @@ const SURROUNDINGS = 1.3;
 const LEAST_M = 1.2;
 
 /** The part of the picture for the points: -1 to 1 from left to right and from bottom to top. */
-export interface Part {
+interface Part {
   left: number;
   right: number;
   bottom: number;

@@ -5,6 +5,8 @@ import * as THREE from "three";
 import { COLOURINGS, type Colouring, RAMP, type Rgb } from "./colours.ts";
 
 const CLIP_SIDE = 256;
+/** The height of a cut that cuts nothing. */
+export const NO_CUT_M = 1e9;
 
 const VERTEX = /* glsl */ `
 uniform sampler2D classes;
@@ -74,41 +76,33 @@ class Palette {
 export class PointMaterial {
   readonly classes = new Palette(256, 1);
   readonly clips = new Palette(CLIP_SIDE, CLIP_SIDE);
-  readonly material: THREE.ShaderMaterial;
-
-  constructor() {
-    this.material = new THREE.ShaderMaterial({
-      glslVersion: THREE.GLSL3,
-      vertexShader: VERTEX,
-      fragmentShader: FRAGMENT,
-      uniforms: {
-        classes: { value: this.classes.texture },
-        clips: { value: this.clips.texture },
-        colouring: { value: 0 },
-        cut_m: { value: 1e9 },
-        size_px_m: { value: 1 },
-        ramp: { value: RAMP.map(([r, g, b]) => new THREE.Vector3(r / 255, g / 255, b / 255)) },
-      },
-    });
-  }
+  private readonly uniforms = {
+    classes: { value: this.classes.texture },
+    clips: { value: this.clips.texture },
+    colouring: { value: 0 },
+    cut_m: { value: NO_CUT_M },
+    size_px_m: { value: 1 },
+    ramp: { value: RAMP.map(([r, g, b]) => new THREE.Vector3(r / 255, g / 255, b / 255)) },
+  };
+  readonly material = new THREE.ShaderMaterial({
+    glslVersion: THREE.GLSL3,
+    vertexShader: VERTEX,
+    fragmentShader: FRAGMENT,
+    uniforms: this.uniforms,
+  });
 
   set colouring(colouring: Colouring) {
-    this.set("colouring", COLOURINGS.indexOf(colouring));
+    this.uniforms.colouring.value = COLOURINGS.indexOf(colouring);
   }
 
   /** Points higher than this are not drawn. */
   set cut_m(height: number) {
-    this.set("cut_m", height);
+    this.uniforms.cut_m.value = height;
   }
 
   /** Width of a point on the screen at one metre, in device pixels. */
   set size_px_m(size: number) {
-    this.set("size_px_m", size);
-  }
-
-  private set(name: string, value: number): void {
-    const uniform = this.material.uniforms[name];
-    if (uniform) uniform.value = value;
+    this.uniforms.size_px_m.value = size;
   }
 
   dispose(): void {

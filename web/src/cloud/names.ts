@@ -8,6 +8,8 @@ import type { Moment } from "./stage.ts";
 export interface Name {
   text: string;
   at_m: [number, number, number];
+  /** The lower end of its thing, if that is not the place of the name: a cut below it hides the name. */
+  low_m?: number;
   kind: "room" | "object";
 }
 
@@ -24,15 +26,18 @@ export class Names {
   readonly element = h("div", { class: "names", "aria-hidden": "true" });
   /** Names above would lie below the tools. */
   private top = 0;
-  private shown: { element: HTMLElement; at: THREE.Vector3; seenAt: THREE.Vector3; width: number; isBehind: boolean }[] = [];
+  private shown: { element: HTMLElement; at: THREE.Vector3; low_m: number; raised_m: number; width: number; isBehind: boolean }[] = [];
+  /** Nothing higher is shown. */
+  cut_m = Infinity;
 
   set(names: Name[]): void {
     const toolbar = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
     this.top = toolbar ? toolbar.offsetTop + toolbar.offsetHeight : 0;
-    this.shown = names.map(({ text, at_m, kind }, i) => ({
+    this.shown = names.map(({ text, at_m, low_m = at_m[2], kind }, i) => ({
       element: this.elementOf(i, text, `name ${kind}`),
       at: new THREE.Vector3(...at_m),
-      seenAt: new THREE.Vector3(at_m[0], at_m[1], at_m[2] + (kind === "room" ? ROOM_SEEN_AT_M : 0)),
+      low_m,
+      raised_m: kind === "room" ? ROOM_SEEN_AT_M : 0,
       width: Math.min(textWidth(text, FONTS[kind]) + PADDING_PX, MAX_WIDTH_PX),
       isBehind: false,
     }));
@@ -48,18 +53,26 @@ export class Names {
 
   /** Finds the names that are behind something. */
   hide(isBehind: (at: THREE.Vector3) => boolean): void {
-    for (const name of this.shown) name.isBehind = isBehind(name.seenAt);
+    for (const name of this.shown) {
+      const at = this.placeOf(name.at);
+      name.isBehind = isBehind(at.setZ(at.z + name.raised_m));
+    }
+  }
+
+  /** The top of a thing that is cut is the cut. */
+  private placeOf(at: THREE.Vector3): THREE.Vector3 {
+    return at.clone().setZ(Math.min(at.z, this.cut_m));
   }
 
   /** Puts every name where its thing is now; a name that has no room beside the earlier ones is left out. */
   place({ camera, width, height }: Moment): void {
     const labels = this.shown.map((name) => {
-      const seen = name.at.clone().project(camera);
+      const seen = this.placeOf(name.at).project(camera);
       const [x, y] = [((seen.x + 1) / 2) * width, ((1 - seen.y) / 2) * height];
       const isOut = !Number.isFinite(x + y) || seen.z > 1 || x < 0 || y < this.top || x > width || y > height;
       // A name at the edge stays whole.
       const inner = Math.min(Math.max(x, name.width / 2), Math.max(width - name.width / 2, 0));
-      return isOut || name.isBehind ? null : { x: inner, y, width: name.width, height: HEIGHT_PX };
+      return isOut || name.isBehind || name.low_m >= this.cut_m ? null : { x: inner, y, width: name.width, height: HEIGHT_PX };
     });
     const shifts = arrange(labels);
     this.shown.forEach(({ element }, i) => {

@@ -94,6 +94,15 @@ export function thingAbove([x, y]: readonly [number, number], things: readonly T
   return hit.reduce<Thing | null>((best, thing) => (best && area(best) <= area(thing) ? best : thing), null);
 }
 
+/** The part of an object below a height, as a box; null if all of it is higher. */
+export function partBelow(thing: Thing, height_m: number): Thing | null {
+  const [[x, y, z], [length, width, height]] = [thing.centre_m, thing.size_m];
+  const [low_m, high_m] = [z - height / 2, z + height / 2];
+  if (low_m >= height_m) return null;
+  if (high_m <= height_m) return thing;
+  return { ...thing, centre_m: [x, y, (low_m + height_m) / 2], size_m: [length, width, height_m - low_m] };
+}
+
 /** The corners of a box in space. */
 export function hullOf(thing: Thing): Point3[] {
   const [z, half] = [thing.centre_m[2], thing.size_m[2] / 2];

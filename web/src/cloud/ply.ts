@@ -19,7 +19,7 @@ interface Property {
   type: string;
 }
 
-export interface Header {
+interface Header {
   /** Vertices. */
   count: number;
   /** Bytes of one vertex. */
@@ -124,7 +124,7 @@ function reader(view: DataView, property: Property | undefined, otherwise: numbe
  * A step that goes through `count` places and comes to each once, in leaps of about the golden section: the first
  * part of what is laid out so is an even sample of the whole, however small the part is.
  */
-export function scatterStep(count: number): number {
+function scatterStep(count: number): number {
   const divisor = (a: number, b: number): number => (b === 0 ? a : divisor(b, a % b));
   let step = Math.max(1, Math.round(count * 0.6180339887));
   while (divisor(count, step) > 1) step++;
@@ -132,7 +132,7 @@ export function scatterStep(count: number): number {
 }
 
 /** The whole vertices in `bytes`, which begins at a vertex; at place n goes the one n times `step`. */
-export function readVertices(bytes: Uint8Array, header: Header, step = 1): Points {
+function readVertices(bytes: Uint8Array, header: Header, step = 1): Points {
   const count = Math.floor(bytes.length / header.stride);
   const points = emptyPoints(count);
   const { position, tint, kind, normal } = points;

@@ -1,13 +1,14 @@
 // Points on the graphics card, filled while they arrive.
 
 import * as THREE from "three";
-import { Refusal } from "../api.ts";
+import { file, Refusal } from "../api.ts";
+import { retryDelay_ms } from "../upload/retry.ts";
 import type { Ask, Told } from "./messages.ts";
 import { emptyPoints, type Points } from "./ply.ts";
 
 declare const POINTS_WORKER: string;
 
-export interface Arrival {
+interface Arrival {
   begun(cloud: Cloud): void;
   grown(cloud: Cloud): void;
   ended(cloud: Cloud): void;
@@ -82,6 +83,19 @@ function isColoured({ tint }: Points): boolean {
   return tint.some((value, i) => value > 0 && i % 4 < 3);
 }
 
+/**
+ * The reason why the worker does not run. A browser does not tell it: the connection may have been lost, or the script is gone, since
+ * the tab was opened before an upgrade of the service.
+ */
+async function faultOfWorker(signal: AbortSignal): Promise<Error> {
+  try {
+    await (await file(POINTS_WORKER, null, signal)).body?.cancel();
+  } catch (error) {
+    if (error instanceof Refusal && retryDelay_ms(error, 1) !== null) return error;
+  }
+  return new Error("The points could not be read in this browser. Reload the page: the service may have a newer one.");
+}
+
 /** Loads the points at an address, unless they are those with the `ETag` that is known. */
 export function load(url: string, arrival: Arrival, signal: AbortSignal, known: string | null = null): void {
   if (signal.aborted) return;
@@ -112,9 +126,8 @@ export function load(url: string, arrival: Arrival, signal: AbortSignal, known: 
     }
     if (data.what !== "begin" && data.what !== "points") stop();
   };
-  // The script of the worker may be gone: a tab that was opened before an upgrade of the service is of the earlier version.
   worker.onerror = () => {
-    arrival.failed(new Error("The points could not be read in this browser. Reload the page: the service may have a newer one."));
+    void faultOfWorker(signal).then((error) => signal.aborted || arrival.failed(error));
     stop();
   };
   const ask: Ask = { url, known };

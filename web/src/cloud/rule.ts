@@ -6,6 +6,7 @@ import { LineSegments2 } from "three/addons/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/addons/lines/LineSegmentsGeometry.js";
 import type { Rgb } from "./colours.ts";
 import type { Point3 } from "./pick.ts";
+import { colorOf } from "./shapes.ts";
 
 const LINE_PX = 4;
 /** Around the line and the dots: the line is dark, and surfaces may be dark too. */
@@ -14,10 +15,6 @@ export const EDGE: Rgb = [255, 255, 255];
 const DOT_PX = 16;
 /** Pixels along each side of the picture of a dot. */
 const DOT_SIDE = 64;
-
-function colorOf([red, green, blue]: Rgb): THREE.Color {
-  return new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-}
 
 function line(from: Point3, to: Point3, colour: Rgb, width_px: number): LineSegments2 {
   const geometry = new LineSegmentsGeometry().setPositions([...from, ...to]);

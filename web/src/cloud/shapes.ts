@@ -31,11 +31,22 @@ export function floorOf({ canvas, frame, at }: FloorPicture): THREE.Mesh {
   return mesh;
 }
 
-function lines(places: number[], [red, green, blue]: Rgb, depthTest: boolean): THREE.LineSegments {
+/** A colour of the screen. */
+export function colorOf([red, green, blue]: Rgb): THREE.Color {
+  return new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
+}
+
+/** A material so thin that what is in it or on it shows through. */
+function veil(colour: Rgb, opacity: number): THREE.MeshBasicMaterial {
+  return new THREE.MeshBasicMaterial({
+    color: colorOf(colour), transparent: true, opacity, depthTest: false, depthWrite: false, side: THREE.DoubleSide,
+  });
+}
+
+function lines(places: number[], colour: Rgb, depthTest: boolean, clippingPlanes: THREE.Plane[] = []): THREE.LineSegments {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
-  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, depthTest }));
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colorOf(colour), depthTest, clippingPlanes }));
 }
 
 /** A camera's way, seen through walls too, with a cross where it began and a plumb line to the floor. */
@@ -53,8 +64,8 @@ export function pathOf(places_m: [number, number, number][], colour: Rgb): THREE
   return lines(segments, colour, false);
 }
 
-/** The twelve edges of an object's box. */
-export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
+/** The twelve edges of an object's box, within planes. */
+export function boxOf(thing: Thing, colour: Rgb, planes: THREE.Plane[] = []): THREE.LineSegments {
   const base = corners(thing.centre_m, thing.size_m, thing.yaw_rad);
   const [low, high] = [thing.centre_m[2] - thing.size_m[2] / 2, thing.centre_m[2] + thing.size_m[2] / 2];
   const segments: number[] = [];
@@ -62,16 +73,12 @@ export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
     const [u, v] = base[(i + 1) % 4] ?? [x, y];
     segments.push(x, y, low, u, v, low, x, y, high, u, v, high, x, y, low, x, y, high);
   });
-  return lines(segments, colour, true);
+  return lines(segments, colour, true, planes);
 }
 
-/** A box's faces, so thin that what is in it shows through. */
-export function solidOf(thing: Thing, [red, green, blue]: Rgb): THREE.Mesh {
-  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-  const material = new THREE.MeshBasicMaterial({
-    color, transparent: true, opacity: 0.18, depthTest: false, depthWrite: false, side: THREE.DoubleSide,
-  });
-  const mesh = new THREE.Mesh(new THREE.BoxGeometry(...thing.size_m), material);
+/** A box's faces. */
+export function solidOf(thing: Thing, colour: Rgb): THREE.Mesh {
+  const mesh = new THREE.Mesh(new THREE.BoxGeometry(...thing.size_m), veil(colour, 0.18));
   mesh.position.set(...thing.centre_m);
   mesh.rotation.z = thing.yaw_rad;
   return mesh;
@@ -86,14 +93,10 @@ export function outlineOf(ring_m: readonly [number, number][], colour: Rgb): THR
   return lines(segments, colour, false);
 }
 
-/** The area within a ring, so thin that what is on it shows through. */
-export function patchOf(ring_m: readonly [number, number][], [red, green, blue]: Rgb): THREE.Mesh {
-  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-  const material = new THREE.MeshBasicMaterial({
-    color, transparent: true, opacity: 0.22, depthTest: false, depthWrite: false, side: THREE.DoubleSide,
-  });
+/** The area within a ring. */
+export function patchOf(ring_m: readonly [number, number][], colour: Rgb): THREE.Mesh {
   const shape = new THREE.Shape(ring_m.map(([x, y]) => new THREE.Vector2(x, y)));
-  return new THREE.Mesh(new THREE.ShapeGeometry(shape), material);
+  return new THREE.Mesh(new THREE.ShapeGeometry(shape), veil(colour, 0.22));
 }
 
 /** Gives back what the graphics card holds for everything below. */

@@ -26,7 +26,7 @@ const FLIGHT_MS = 450;
 const FROM_CORNER = new THREE.Vector3(-0.55, -0.85, 0.95);
 
 /** What `look` shows. */
-export interface Scene {
+interface Scene {
   /** Around everything; the range of the zoom depends on it. */
   box: THREE.Box3;
   /** The points that are in the picture. */
@@ -96,10 +96,9 @@ export class Stage {
   private flight = 0;
 
   constructor(label: string, signal: AbortSignal) {
-    this.renderer = new THREE.WebGLRenderer({
-      antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance",
-    });
+    this.renderer = new THREE.WebGLRenderer({ antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
+    this.renderer.localClippingEnabled = true;
     this.renderer.setPixelRatio(this.pixelRatio);
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;

@@ -4,7 +4,8 @@ import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { clustered } from "./coarse.ts";
 import type { Parts } from "./stage.ts";
-import { type Colouring, type Rgb, rgb } from "./colours.ts";
+import { type Colouring, rgb } from "./colours.ts";
+import { NO_CUT_M } from "./material.ts";
 
 /** Classes of which only the side towards the eye is drawn, so that one looks over the near walls into the rooms. */
 export const OF_SHELL: ReadonlySet<string> = new Set(["wall", "ceiling", "window", "door", "curtain", "picture", "mirror", "radiator"]);
@@ -54,12 +55,20 @@ export interface ClassLook {
   isShown: boolean;
 }
 
+interface OfClass {
+  material: THREE.ShaderMaterial;
+  paint: THREE.Vector3;
+  meshes: THREE.Mesh[];
+}
+
 export class Surface implements Parts {
   /** In the map's frame. */
   readonly group = new THREE.Group();
   readonly triangles: number;
   private readonly indices: { geometry: THREE.BufferGeometry; fine: THREE.BufferAttribute; coarse: THREE.BufferAttribute }[] = [];
-  private readonly byClass = new Map<string, { material: THREE.ShaderMaterial; meshes: THREE.Mesh[] }>();
+  private readonly byClass = new Map<string, OfClass>();
+  /** Of the materials of all classes. */
+  private readonly uniforms = { is_flat: { value: false }, cut_m: { value: NO_CUT_M } };
 
   constructor(scene: THREE.Object3D) {
     // The file has y up.
@@ -71,7 +80,7 @@ export class Surface implements Parts {
     let triangles = 0;
     for (const mesh of meshes) {
       const name = String(mesh.userData.class ?? "other");
-      const one = this.byClass.get(name) ?? { material: materialOf(name), meshes: [] };
+      const one = this.byClass.get(name) ?? this.classOf(name);
       this.byClass.set(name, one);
       for (const old of [mesh.material].flat()) old.dispose();
       mesh.material = one.material;
@@ -85,9 +94,21 @@ export class Surface implements Parts {
     this.triangles = triangles;
   }
 
+  private classOf(name: string): OfClass {
+    const paint = new THREE.Vector3(0.6, 0.6, 0.6);
+    const material = new THREE.ShaderMaterial({
+      glslVersion: THREE.GLSL3,
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT,
+      side: THREE.DoubleSide,
+      uniforms: { ...this.uniforms, is_shell: { value: OF_SHELL.has(name) }, paint: { value: paint } },
+    });
+    return { material, paint, meshes: [] };
+  }
+
   /** Points have clips and probabilities; a surface has colours and classes. */
   setColouring(colouring: Colouring): void {
-    for (const { material } of this.byClass.values()) set(material, "is_flat", colouring === "class");
+    this.uniforms.is_flat.value = colouring === "class";
   }
 
   readonly hasCoarse = true;
@@ -116,14 +137,14 @@ export class Surface implements Parts {
   }
 
   setCut(height_m: number): void {
-    for (const { material } of this.byClass.values()) set(material, "cut_m", height_m);
+    this.uniforms.cut_m.value = height_m;
   }
 
   setClasses(looks: readonly ClassLook[]): void {
     for (const { name, color, isShown } of looks) {
       const one = this.byClass.get(name);
       if (!one) continue;
-      set(one.material, "paint", vectorOf(rgb(color)));
+      one.paint.fromArray(rgb(color)).divideScalar(255);
       for (const mesh of one.meshes) mesh.visible = isShown;
     }
   }
@@ -150,28 +171,4 @@ function coarseOf(geometry: THREE.BufferGeometry, fine: THREE.BufferAttribute): 
     ? [position.data.array.subarray(position.offset), position.data.stride]
     : [position.array, position.itemSize];
   return new THREE.BufferAttribute(clustered(places, stride, fine.array, CELL_M), 1);
-}
-
-function materialOf(name: string): THREE.ShaderMaterial {
-  return new THREE.ShaderMaterial({
-    glslVersion: THREE.GLSL3,
-    vertexShader: VERTEX,
-    fragmentShader: FRAGMENT,
-    side: THREE.DoubleSide,
-    uniforms: {
-      is_flat: { value: false },
-      is_shell: { value: OF_SHELL.has(name) },
-      paint: { value: new THREE.Vector3(0.6, 0.6, 0.6) },
-      cut_m: { value: 1e9 },
-    },
-  });
-}
-
-function set(material: THREE.ShaderMaterial, name: string, value: unknown): void {
-  const uniform = material.uniforms[name];
-  if (uniform) uniform.value = value;
-}
-
-function vectorOf([red, green, blue]: Rgb): THREE.Vector3 {
-  return new THREE.Vector3(red / 255, green / 255, blue / 255);
 }

@@ -4,7 +4,7 @@ import * as THREE from "three";
 import type { Thing } from "../types.ts";
 import { type Colouring, type Rgb, rgb } from "./colours.ts";
 import { cornersOf } from "./fit.ts";
-import { PointMaterial } from "./material.ts";
+import { NO_CUT_M, PointMaterial } from "./material.ts";
 import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
 import type { Point3, Ray } from "./pick.ts";
@@ -13,7 +13,7 @@ import { boxOf, type FloorPicture, floorOf, outlineOf, patchOf, pathOf, release,
 import { Stage, type Viewpoint } from "./stage.ts";
 import type { ClassLook, Surface } from "./surface.ts";
 
-export interface Path {
+interface Path {
   places_m: [number, number, number][];
   colour: Rgb;
 }
@@ -39,6 +39,8 @@ export class CloudView {
   private points: THREE.Points | null = null;
   private cloud: { cloud: Cloud; voxel_m: number } | null = null;
   private surface: Surface | null = null;
+  /** Boxes end at it; the shaders of the points and of the surface have the same height. */
+  private readonly cut = new THREE.Plane(new THREE.Vector3(0, 0, -1), NO_CUT_M);
   private bounds = new THREE.Box3();
   private outline: THREE.Vector3[] = [];
   private isFramed = false;
@@ -148,7 +150,7 @@ export class CloudView {
   }
 
   setCut(height_m: number): void {
-    this.material.cut_m = height_m;
+    this.cut.constant = this.names.cut_m = this.material.cut_m = height_m;
     this.surface?.setCut(height_m);
     this.draw();
   }
@@ -167,7 +169,7 @@ export class CloudView {
 
   setThings(things: Thing[], colourOf: (thing: Thing) => Rgb): void {
     release(this.boxes);
-    for (const thing of things) this.boxes.add(boxOf(thing, colourOf(thing)));
+    for (const thing of things) this.boxes.add(boxOf(thing, colourOf(thing), [this.cut]));
     this.draw();
   }
 

@@ -1,12 +1,15 @@
 // Fetches and reads points beside the page, so that it stays responsive.
 
-import { explanation, Refusal, refusalOf } from "../api.ts";
+import { file, lost, Refusal } from "../api.ts";
 import type { Ask, Told } from "./messages.ts";
 import { type Points, PlyStream } from "./ply.ts";
 import { resumed } from "./resume.ts";
 
 /** Pieces from the network are gathered to about this size: each piece costs the page a moment. */
 const BATCH_BYTES = 1 << 20;
+
+/** The page ends the worker with all that it does. */
+const never = new AbortController().signal;
 
 function tell(told: Told, transfer: Transferable[] = []): void {
   (self as unknown as { postMessage(message: Told, transfer: Transferable[]): void }).postMessage(told, transfer);
@@ -19,15 +22,13 @@ function tellPoints(at: number, points: Points): number {
   return count;
 }
 
-function lost(): never {
-  throw new Refusal(0, explanation(0, ""));
-}
-
 async function open({ url, known }: Ask): Promise<Response | null> {
-  const answer = await fetch(url, known ? { headers: { "if-none-match": known } } : {}).catch(lost);
-  if (answer.ok || answer.status === 304) return answer;
-  if (answer.status === 404) return null;
-  throw refusalOf(answer.status, await answer.text().catch(() => ""), answer.headers.get("retry-after"));
+  try {
+    return await file(url, known);
+  } catch (error) {
+    if (error instanceof Refusal && error.status === 404) return null;
+    throw error;
+  }
 }
 
 function joined(chunks: Uint8Array[], size: number): Uint8Array {
@@ -45,11 +46,11 @@ async function load(ask: Ask): Promise<void> {
   if (answer?.status === 304) return tell({ what: "same" });
   if (!answer?.body) return tell({ what: "nothing" });
   const stream = new PlyStream(true);
-  const pieces = resumed(answer);
+  const pieces = resumed(answer, never);
   let [at, size, begun] = [0, 0, false];
   let chunks: Uint8Array[] = [];
   for (;;) {
-    const { value, done } = await pieces.next().catch(lost);
+    const { value, done } = await pieces.next().catch(() => Promise.reject(lost()));
     if (value) {
       chunks.push(value);
       size += value.length;

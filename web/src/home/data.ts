@@ -4,6 +4,7 @@ import * as api from "../api.ts";
 import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { composed, place } from "../frames.ts";
 import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, RobotRoom, Room, Scan, Thing } from "../types.ts";
+import { patiently } from "../upload/retry.ts";
 import { clipName } from "../words.ts";
 import { lidarBelow } from "./below.ts";
 
@@ -168,7 +169,7 @@ export class HomeData {
       for (;;) {
         const wanted = this.clips.filter((clip) => (clip.alignment || clip.last_answer) && !this.scans.has(clip.id)).slice(0, SCANS_AT_ONCE);
         if (wanted.length === 0) return;
-        const scans = await Promise.all(wanted.map((clip) => api.scan(this.home.id, clip.id, signal)));
+        const scans = await Promise.all(wanted.map((clip) => patiently(() => api.scan(this.home.id, clip.id, signal), signal)));
         wanted.forEach((clip, i) => this.scans.set(clip.id, scans[i] ?? null));
         onRead();
       }

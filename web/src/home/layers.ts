@@ -47,9 +47,7 @@ export class LayersPanel {
     slider.addEventListener("input", () => {
       const value = Number(slider.value);
       tell(value);
-      this.looks.change((looks) => {
-        looks.cut_m = value >= MAX_CUT_M ? null : value;
-      });
+      this.looks.cut(value >= MAX_CUT_M ? null : value);
     });
     return h("label", { class: "slider" }, h("span", {}, "Cut at height"), word, slider);
   }

@@ -5,7 +5,7 @@ import type { ClipState } from "../types.ts";
 import { isSame, type Selection } from "./selection.ts";
 
 export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths"] as const;
-export type Layer = (typeof LAYERS)[number];
+type Layer = (typeof LAYERS)[number];
 
 export const LAYER_WORDS: Record<Layer, string> = {
   points: "Map of the clips",
@@ -31,7 +31,7 @@ export class Looks {
   readonly hiddenClasses = new Set<string>(["ceiling"]);
   /** By id. */
   readonly hiddenClips = new Set<string>();
-  /** Nothing higher is shown; null for no limit. */
+  /** Nothing higher is shown in three dimensions, and no higher point on the plan; null for no limit. */
   cut_m: number | null = null;
   selected: Selection | null = null;
   /** The list shows only clips of this state; null for all. */
@@ -39,6 +39,7 @@ export class Looks {
   /** True if the list shows also the oldest of many clips. */
   hasAllClips = false;
   private readonly listeners: (() => void)[] = [];
+  private readonly ofCut: (() => void)[] = [];
   /** False if no point of the shown level has a colour: it would be black. */
   private hasColour = true;
   private wanted: Colouring = "colour";
@@ -73,6 +74,17 @@ export class Looks {
 
   onChange(listen: () => void): void {
     this.listeners.push(listen);
+  }
+
+  /** Calls back after a slider moved the cut: it does so many times a second, so no other listener is called. */
+  onCut(listen: () => void): void {
+    this.ofCut.push(listen);
+  }
+
+  cut(height_m: number | null): void {
+    if (height_m === this.cut_m) return;
+    this.cut_m = height_m;
+    for (const listen of this.ofCut) listen();
   }
 
   select(selected: Selection | null): void {

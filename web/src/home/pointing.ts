@@ -1,6 +1,6 @@
 // Turns a click into the object, the room or the measured point at its place.
 
-import { along, type Point3, pointOn, type Ray, thingAbove, thingOn } from "../cloud/pick.ts";
+import { along, partBelow, type Point3, pointOn, type Ray, thingAbove, thingOn } from "../cloud/pick.ts";
 import type { Cloud } from "../cloud/points.ts";
 import { OF_SHELL } from "../cloud/surface.ts";
 import type { Point2 } from "../frames.ts";
@@ -25,7 +25,8 @@ export class Pointing {
 
   clickInCloud(ray: Ray, reach_rad: number): void {
     const surface_m = this.surfaceOn(ray, reach_rad);
-    this.click(onRay(ray, surface_m), thingOn(ray, this.things(), surface_m));
+    const cut_m = this.looks.cut_m ?? Infinity;
+    this.click(onRay(ray, surface_m), thingOn(ray, this.things().flatMap((thing) => partBelow(thing, cut_m) ?? []), surface_m));
   }
 
   /** The point that a click on a ray would measure. */

@@ -1,7 +1,8 @@
 // Draws what is known of a home, as its looks say, in two or in three dimensions.
 
-import { lidarPicture } from "../api.ts";
+import { lidarPath } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
+import { NO_CUT_M } from "../cloud/material.ts";
 import type { Cloud } from "../cloud/points.ts";
 import type { Name } from "../cloud/names.ts";
 import type { Point3 } from "../cloud/pick.ts";
@@ -88,6 +89,7 @@ export class HomeScene {
     }
     this.aimWith(pointing, signal);
     looks.onChange(() => this.apply());
+    looks.onCut(() => this.cut());
     onTheme(() => this.drawPicture(), signal);
     this.update();
   }
@@ -219,7 +221,7 @@ export class HomeScene {
   private pictureOf(signal: AbortSignal): LevelPicture {
     return new LevelPicture({
       load: async (level, ink) => {
-        const canvas = await inkOf(lidarPicture(this.data.home.id, level), ink === "dark", signal);
+        const canvas = await inkOf(lidarPath(this.data.home.id, level, "image.png"), ink === "dark", signal);
         return { canvas, address: await addressOf(canvas) };
       },
       show: (picture) => {
@@ -252,6 +254,13 @@ export class HomeScene {
     else this.applyTo2d();
     this.top.draw(this.points.shown, data, looks);
     this.measure.isReady = !is3d || !looks.layers.has("points") || this.points.isComplete;
+  }
+
+  /** Cuts what is drawn already. The stage draws once for all calls before its next frame. */
+  private cut(): void {
+    const { looks, data } = this;
+    this.cloudView?.setCut(looks.cut_m ?? NO_CUT_M);
+    this.top.draw(this.points.shown, data, looks);
   }
 
   private readWays(): void {
@@ -306,7 +315,7 @@ export class HomeScene {
     this.surface.update(data, looks);
     cloudView.setSurface(this.surface.shown);
     cloudView.setColouring(looks.colouring);
-    cloudView.setCut(looks.cut_m ?? 1e9);
+    cloudView.setCut(looks.cut_m ?? NO_CUT_M);
     for (const { id, name, color } of data.classes) cloudView.setClass(id, color, !looks.hiddenClasses.has(name));
     const { shown } = this.points;
     (shown?.clips ?? []).forEach((clip, i) =>
@@ -323,8 +332,8 @@ export class HomeScene {
     cloudView.setNames([
       ...this.roomNames().map(({ text, at_m: [x, y] }): Name => ({ text, kind: "room", at_m: [x, y, 0] })),
       ...things.map((thing): Name => {
-        const [x, y, z] = thing.centre_m;
-        return { text: thingName(thing), kind: "object", at_m: [x, y, z + thing.size_m[2] / 2] };
+        const [[x, y, z], half] = [thing.centre_m, thing.size_m[2] / 2];
+        return { text: thingName(thing), kind: "object", at_m: [x, y, z + half], low_m: z - half };
       }),
     ]);
     cloudView.setSelected(thingOf(data, looks.selected), roomOf(data, looks.selected)?.polygon_m ?? null, MARK);

@@ -1,8 +1,10 @@
 // Loads the surface of a home when a person looks at it, and again when the map has another one.
 
-import * as api from "../api.ts";
+import { file, homePath, lost } from "../api.ts";
+import { bytesOf } from "../cloud/resume.ts";
 import { readSurface, type Surface } from "../cloud/surface.ts";
-import { pause, retryDelay_ms } from "../upload/retry.ts";
+import { messageOf } from "../parts/notices.ts";
+import { patiently } from "../upload/retry.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
@@ -50,13 +52,15 @@ export class HomeSurface {
     this.onStatus("The surface is being loaded …");
     try {
       const known = this.shown ? this.tag : null;
-      const answer = await patiently(() => api.surface(home.id, level, known, signal), signal);
-      const surface = answer && (await readSurface(answer.glb));
+      const path = homePath(home.id, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`);
+      const read = await patiently(() => readFile(path, known, signal), signal, (error) =>
+        this.onStatus(`The surface is requested again: ${messageOf(error)}`));
+      const surface = read && (await readSurface(read.bytes));
       if (signal.aborted) return surface?.dispose();
       this.onStatus("");
-      if (!answer || !surface) return;
+      if (!read || !surface) return;
       this.shown?.dispose();
-      [this.shown, this.tag] = [surface, answer.tag];
+      [this.shown, this.tag] = [surface, read.tag];
       this.onChange();
     } catch (error) {
       if (signal.aborted) return;
@@ -75,15 +79,9 @@ export class HomeSurface {
   }
 }
 
-/** Asks again while the service is busy: the surface of a new map is made on request. */
-async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal): Promise<T> {
-  for (let failures = 1; ; failures++) {
-    try {
-      return await ask();
-    } catch (error) {
-      const wait_ms = error instanceof api.Refusal && error.status === 503 ? retryDelay_ms(error, failures) : null;
-      if (wait_ms === null || signal.aborted) throw error;
-      await pause(wait_ms, signal);
-    }
-  }
+/** A file with its `ETag`; null if it is the one that is known. */
+async function readFile(path: string, known: string | null, signal: AbortSignal): Promise<{ bytes: ArrayBuffer; tag: string | null } | null> {
+  const answer = await file(path, known, signal);
+  if (answer.status === 304) return null;
+  return { bytes: await bytesOf(answer, signal).catch(() => Promise.reject(lost())), tag: answer.headers.get("etag") };
 }

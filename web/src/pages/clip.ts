@@ -6,24 +6,24 @@ import { alternatives, type Ground, headingOf } from "../clip/alternatives.ts";
 import { answer, files, recording, stages, technical } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { answerName, isLast, isOfEarlierMap, lastAnswerNote, withShownAnswer } from "../clip/last.ts";
-import { overlayLegend } from "../clip/overlay.ts";
+import { overlayInWords } from "../clip/overlay.ts";
 import { hasWrongFiles, isDoubtful, isForeign, mayLieElsewhere } from "../clip/plausible.ts";
 import { reasonsOf } from "../clip/reasons.ts";
 import { h, put, putAgain } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { askText, confirm } from "../parts/dialog.ts";
 import { Backoff, whenDue } from "../parts/backoff.ts";
-import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
+import { Followed, onHomeChange, type Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
-import { attempt, messageOf, say } from "../parts/notices.ts";
-import { thumbnail } from "../parts/thumbnail.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { thumbnail, whenMissing } from "../parts/thumbnail.ts";
 import { wordsFor } from "../problems.ts";
 import { toClip, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip, ClipState, Home } from "../types.ts";
 import { clipName, clipStateMeaning, clipStateWord, isUnderWay, jobWord, named, percent } from "../words.ts";
-import { type Place, setCrumbs } from "./page.ts";
+import { keepUpToDate, type Place, setCrumbs } from "./page.ts";
 
 const FOREIGN = "No place in this home explains it.";
 /** The form of the ids of clips; no clip has another one. */
@@ -57,8 +57,6 @@ class ClipPage {
   private readonly places = h("section", {});
   private readonly rest = h("div", { class: "columns" });
   private readonly pictures = h("section", {});
-  /** Of the picture over the LiDAR map. */
-  private readonly legend = h("div", {});
   private readonly cloud: ClipCloud;
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
   private readonly stage = h("span", { class: "hint" });
@@ -89,23 +87,17 @@ class ClipPage {
       () => this.repeated.again(),
       signal,
     );
-    const backoff = new Backoff();
-    this.repeated = new Repeated(async () => {
-      try {
-        this.clip = await api.clip(clip.home, clip.id, signal);
+    this.repeated = keepUpToDate(place, {
+      read: () => api.clipIfThere(clip.home, clip.id, signal),
+      show: (found) => {
+        if (!found) return this.leave(), null;
+        this.clip = found;
         this.draw();
-        this.lost.textContent = "";
-        backoff.reset();
-      } catch (error) {
-        if (signal.aborted) return null;
-        if (error instanceof api.Refusal && error.status === 404) return this.leave(), null;
-        if (error instanceof api.Refusal && error.isFinal) return place.again(), null;
-        this.lost.textContent = messageOf(error);
-        return backoff.nextReading_ms(error);
-      }
-      followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
-      return null;
-    }, signal);
+        followed.follow(isUnderWay(found) && found.job ? [found.job] : []);
+        return null;
+      },
+      tell: (failure) => (this.lost.textContent = failure),
+    });
   }
 
   /** Shows the home of the clip, which is gone: deleted here, or by somebody else. */
@@ -167,7 +159,6 @@ class ClipPage {
       h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip), files(shown), technical(shown)));
     this.drawPictures();
     this.cloud.show(shown);
-    this.drawLegend();
     this.drawGround();
   }
 
@@ -175,16 +166,8 @@ class ClipPage {
   private drawGround(): void {
     this.reading = this.reading.catch(() => {}).then(async () => {
       await this.readGround();
-      if (this.place.signal.aborted) return;
-      this.drawLegend();
-      this.drawPlaces();
+      if (!this.place.signal.aborted) this.drawPlaces();
     });
-  }
-
-  private drawLegend(): void {
-    const { shown, ground: { lidars } } = this;
-    const lidar = lidars.find(({ level }) => level === shown.alignment?.alternatives[0]?.level);
-    put(this.legend, overlayLegend(shown, !!lidar?.info.charger));
   }
 
   private drawVerdict(): void {
@@ -257,7 +240,7 @@ class ClipPage {
       if (isOfEarlierMap(clip)) return;
       for (const { level } of ground.lidars) {
         if (!levels.has(level) || ground.pictures.has(level)) continue;
-        const address = await addressOf(await inkOf(api.lidarPicture(clip.home, level), isDark(), signal));
+        const address = await addressOf(await inkOf(api.lidarPath(clip.home, level, "image.png"), isDark(), signal));
         if (signal.aborted) return URL.revokeObjectURL(address);
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
         ground.pictures.set(level, address);
@@ -289,14 +272,13 @@ class ClipPage {
   private drawPictures(): void {
     const { shown: clip } = this;
     if (!clip.alignment) return put(this.pictures);
-    const picture = (name: string, title: string, alt: string, shape = "", legend: HTMLElement | null = null) => {
+    const picture = (name: string, title: string, alt: string, shape = "") => {
       const address = `${api.clipPath(clip, name)}?job=${answerName(clip)}`;
       // Photographs are not drawn on paper.
       const image = h("img", { class: shape === "row" ? null : "paper", src: address, alt, loading: "lazy" });
-      const caption = h("figcaption", {}, title, legend);
-      const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
+      const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), h("figcaption", {}, title));
       // Not every answer has every picture.
-      image.addEventListener("error", () => {
+      whenMissing(image, this.place.signal, () => {
         figure.remove();
         if (!this.pictures.querySelector("figure")) put(this.pictures);
       });
@@ -305,8 +287,9 @@ class ClipPage {
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
       clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
       clip.alignment.hits > 0 && picture("overlay.png",
-        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map`,
-        "The clip's points over the LiDAR map, at the service's own answer", "", this.legend),
+        // A phone shows its legend too small.
+        `The service's own answer over the ${isOfEarlierMap(clip) ? "previous " : ""}LiDAR map. Open the picture to read its legend.`,
+        overlayInWords(clip)),
       // Without a filled-in hit the picture says nothing.
       clip.alignment.completion && clip.alignment.completion.hits > 0
         ? picture("completion.png", "Views that were completed because the clip is in doubt",

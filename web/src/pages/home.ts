@@ -1,6 +1,6 @@
 // One home: its map, its clips, and what is put into it.
 
-import { clipsAtWork, Refusal } from "../api.ts";
+import { clipsAtWork } from "../api.ts";
 import { h, put } from "../dom.ts";
 import { Address } from "../home/address.ts";
 import { ClipsPanel } from "../home/clips.ts";
@@ -22,15 +22,14 @@ import { deselectMissing, read, written } from "../home/share.ts";
 import { Summary } from "../home/summary.ts";
 import { ThingsPanel } from "../home/things.ts";
 import { Toolbar } from "../home/toolbar.ts";
-import { Backoff } from "../parts/backoff.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
-import { messageOf, say } from "../parts/notices.ts";
+import { say } from "../parts/notices.ts";
 import { StatusLine } from "../parts/status.ts";
 import { parse, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import { UploadPanel } from "../upload/panel.ts";
 import { isUnderWay } from "../words.ts";
-import { type Place, setCrumbs } from "./page.ts";
+import { keepUpToDate, type Place, setCrumbs } from "./page.ts";
 
 /** Time between two readings of a home whose map is out of date. */
 const MERGE_MS = 10_000;
@@ -76,6 +75,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
   const view = () => written(looks, data.hasLevels ? data.level : null, scene.framing);
   const address = new Address(id, view, side, signal);
   looks.onChange(() => address.note());
+  looks.onCut(() => address.note());
   const leaveLevel = () => {
     scene.measure.end();
     looks.select(null);
@@ -98,7 +98,7 @@ export async function showHome(place: Place, id: string, asked: URLSearchParams)
     // Another level has another camera.
     address.soon();
   };
-  const repeated = keepUpToDate(place, data, { clips, status, losses: new Losses(data, looks) }, draw);
+  const repeated = follow(place, data, { clips, status, losses: new Losses(data, looks) }, draw);
 
   const foot = h("div", { class: "stage-foot" }, h("div", { class: "stage-notes" }, status.shown, legend.element), summary.figures);
   // In the order in which keys reach them.
@@ -141,12 +141,13 @@ function leaveHome(id: string): void {
 }
 
 /** Reads the home again after each of its changes, and follows its jobs. */
-function keepUpToDate(
-  { signal, again }: Place,
+function follow(
+  place: Place,
   data: HomeData,
   { clips, status, losses }: { clips: ClipsPanel; status: StatusLine; losses: Losses },
   draw: () => void,
 ): Repeated {
+  const { signal } = place;
   const followed = new Followed(
     (job) => {
       const clip = data.clips.find((clip) => clip.job?.id === job.id);
@@ -162,30 +163,24 @@ function keepUpToDate(
     return atWork.length > 1 ? PROGRESS_MS : null;
   }, signal);
   // Events tell when to ask; only a lost server is asked again and again.
-  const backoff = new Backoff();
   let isLost = false;
-  const repeated = new Repeated(async () => {
-    try {
-      await data.refresh(signal);
-      if (signal.aborted) return null;
+  const repeated = keepUpToDate(place, {
+    read: () => data.refresh(signal),
+    show: () => {
       for (const text of losses.told()) say(text);
-      if (isLost) status.show("");
-      isLost = false;
-      backoff.reset();
       draw();
-    } catch (error) {
-      if (signal.aborted) return null;
-      if (error instanceof Refusal && error.isFinal) return again(), null;
-      isLost = true;
-      status.fail(messageOf(error));
-      return backoff.nextReading_ms(error);
-    }
-    const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
-    followed.follow(jobs);
-    if (jobs.filter(({ state }) => state === "running").length > 1) several.again();
-    // No event tells that a merge failed, or changed nothing.
-    return jobs.length === 0 && data.home.map_state !== "current" ? MERGE_MS : null;
-  }, signal);
+      const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
+      followed.follow(jobs);
+      if (jobs.filter(({ state }) => state === "running").length > 1) several.again();
+      // No event tells that a merge failed, or changed nothing.
+      return jobs.length === 0 && data.home.map_state !== "current" ? MERGE_MS : null;
+    },
+    tell: (failure) => {
+      if (failure) status.fail(failure);
+      else if (isLost) status.show("");
+      isLost = failure !== "";
+    },
+  });
   return repeated;
 }
 

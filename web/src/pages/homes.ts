@@ -3,15 +3,13 @@
 import { homePath, homes, makeHome, Refusal } from "../api.ts";
 import { h, keepFocus, put } from "../dom.ts";
 import { attentionFirst, attentionOf, nextStepOf, withAttention } from "../home/attention.ts";
-import { Backoff } from "../parts/backoff.ts";
-import { Repeated } from "../parts/live.ts";
 import { stateMark } from "../parts/marks.ts";
-import { attempt, messageOf } from "../parts/notices.ts";
+import { attempt } from "../parts/notices.ts";
 import { type Asked, toHome, toHomes } from "../route.ts";
 import { mayChange } from "../session.ts";
 import type { Home, List } from "../types.ts";
 import { many, STATES, stateTitle, stateWord, time } from "../words.ts";
-import { type Place, setCrumbs } from "./page.ts";
+import { keepUpToDate, type Place, setCrumbs } from "./page.ts";
 
 /** Pause between two readings of the list; an unchanged one is answered with 304. */
 const REST_MS = 3000;
@@ -24,27 +22,15 @@ export async function showHomes(place: Place, asked: Asked): Promise<void> {
   list.draw(first);
   put(place.main, h("div", { class: "page" },
     h("div", { class: "head" }, h("h1", {}, "Homes"), mayChange() && newHome(place.signal), list.lost), ...list.elements));
-  keepUpToDate(place, asked, list, first);
-}
-
-/** Reads the list again when a person looks at it again, and regularly while clips or maps are being worked on. */
-function keepUpToDate({ signal, again }: Place, asked: Asked, list: HomeList, first: List<Home>): void {
-  const backoff = new Backoff();
-  const repeated = new Repeated(async () => {
-    try {
-      const page = await readHomes(asked, signal);
-      if (signal.aborted) return null;
-      backoff.reset();
+  // Also when a person looks at the list again, and regularly while clips or maps are being worked on.
+  const repeated = keepUpToDate(place, {
+    read: () => readHomes(asked, place.signal),
+    show: (page) => {
       list.draw(page);
-      list.lost.textContent = "";
       return page.items.some(isUnderWay) ? REST_MS : null;
-    } catch (error) {
-      if (signal.aborted) return null;
-      if (error instanceof Refusal && error.isFinal) return again(), null;
-      list.lost.textContent = messageOf(error);
-      return backoff.nextReading_ms(error);
-    }
-  }, signal);
+    },
+    tell: (failure) => (list.lost.textContent = failure),
+  });
   if (first.items.some(isUnderWay)) repeated.again();
 }
 

@@ -103,6 +103,8 @@ export function onHomeChange(home: string, changed: () => void, signal: AbortSig
     }, () => reopenAfter(CROWDED_MS));
   };
   document.addEventListener("visibilitychange", () => (document.hidden ? close() : open()), { signal });
+  // The stream of the network before may never end, and one that was refused would wait for its time.
+  addEventListener("online", open, { signal });
   signal.addEventListener("abort", close);
   open();
 }
@@ -120,6 +122,7 @@ export class Repeated {
     signal.addEventListener("abort", () => clearTimeout(this.timer));
     // A page that is not looked at does not ask.
     document.addEventListener("visibilitychange", () => document.hidden || this.again(), { signal });
+    addEventListener("online", () => document.hidden || this.again(), { signal });
   }
 
   again(): void {

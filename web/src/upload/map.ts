@@ -1,6 +1,6 @@
 // Sends a LiDAR map, and takes a replacement back.
 
-import { homePath, Refusal, restoreLidarMap } from "../api.ts";
+import { lidarPath, Refusal, restoreLidarMap } from "../api.ts";
 import { attempt, offer, say } from "../parts/notices.ts";
 import { levelWord } from "../words.ts";
 import { sentName } from "./names.ts";
@@ -32,7 +32,7 @@ export async function sendMap(
 ): Promise<number> {
   const name = sentName(file);
   const query = name ? `?filename=${encodeURIComponent(name)}` : "";
-  const path = homePath(home, "lidar-maps", encodeURIComponent(level)) + query;
+  const path = lidarPath(home, level) + query;
   const answer = await request("PUT", path, { headers: { "content-type": "application/octet-stream" }, body: file, onSent, signal })
     .catch((error: unknown) => Promise.reject(ofMap(error)));
   return (JSON.parse(answer.responseText) as { revision: number }).revision;

@@ -23,6 +23,20 @@ export function mayTryAgain(error: unknown): boolean {
   return error instanceof Refusal && (error.status >= 500 || error.status === 429);
 }
 
+/** The answer of `ask`, which is called again after each failure that passes; `onFailure` hears of these. */
+export async function patiently<T>(ask: () => Promise<T>, signal: AbortSignal, onFailure?: (error: unknown) => void): Promise<T> {
+  for (let failures = 1; ; failures++) {
+    try {
+      return await ask();
+    } catch (error) {
+      const wait_ms = signal.aborted ? null : retryDelay_ms(error, failures);
+      if (wait_ms === null) throw error;
+      onFailure?.(error);
+      await pause(wait_ms, signal);
+    }
+  }
+}
+
 /** Waits for a time; ends at once when the browser is online again, and when the signal aborts. */
 export function pause(wait_ms: number, signal: AbortSignal): Promise<void> {
   return new Promise((resolve) => {
