@@ -30,7 +30,7 @@ async fn check_refused(request: reqwest::RequestBuilder, status: u16, code: &str
 #[tokio::test]
 async fn a_clip_arrives_in_two_parts() {
     let server = Server::without_workers().await;
-    let home = server.make_room("h").await;
+    server.make_room("h").await;
     let clip = small_clip();
     let (first, rest) = clip.split_at(clip.len() / 3);
     let upload = server.begin("h", clip.len()).await;

@@ -53,7 +53,8 @@ fn parse(archive: impl Read + Seek) -> Result<(Arc<ZipArchiveMetadata>, u64), Co
     // A known offset keeps the crate from searching the whole file for the directory.
     let config = Config { archive_offset: ArchiveOffset::Known(0) };
     let archive = ZipArchive::with_config(config, BufReader::new(archive)).map_err(damaged)?;
-    Ok((archive.metadata(), archive.central_directory_start()))
+    // The crate takes what lies before the end of an archive without entries for bytes before the archive.
+    Ok((archive.metadata(), archive.central_directory_start().saturating_sub(archive.offset())))
 }
 
 pub(super) fn damaged(error: ZipError) -> ContainerError {
