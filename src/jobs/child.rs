@@ -137,7 +137,7 @@ fn tend(
     match told {
         Some(ended) => ended.and_then(|()| protocol::read_result(folder)),
         None if is_killed => Err(AttemptError::Cancelled),
-        None => Err(without_a_word(status, &last_words(&said), limits)),
+        None => Err(without_a_word(status, &last_words(File::open(&said)), limits)),
     }
 }
 
@@ -179,9 +179,9 @@ fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> AttemptE
 }
 
 /// Returns the end of a process's standard error; empty if it cannot be read. It has the cause and the first frames of a backtrace.
-pub(super) fn last_words(file: &Path) -> String {
+pub(super) fn last_words(said: io::Result<File>) -> String {
     let read = || -> io::Result<Vec<u8>> {
-        let mut file = File::open(file)?;
+        let mut file = said?;
         let bytes = file.metadata()?.len();
         file.seek(SeekFrom::Start(bytes.saturating_sub(MAX_END_BYTES)))?;
         let mut tail = Vec::new();
@@ -205,7 +205,7 @@ mod tests {
         let file = folder.path().join("stderr");
         let said = |text: String| {
             fs::write(&file, text).unwrap();
-            last_words(&file)
+            last_words(File::open(&file))
         };
         let (before, frame) = ("a line of a log\n".repeat(20_000), "  17: a frame of a backtrace\n");
         assert_eq!(said(String::new()), "");
@@ -220,6 +220,6 @@ mod tests {
         }
         assert!(said(format!("{before}at the end")).ends_with("at the end"));
         fs::remove_file(&file).unwrap();
-        assert_eq!(last_words(&file), "");
+        assert_eq!(last_words(File::open(&file)), "");
     }
 }

@@ -235,8 +235,8 @@ async fn work(
     let leash = Arc::new(Leash::default());
     let end = match site.child.clone() {
         Some(child) => {
-            let (folder, limit_bytes, leash) = (storage.work_folder()?, site.memory_bytes, leash.clone());
-            on_own_thread(move || tend(&child, &order, limit_bytes, folder.path(), &mut link, &leash))
+            let (said, limit_bytes, leash) = (storage.scratch_file()?, site.memory_bytes, leash.clone());
+            on_own_thread(move || tend(&child, &order, limit_bytes, said, &mut link, &leash))
         }
         None => {
             let (surface, running) = (site.surface.clone(), running.clone());

@@ -75,7 +75,7 @@ async fn a_child_makes_the_same_map() {
         assert!(maps[0][number] == maps[1][number], "{route}");
     }
     let left = apart.blobs().into_iter().filter(|path| path.to_string_lossy().contains("/job-"));
-    assert_eq!(left.count(), 0, "the folder of the merge is gone");
+    assert_eq!(left.count(), 0, "a merge has no folder");
 }
 
 #[tokio::test]

@@ -11,25 +11,23 @@ use std::alloc::{Layout, handle_alloc_error};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
-use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 use viola_formats::video::was_asked_to_stop;
 use viola_geometry::progress::Silent;
 
 /// Starts the process and answers it until it has ended. It is killed with `leash`, and ends with this thread. Its standard
-/// error goes into `folder`.
+/// error goes to `said`.
 pub(super) fn tend(
     params: &ChildParams,
     order: &Order,
     limit_bytes: u64,
-    folder: &Path,
+    said: File,
     link: &mut dyn Link,
     leash: &Leash,
 ) -> Result<Option<Made>, MergeError> {
-    let said = folder.join("stderr");
     let mut command = params.command();
     command.args(arguments(limit_bytes)).stdin(Stdio::piped());
-    command.stderr(File::create(&said).map_err(MergeError::NotStarted)?);
+    command.stderr(said.try_clone().map_err(MergeError::NotStarted)?);
     let started = leash.start(&mut command).map_err(MergeError::NotStarted)?;
     let Some(Pipes { stdin: Some(stdin), stdout }) = started else { return Err(MergeError::Cancelled) };
     let ended = converse(order, limit_bytes, BufReader::new(stdout), BufWriter::new(stdin), link);
@@ -37,7 +35,7 @@ pub(super) fn tend(
     // A stop of the service may ask all of its processes to stop.
     ended.unwrap_or_else(|error| match is_killed || was_asked_to_stop(status) {
         true => Err(MergeError::Cancelled),
-        false => Err(without_a_word(status, &error, &last_words(&said), limit_bytes)),
+        false => Err(without_a_word(status, &error, &last_words(Ok(said)), limit_bytes)),
     })
 }
 
