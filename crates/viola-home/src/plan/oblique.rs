@@ -30,10 +30,8 @@ const EXPLAINING_M: f64 = 1.0;
 const EXPLAINED_COS: f64 = 0.9;
 /// Cosine between a point's normal and the direction that its face looks into.
 const FACING: f64 = 0.8;
-/// Bounds on work. A candidate is a direction that is measured again or whose face is fitted. Homes of 400 m² full of furniture
-/// have about 300 of them, since a face has 0.6 m at least, and noise has a thousand.
+/// A bound on work.
 const MAX_FACES: usize = 40;
-pub(super) const MAX_CANDIDATES: usize = 500;
 
 /// An oblique face of a wall. Its room is on the left of the way from `from_m` to the other end.
 #[derive(Debug, Clone)]
@@ -114,15 +112,8 @@ struct Seen {
     index: usize,
 }
 
-/// Returns the oblique faces, the longest evidence first. Takes O((d + c) n log n) time for d directions, n columns (at most
-/// 30 000) and c candidates, of which each passes the columns at most five times.
+/// Returns the oblique faces, the longest evidence first.
 pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
-    let mut candidates = MAX_CANDIDATES;
-    faces_among(evidence, straight, &mut candidates)
-}
-
-/// The same of some candidates; those that were examined are taken off their number.
-pub(super) fn faces_among(evidence: &Evidence, straight: &[Face], candidates: &mut usize) -> Vec<Oblique> {
     let explaining: Vec<&Face> = straight.iter().filter(|face| is_long(face)).collect();
     let mut left: Vec<&Upright> =
         evidence.uprights.iter().filter(|upright| !is_explained(upright, &explaining)).collect();
@@ -134,10 +125,9 @@ pub(super) fn faces_among(evidence: &Evidence, straight: &[Face], candidates: &m
     let mut gains: Vec<f32> = directions.par_iter().map(|normal| gain(&left, normal)).collect();
     let least = MIN_FACE_M * f64::from(1.0 - GAP_LOSS) / ALONG_M;
     let mut faces = Vec::new();
-    while faces.len() < MAX_FACES && *candidates > 0 {
+    while faces.len() < MAX_FACES {
         let best = (0..gains.len()).max_by(|a, b| gains[*a].total_cmp(&gains[*b]).then(b.cmp(a)));
         let Some(best) = best.filter(|best| f64::from(gains[*best]) >= least) else { break };
-        *candidates -= 1;
         let now = gain(&left, &directions[best]);
         if now < gains[best] {
             gains[best] = now;

@@ -1,8 +1,6 @@
 //! Plans with walls that are not along the home's main directions.
 
-use super::super::oblique::{MAX_CANDIDATES, faces_among};
 use super::super::*;
-use super::unfilmed::cells_of;
 use super::{lidar_of, ring};
 use geo::{Area, BooleanOps, LineString, MultiPolygon, Polygon};
 
@@ -133,35 +131,4 @@ fn a_turned_wing_leaves_a_door_its_lines() {
     ] {
         assert!((area_m2(place) / true_m2 - 1.0).abs() < 0.05, "{} {true_m2}", area_m2(place));
     }
-}
-
-/// Returns the number of candidates for oblique faces in a map of cells.
-fn candidates(size_m: [f64; 2], is_wall: impl Fn([u32; 2]) -> bool) -> usize {
-    let lidar = cells_of(size_m, |x, y| is_wall([x, y].map(|metres| (metres / 0.05).floor() as u32)));
-    let space = Space::reaching(&lidar, &[]);
-    let evidence = Evidence::new(Pose2::IDENTITY, &space, &[], &[], &[], &[0], &[]);
-    let mut left = MAX_CANDIDATES;
-    faces_among(&evidence, &faces::faces(&evidence), &mut left);
-    MAX_CANDIDATES - left
-}
-
-/// A number that looks random, by a place.
-fn random([x, y]: [u32; 2]) -> u32 {
-    let mut number = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77);
-    number ^= number >> 15;
-    number = number.wrapping_mul(0x2c1b_3c6d);
-    number ^ (number >> 12)
-}
-
-/// A fifth of the cells of 10 m by 10 m, and 484 fronts of furniture of 0.8 m in 400 m².
-#[test]
-fn noise_has_as_many_candidates_as_may_be_and_a_full_home_has_fewer() {
-    assert_eq!(candidates([10.0; 2], |place| random(place).is_multiple_of(5)), MAX_CANDIDATES);
-    let is_front = |place: [u32; 2]| {
-        let (number, [x, y]) = (random(place.map(|i| i / 18)), place.map(|i| i % 18));
-        let (across, along) = if number.is_multiple_of(2) { (x, y) } else { (y, x) };
-        across == 2 + number / 2 % 14 && along < 16
-    };
-    let of_home = candidates([20.0; 2], is_front);
-    assert!((1..400).contains(&of_home), "{of_home}");
 }
