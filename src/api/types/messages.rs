@@ -1,4 +1,4 @@
-//! What the service sends by itself: events of streams and messages to webhooks. The types describe them.
+//! Messages that the service sends by itself: events of streams and messages to webhooks. The types describe them.
 
 use super::change::Change;
 use super::job::Job;

@@ -53,7 +53,7 @@ fn converse(
 ) -> io::Result<Result<Option<Made>, MergeError>> {
     wire::write(&mut to_work, order, &Files::new())?;
     loop {
-        // What the process made was in its memory.
+        // No message is larger than the memory of its process.
         let (told, files) = wire::read(&mut from_work, limit_bytes)?;
         match told {
             Told::Request(request) => match link.ask(request) {

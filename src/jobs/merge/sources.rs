@@ -1,4 +1,4 @@
-//! What a merge begins from, as it is stored, and the answers to what its work asks for.
+//! The stored state from which a merge begins, and the answers to the questions of its work.
 
 use super::describing::{Earlier, LeftMap, loses_objects, removed_levels};
 use super::error::MergeError;

@@ -15,7 +15,7 @@ use viola_home::{Manifest, TileKey};
 use viola_storage::{LevelCoverage, MapObject, NewRevision, map_file};
 
 /// Most files of one message.
-const MAX_FILES: u64 = 1 << 24;
+const MAX_FILES: u64 = 1 << 20;
 
 /// A message of the work.
 #[derive(Debug, Serialize, Deserialize)]

@@ -28,7 +28,7 @@ pub(super) struct Order {
     pub members: Vec<Member>,
 }
 
-/// What the work asks for.
+/// A question of the work to its worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
     /// The cloud and the views of each clip.

@@ -1,4 +1,4 @@
-//! How long a merge waits for clips that are queued or running.
+//! The time that a merge waits for clips that are queued or running.
 
 use super::home_maps::{current, due, finish, merge, two_aligned};
 use super::*;

@@ -75,7 +75,7 @@ macro_rules! listed {
 }
 pub(crate) use listed;
 
-/// What the transactions of a tenant take turns for.
+/// Work for which the transactions of a tenant take turns.
 #[derive(Clone, Copy)]
 pub enum Turn {
     Quota,

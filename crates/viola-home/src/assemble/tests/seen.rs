@@ -1,4 +1,4 @@
-//! What a clip saw of a room.
+//! The part of a room that a clip saw.
 
 use super::*;
 use crate::MAP_VOXEL_M;
