@@ -16,3 +16,22 @@ pub fn was_asked_to_stop(status: ExitStatus) -> bool {
 pub fn was_asked_to_stop(_: ExitStatus) -> bool {
     false
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::process::ExitStatusExt;
+
+    #[test]
+    fn only_signals_that_ask_count() {
+        // Numbers of signal(7): HUP, INT, TERM; QUIT, ABRT, KILL, SEGV.
+        for (signal, asks) in
+            [(1, true), (2, true), (15, true), (3, false), (6, false), (9, false), (11, false)]
+        {
+            assert_eq!(was_asked_to_stop(ExitStatus::from_raw(signal)), asks, "{signal}");
+        }
+        // Exit codes 0 and 1.
+        assert!(!was_asked_to_stop(ExitStatus::from_raw(0)));
+        assert!(!was_asked_to_stop(ExitStatus::from_raw(1 << 8)));
+    }
+}
