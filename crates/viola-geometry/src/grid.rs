@@ -92,6 +92,11 @@ pub fn cells_around([x, y]: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
     (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
 }
 
+/// Returns a voxel and the 26 around it.
+pub fn voxels_around([x, y, z]: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+    (-1..=1).flat_map(move |dz| cells_around([x, y]).map(move |[x, y]| [x, y, z + dz]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -21,7 +21,7 @@ pub mod taxonomy;
 pub use camera::Pinhole;
 pub use conjugate_gradients::conjugate_gradients;
 pub use distance_field::DistanceField;
-pub use grid::{Grid, GridFrame, cell_of, cells_around};
+pub use grid::{Grid, GridFrame, cell_of, cells_around, voxels_around};
 pub use level_name::{InvalidLevelName, LevelName, MAX_LEVELS};
 pub use plane::Plane;
 pub use pose2::{Pose2, angle_between, wrap_angle};

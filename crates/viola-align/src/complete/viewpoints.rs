@@ -7,7 +7,7 @@ use geo::{ConcaveHull, MultiPoint};
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use viola_geometry::{Pinhole, Point2, Point3, Vector2, cell_of, cells_around};
+use viola_geometry::{Pinhole, Point2, Point3, Vector2, cell_of, cells_around, voxels_around};
 use viola_reconstruct::PointCloud;
 
 /// Strategy for choosing views.
@@ -306,10 +306,7 @@ impl Room {
     }
 
     fn is_free(&self, at: &Point3) -> bool {
-        let [x, y, z] = Room::cell(at);
-        (0.1..2.3).contains(&at.z)
-            && (-1..=1)
-                .all(|dz| (-1..=1).all(|dy| (-1..=1).all(|dx| !self.0.contains(&[x + dx, y + dy, z + dz]))))
+        (0.1..2.3).contains(&at.z) && voxels_around(Room::cell(at)).all(|near| !self.0.contains(&near))
     }
 }
 

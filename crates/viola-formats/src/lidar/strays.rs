@@ -2,7 +2,7 @@
 
 use super::Cell;
 use rustc_hash::FxHashMap;
-use viola_geometry::{Grid, Point2};
+use viola_geometry::{Grid, Point2, cells_around};
 
 /// Side of the squares in which points and free cells are counted. Empty squares separate parts of a map.
 const SQUARE_M: f64 = 10.0;
@@ -74,8 +74,8 @@ fn without_small_parts(mut counts: FxHashMap<Square, usize>) -> FxHashMap<Square
     for first in squares {
         let Some(count) = counts.remove(&first) else { continue };
         let (mut open, mut part) = (vec![first], vec![(first, count)]);
-        while let Some([x, y]) = open.pop() {
-            for next in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy])) {
+        while let Some(square) = open.pop() {
+            for next in cells_around(square) {
                 if let Some(count) = counts.remove(&next) {
                     open.push(next);
                     part.push((next, count));

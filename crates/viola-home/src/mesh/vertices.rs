@@ -6,6 +6,7 @@ use crate::light::GREY;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_geometry::voxels_around;
 use viola_reconstruct::{CloudPoint, NO_COLOR};
 
 /// Returns the vertices at `positions_m`; points within two steps are near.
@@ -16,9 +17,7 @@ pub fn dressed(positions_m: &[[f32; 3]], points: &[&CloudPoint], step_m: f32) ->
         cells.entry(cell(point.position_m)).or_default().push(index as u32);
     }
     let near = |position_m: [f32; 3]| {
-        let at = cell(position_m);
-        let offsets = (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| [x, y, z])));
-        let keys = offsets.map(move |by: [i32; 3]| [at[0] + by[0], at[1] + by[1], at[2] + by[2]]);
+        let keys = voxels_around(cell(position_m));
         keys.filter_map(|key| cells.get(&key)).flatten().map(|index| points[*index as usize])
     };
     let radius2_m2 = (2.0 * step_m).powi(2);

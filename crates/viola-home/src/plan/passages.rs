@@ -11,7 +11,7 @@ use crate::rooms::partition::DOOR_HALF_M;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use viola_geometry::{Point2, Vector2};
+use viola_geometry::{Point2, Vector2, cell_of, cells_around};
 
 /// Step of the raster in which rooms meet, and of the rays to the walls.
 const STEP_M: f64 = 0.05;
@@ -100,9 +100,8 @@ fn borders(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Vec<Meetin
 /// may meet at very many.
 fn apart(all: &[Meeting]) -> Vec<Vec<Meeting>> {
     // Larger than the distance, so that rounding loses none.
-    let square =
-        |meeting: &Meeting| [0, 1].map(|axis: usize| (meeting[0][axis] / (1.01 * TOGETHER_M)).floor() as i64);
-    let mut left: FxHashMap<[i64; 2], Vec<usize>> = FxHashMap::default();
+    let square = |meeting: &Meeting| cell_of(&meeting[0], 1.01 * TOGETHER_M);
+    let mut left: FxHashMap<[i32; 2], Vec<usize>> = FxHashMap::default();
     for (at, meeting) in all.iter().enumerate() {
         left.entry(square(meeting)).or_default().push(at);
     }
@@ -116,8 +115,8 @@ fn apart(all: &[Meeting]) -> Vec<Vec<Meeting>> {
         let mut group = vec![first];
         let mut next = 0;
         while let Some(from) = group.get(next).map(|at| &all[*at]) {
-            let ([x, y], mut near) = (square(from), Vec::new());
-            for there in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
+            let mut near = Vec::new();
+            for there in cells_around(square(from)) {
                 let Some(places) = left.get_mut(&there) else { continue };
                 places.retain(|at| {
                     let is_near = (all[*at][0] - from[0]).norm() <= TOGETHER_M;

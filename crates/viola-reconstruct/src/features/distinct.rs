@@ -2,7 +2,7 @@
 
 use super::{Feature, Found};
 use rustc_hash::FxHashMap;
-use viola_geometry::Point3;
+use viola_geometry::{Point3, voxels_around};
 
 /// Maximum distance of sightings of one feature.
 const NEAR_M: f64 = 0.06;
@@ -71,11 +71,9 @@ pub(super) fn distinct(found: &[Vec<Found>], most: usize) -> Vec<Feature> {
 /// Returns the group of a feature: the most similar one near it.
 fn alike(groups: &[Group], cells: &FxHashMap<[i32; 3], Vec<usize>>, feature: &Feature) -> Option<usize> {
     let position = feature.position();
-    let [x, y, z] = cell(&position);
     let mut best: Option<(f32, usize)> = None;
-    let around = (-1..=1).flat_map(|dz| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [dx, dy, dz])));
-    for [dx, dy, dz] in around {
-        for &at in cells.get(&[x + dx, y + dy, z + dz]).into_iter().flatten() {
+    for near in voxels_around(cell(&position)) {
+        for &at in cells.get(&near).into_iter().flatten() {
             let other = &groups[at].feature;
             if (other.position() - position).norm() < NEAR_M {
                 let similarity = other.descriptor.similarity(&feature.descriptor);

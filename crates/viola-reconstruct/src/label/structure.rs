@@ -4,7 +4,7 @@ use super::planes::{self, Upright};
 use super::sites::Sites;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
-use viola_geometry::Vector2;
+use viola_geometry::{Vector2, cells_around};
 
 /// An upright patch that reaches this height is a wall, unless it is a front ...
 const TALL_M: f64 = 1.9;
@@ -190,14 +190,14 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
         [at.coords.xy().dot(&along), at.z].map(|c| (c / CELL_M).floor() as i32)
     };
     let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
-    let beside = |[x, y]: [i32; 2]| (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])));
+    let is_beside = |at: [i32; 2]| cells_around(at).any(|near| cells.contains(&near));
     shapes.par_iter_mut().with_min_len(4096).enumerate().for_each(|(i, shape)| {
         let at = sites.positions_m[i];
         if matches!(shape, Shape::Loose | Shape::Upright)
             && at.z > 0.08
             && (at.coords.xy().dot(&wall.normal) - wall.offset_m).abs() < ON_M
             && sites.normals[i].xy().dot(&wall.normal).abs() > 0.3
-            && beside(cell(i))
+            && is_beside(cell(i))
         {
             *shape = Shape::Wall;
         }
