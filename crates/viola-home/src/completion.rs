@@ -1,7 +1,8 @@
 //! Pictures of a completion: each view, its inpainted result, and the plan before and after.
 
+use super::png::png;
 use super::{lettering, shades};
-use image::{GrayImage, ImageFormat, Rgb, RgbImage, imageops};
+use image::{GrayImage, Rgb, RgbImage, imageops};
 use viola_align::complete::CompletedView;
 use viola_align::{Aligned, Completion, CompletionReport, VirtualScan};
 use viola_geometry::{Point2, Pose2, Vector2};
@@ -212,10 +213,4 @@ impl Paper {
             (1..=40).for_each(|step| self.dot(canvas, &(apex + edge * (f64::from(step) / 40.0)), 0, ink));
         }
     }
-}
-
-fn png(picture: &RgbImage) -> Vec<u8> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, ImageFormat::Png).expect("an RGB picture in memory always encodes");
-    bytes.into_inner()
 }

@@ -1,9 +1,9 @@
 //! Contact sheet of a clip: a dozen frames, colour above depth.
 
 use super::lettering;
+use super::png::png;
 use super::shades::shades;
-use image::{ImageFormat, Rgb, RgbImage, imageops};
-use std::io::Cursor;
+use image::{Rgb, RgbImage, imageops};
 use viola_formats::clip::{Clip, ClipError, Frame, FrameHeader};
 
 const COLUMNS: u32 = 4;
@@ -50,10 +50,7 @@ pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
             imageops::replace(&mut sheet, tile, i64::from(left), i64::from(top + CAPTION));
         }
     }
-    let mut png = Cursor::new(Vec::new());
-    // Writing into memory cannot fail.
-    let _ = sheet.write_to(&mut png, ImageFormat::Png);
-    Ok(png.into_inner())
+    Ok(png(&sheet))
 }
 
 /// Returns the width and the height in which every tile has room: a frame without a colour picture has half the height.

@@ -22,6 +22,7 @@ mod objects;
 mod picture;
 mod plan;
 mod ply;
+mod png;
 mod points;
 mod recording;
 mod robot;

@@ -1,8 +1,8 @@
 //! The colours of a mesh as a picture, for readers that ignore colours of vertices.
 
 use super::Mesh;
-use image::{ImageFormat, Rgb, RgbImage};
-use std::io::Cursor;
+use crate::png::png;
+use image::{Rgb, RgbImage};
 
 /// Texels along the side of a triangle's block: one for each corner, and one across from the first corner.
 const BLOCK: u32 = 2;
@@ -52,9 +52,6 @@ impl Texture {
             };
             picture.put_pixel(column + 1, row + 1, Rgb(std::array::from_fn(across)));
         }
-        let mut png = Cursor::new(Vec::new());
-        // Writing into memory cannot fail.
-        let _ = picture.write_to(&mut png, ImageFormat::Png);
-        png.into_inner()
+        png(&picture)
     }
 }
