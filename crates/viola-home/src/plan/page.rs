@@ -7,6 +7,7 @@ pub(super) mod labels;
 pub(super) mod openings;
 pub(super) mod pdf;
 pub(super) mod svg;
+mod tints;
 pub(super) mod title;
 
 use super::model::Plan;
@@ -31,9 +32,6 @@ pub(super) const WALL: &str = "#2f343d";
 pub(super) const UNFILMED_WALL: &str = "#b4bbc6";
 pub(super) const QUIET: &str = "#5d6673";
 pub(super) const FURNITURE: &str = "#8a929e";
-/// Tints of rooms: light and distinct.
-pub(super) const ROOMS: [&str; 8] =
-    ["#fbf5e9", "#edf4fb", "#eef7ee", "#fbeff2", "#f3f0fb", "#ebf6f6", "#fcf2e9", "#f5f7e6"];
 
 /// Lines, in millimetres of paper.
 pub(super) const THIN_MM: f64 = 0.13;

@@ -2,7 +2,7 @@
 
 use super::image::px_per_mm;
 use super::{
-    INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, UNFILMED_WALL, WALL, dimensions, furniture, labels, openings,
+    INK, LINE_MM, Page, QUIET, THIN_MM, UNFILMED_WALL, WALL, dimensions, furniture, labels, openings, tints,
     title,
 };
 use crate::plan::model::Plan;
@@ -27,15 +27,11 @@ pub fn plan_svg(plan: &Plan) -> String {
     );
     // Writing into a string cannot fail.
     let _ = writeln!(out, "<g id=\"rooms\" fill-rule=\"evenodd\">");
-    for (place, room) in plan.rooms.iter().enumerate() {
+    for (room, tint) in plan.rooms.iter().zip(tints::tints(plan)) {
         let mut path = page.ring(&room.outline.ring_m);
         room.outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
         let name = escape(&room.title());
-        let _ = writeln!(
-            out,
-            "<path d=\"{path}\" fill=\"{}\"><title>{name}</title></path>",
-            ROOMS[place % ROOMS.len()]
-        );
+        let _ = writeln!(out, "<path d=\"{path}\" fill=\"{tint}\"><title>{name}</title></path>");
     }
     let _ = writeln!(out, "</g>\n<g id=\"furniture\" stroke-width=\"{LINE_MM}\" stroke-linejoin=\"round\">");
     furniture::draw(plan, &page, &mut out);
